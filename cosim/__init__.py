@@ -1,0 +1,33 @@
+"""Ground floor: time, units, light, spikes and their files, effects, OpenCL, random numbers, the
+run loop. Every part stands on it; it knows none of them."""
+
+from cosim.clock import PS, Clock, seconds_to_ps
+from cosim.effects import Bound, Effect, Summary
+from cosim.errors import InputError, Interrupted, ViformError
+from cosim.lens import Lens
+from cosim.light import Box, Light, Piece, Plane
+from cosim.loop import BLOCK, Block, Checkpoint, run_blocks
+from cosim.viform import SpikeStream, Viform
+
+__all__ = [
+    "BLOCK",
+    "PS",
+    "Block",
+    "Bound",
+    "Box",
+    "Checkpoint",
+    "Clock",
+    "Effect",
+    "InputError",
+    "Interrupted",
+    "Lens",
+    "Light",
+    "Piece",
+    "Plane",
+    "SpikeStream",
+    "Summary",
+    "Viform",
+    "ViformError",
+    "run_blocks",
+    "seconds_to_ps",
+]

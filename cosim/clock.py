@@ -1,0 +1,69 @@
+"""Time: integer picoseconds at every edge that parts share, and clocks that do not drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+__all__ = ["PS", "Clock", "seconds_to_ps"]
+
+PS = 10**12
+"""Picoseconds in a second."""
+
+
+def seconds_to_ps(seconds: float) -> int:
+    """Nearest whole picosecond to `seconds` (decimal text of the float, so 0.064 s is exact)."""
+    return round(Fraction(repr(float(seconds))) * PS)
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """A clock of `num/den` Hz. Edge k lies at floor(k * 1e12 * den / num) picoseconds.
+
+    The floor is taken of the exact rational, never of a sum of rounded periods, so 60 Hz and
+    85 MHz stay in step for ever. Cycle k lasts from edge k to edge k + 1.
+    """
+
+    num: int
+    den: int = 1
+
+    def __post_init__(self) -> None:
+        if self.num <= 0 or self.den <= 0:
+            raise ValueError(f"clock frequency must be positive, not {self.num}/{self.den} Hz")
+
+    @classmethod
+    def from_hz(cls, hz: float) -> Clock:
+        """The simplest rational within a part in 1e12 of `hz` (29.97 is 2997/100)."""
+        exact = Fraction(repr(float(hz)))
+        if exact <= 0:
+            raise ValueError(f"clock frequency must be positive, not {hz} Hz")
+        return cls(exact.numerator, exact.denominator)
+
+    @property
+    def hz(self) -> float:
+        return self.num / self.den
+
+    @property
+    def period(self) -> Fraction:
+        """Seconds in a cycle, exact."""
+        return Fraction(self.den, self.num)
+
+    def edge(self, k: int) -> int:
+        """Instant of edge k in picoseconds (k may be negative)."""
+        return k * PS * self.den // self.num
+
+    def middle(self, k: int) -> int:
+        """Middle of cycle k in picoseconds: the instant that an image "at cycle k" shows."""
+        return (2 * k + 1) * PS * self.den // (2 * self.num)
+
+    def cycle_at(self, ps: int) -> int:
+        """The cycle that holds instant `ps`: the largest k with edge(k) <= ps."""
+        return ((ps + 1) * self.num - 1) // (PS * self.den)
+
+    def position(self, ps: int) -> Fraction:
+        """`ps` in cycles, exact: edge k sits within a picosecond of position k."""
+        return Fraction(ps * self.num, PS * self.den)
+
+    def cycles_in(self, ps: int) -> int:
+        """Whole cycles in a duration, to the nearest cycle."""
+        return round(self.position(ps))

@@ -1,0 +1,144 @@
+"""`Light`: what falls on a plane, held as cheaply as the scene allows.
+
+Light is piecewise linear in time: pieces that each hold a level at their start and one at their
+end, per pixel. A constant piece holds one array twice. Pieces may jump from one to the next and
+may begin at any picosecond; nothing ties them to a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS
+
+__all__ = ["Box", "Light", "Piece", "Plane"]
+
+Plane = npt.NDArray[np.float32]
+"""(height, width) float32."""
+Box = tuple[int, int, int, int]
+"""Rows y0 to y1 and columns x0 to x1, the ends excluded, as (y0, y1, x0, x1)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Light that runs linearly from `first` at instant `start` to `last` at `stop`.
+
+    start, stop: picoseconds, start < stop. first, last: (H, W) float32 >= 0; the same object
+    where the light is constant. changed: where given, a promise that outside this box the piece
+    is constant and goes on from the piece before it without a jump; parts may use it to save work
+    and must give the same result without it.
+    """
+
+    start: int
+    stop: int
+    first: Plane
+    last: Plane
+    changed: Box | None = None
+
+    def __post_init__(self) -> None:
+        if self.stop <= self.start:
+            raise ValueError(f"a piece must end after its start {self.start}, not at {self.stop}")
+        if self.first.shape != self.last.shape or self.first.ndim != 2:
+            raise ValueError(
+                f"levels must share one (height, width), not {self.first.shape}, {self.last.shape}"
+            )
+
+    @property
+    def constant(self) -> bool:
+        return self.first is self.last
+
+    def level(self, ps: int) -> Plane:
+        """Level at instant `ps` within the piece."""
+        if self.constant:
+            return self.first
+        part = np.float32((ps - self.start) / (self.stop - self.start))
+        return self.first + (self.last - self.first) * part
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Light on a plane during at least a block of time: pieces in order, without gaps.
+
+    unit: "lux" on the plane. The pieces may reach beyond the block asked for, and one and the same
+    `Piece` object serves every block it touches, so that a part can prepare it once.
+    """
+
+    pieces: tuple[Piece, ...]
+    unit: str = "lux"
+
+    def __post_init__(self) -> None:
+        if not self.pieces:
+            raise ValueError("light must hold at least one piece, not none")
+        for one, two in zip(self.pieces, self.pieces[1:], strict=False):
+            if one.stop != two.start:
+                raise ValueError(f"pieces must join at {one.stop} ps, not {two.start} ps")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        height, width = self.pieces[0].first.shape
+        return height, width
+
+    def at(self, ps: int) -> Plane:
+        """Level at instant `ps`; where two pieces meet, the later one's."""
+        for piece in self.pieces:
+            if piece.start <= ps < piece.stop:
+                return piece.level(ps)
+        raise ValueError(
+            f"instant must be {self.pieces[0].start} to {self.pieces[-1].stop} ps, not {ps}"
+        )
+
+    def integral(self, start: int, stop: int) -> npt.NDArray[np.float64]:
+        """Exposure from `start` to `stop` (ps) in unit x seconds: the closed form, in float64."""
+        total = np.zeros(self.shape)
+        for piece in self.pieces:
+            a, b = max(start, piece.start), min(stop, piece.stop)
+            if a < b:
+                whole = piece.stop - piece.start
+                part = ((a - piece.start) + (b - piece.start)) / (2 * whole)
+                first = piece.first.astype(np.float64)
+                total += (first + (piece.last - first) * part) * ((b - a) / PS)
+        return total
+
+
+class PlaneMap:
+    """Applies one function to the levels of pieces, each level once however many blocks use it.
+
+    The function must be linear and keep constants constant (a lens, air, a relay). `grow` is how
+    many pixels its influence reaches beyond a changed box; None means the whole plane.
+    """
+
+    def __init__(self, function: Callable[[Plane], Plane], grow: int | None = 0) -> None:
+        self._function, self._grow = function, grow
+        self._planes: list[tuple[Plane, Plane]] = []
+        self._pieces: list[tuple[Piece, Piece]] = []
+
+    def _plane(self, plane: Plane) -> Plane:
+        for source, image in self._planes:
+            if source is plane:
+                return image
+        image = self._function(plane)
+        self._planes = [*self._planes[-3:], (plane, image)]
+        return image
+
+    def _piece(self, piece: Piece) -> Piece:
+        for source, image in self._pieces:
+            if source is piece:
+                return image
+        box = piece.changed
+        if box is not None and self._grow is None:
+            box = None
+        elif box is not None and self._grow:
+            (h, w), g = piece.first.shape, self._grow
+            box = (max(box[0] - g, 0), min(box[1] + g, h), max(box[2] - g, 0), min(box[3] + g, w))
+        image = Piece(
+            piece.start, piece.stop, self._plane(piece.first), self._plane(piece.last), box
+        )
+        self._pieces = [*self._pieces[-255:], (piece, image)]
+        return image
+
+    def __call__(self, light: Light) -> Light:
+        return Light(tuple(self._piece(p) for p in light.pieces), light.unit)

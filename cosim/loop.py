@@ -1,0 +1,163 @@
+"""The run loop: blocks of cycles through a chain of stages, with a checkpoint to go on from.
+
+A stage takes what the one before it made of a block and makes the next thing of it: a scene makes
+light, a lens maps it, a camera makes spikes of it, a recorder writes them. A stage that remembers
+anything has `state` and `restore`.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError, Interrupted
+
+__all__ = ["BLOCK", "Block", "Checkpoint", "Stage", "Stateful", "blocks", "run_blocks"]
+
+BLOCK = 64
+"""Latch cycles in a block unless a scenario says otherwise."""
+State = dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Cycles `start` to `start + cycles` of the run's clock."""
+
+    start: int
+    cycles: int
+
+    @property
+    def stop(self) -> int:
+        return self.start + self.cycles
+
+
+def blocks(cycles: int, size: int = BLOCK, start: int = 0) -> Iterator[Block]:
+    """Blocks from cycle `start` to `cycles`; the last may be shorter."""
+    for first in range(start, cycles, size):
+        yield Block(first, min(size, cycles - first))
+
+
+class Stage(Protocol):
+    """One part of the chain. `given` is None for the first."""
+
+    def step(self, given: Any, block: Block) -> Any: ...
+
+
+@runtime_checkable
+class Stateful(Protocol):
+    """A stage whose next block depends on the ones before."""
+
+    def state(self) -> State: ...
+    def restore(self, state: State) -> None: ...
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where a run stands, in one file that is replaced whole or not at all.
+
+    identity: text that names the run's inputs; a checkpoint of another run is refused.
+    """
+
+    path: Path
+    identity: str
+
+    def save(self, cycle: int, stages: Mapping[str, Stage]) -> None:
+        """Writes the state of every stage that has one, after cycle `cycle - 1`."""
+        arrays: State = {"cycle": np.array(cycle), "identity": np.array(self.identity)}
+        for name, stage in stages.items():
+            if isinstance(stage, Stateful):
+                arrays |= {f"{name}/{key}": value for key, value in stage.state().items()}
+        part = self.path.with_suffix(".part")
+        with part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(self.path)
+
+    def load(self, stages: Mapping[str, Stage]) -> int:
+        """Restores the stages; the cycle to go on from (0 where there is no checkpoint)."""
+        if not self.path.exists():
+            return 0
+        mend = f"remove {self.path} to start afresh, or give the run another --out"
+        try:
+            with np.load(self.path, allow_pickle=False) as file:
+                arrays = dict(file)
+            cycle, identity = int(arrays.pop("cycle")), str(arrays.pop("identity"))
+        except Exception as exc:  # numpy and zipfile raise many types for a damaged file
+            raise InputError("the checkpoint", "one that this run wrote", "a damaged file", mend) from exc
+        if identity != self.identity:
+            raise InputError("the checkpoint", "one of this same scenario", "one of another", mend)
+        for name, stage in stages.items():
+            if isinstance(stage, Stateful):
+                prefix = f"{name}/"
+                stage.restore(
+                    {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
+                )
+        return cycle
+
+    def remove(self) -> None:
+        self.path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _stop_requests() -> Iterator[threading.Event]:
+    """Set by Ctrl-C and by a request to terminate, so that a block is always finished first."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked  # signals reach the main thread only
+        return
+    before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, lambda *_: asked.set())
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run_blocks(
+    stages: Mapping[str, Stage],
+    cycles: int,
+    *,
+    size: int = BLOCK,
+    checkpoint: Checkpoint | None = None,
+    resume: bool = False,
+    every_s: float = 30.0,
+    progress: Callable[[int], None] = lambda done: None,
+    mend: str = "run it again",
+) -> dict[str, float]:
+    """Runs `cycles` cycles through the stages in order; seconds spent in each stage.
+
+    A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
+    with the number of cycles done. Raises Interrupted after Ctrl-C, with `mend` as its advice.
+    """
+    spent = dict.fromkeys(stages, 0.0)
+    done = checkpoint.load(stages) if checkpoint is not None and resume else 0
+    saved = time.monotonic()
+    progress(done)
+    with _stop_requests() as asked:
+        for block in blocks(cycles, size, done):
+            value: Any = None
+            for name, stage in stages.items():
+                begin = time.perf_counter()
+                value = stage.step(value, block)
+                spent[name] += time.perf_counter() - begin
+            progress(block.stop)
+            stopping = asked.is_set() and block.stop < cycles
+            if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):
+                checkpoint.save(block.stop, stages)
+                saved = time.monotonic()
+            if stopping:
+                raise Interrupted(block.stop, cycles, mend)
+    return spent

@@ -1,0 +1,171 @@
+"""OpenCL: finding a device, compiling once, and moving arrays. The only file that imports it.
+
+PoCL runs the kernels on any processor. Two of its habits shape this file: it finds no device when
+its cache folder cannot be written, and it aborts the whole process without /sys.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError
+
+__all__ = ["INSTALL", "Device", "cache_folder", "open_device", "probe"]
+
+INSTALL = "apt-get install pocl-opencl-icd ocl-icd-libopencl1"
+"""What makes an OpenCL device of the processor on Debian."""
+
+_PROBE = """
+import json, pyopencl as cl
+print(json.dumps([
+    {"platform": p.name.strip(), "device": d.name.strip(), "version": d.version.strip(),
+     "units": d.max_compute_units}
+    for p in cl.get_platforms() for d in p.get_devices()]))
+"""
+
+
+def cache_folder() -> Path:
+    """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, else a temporary one.
+
+    The temporary one is named by the user, so that runs share it, and used only when it is theirs.
+    """
+    choices = [os.environ.get("VIFORM_CACHE"), os.environ.get("XDG_CACHE_HOME")]
+    home = os.environ.get("HOME")
+    folders = [Path(choices[0])] if choices[0] else []
+    folders += [Path(choices[1]) / "viform"] if choices[1] else []
+    folders += [Path(home) / ".cache" / "viform"] if home else []
+    folders += [Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"]
+    for folder in folders:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            owned = folder.stat().st_uid == os.getuid()
+        except OSError:
+            continue
+        if owned and os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    return Path(tempfile.mkdtemp(prefix="viform-"))
+
+
+def _prepare_environment() -> None:
+    """Point the caches of PoCL and pyopencl at a folder that can be written."""
+    folder = cache_folder()
+    os.environ.setdefault("POCL_CACHE_DIR", str(folder / "pocl"))
+    os.environ.setdefault("XDG_CACHE_HOME", str(folder))
+    Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
+
+
+def probe() -> list[dict[str, Any]]:
+    """The OpenCL devices of this machine, looked for in a child so that an abort there is only news.
+
+    Each: platform, device, version, units. Empty when there is none or the child died.
+    """
+    _prepare_environment()
+    child = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True)
+    try:
+        found: list[dict[str, Any]] = json.loads(child.stdout)
+    except json.JSONDecodeError:
+        return []
+    return found
+
+
+def _no_device(given: str, mend: str = f"install one ({INSTALL}) or pass --device numba") -> InputError:
+    return InputError("the OpenCL device", "one that this machine has", given, mend)
+
+
+def open_device(wanted: str | None = None) -> Device:
+    """The device whose "platform: device" text contains `wanted` (any case), else the first GPU,
+    else the first device.
+
+    Raises InputError when there is none.
+    """
+    _prepare_environment()
+    if not os.path.isdir("/sys/devices/system/cpu") and not probe():
+        raise _no_device("none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba")
+    import pyopencl as cl
+
+    try:
+        found = [(p, d) for p in cl.get_platforms() for d in p.get_devices()]
+    except cl.Error:  # the loader reports "no platform" as an error
+        found = []
+    if not found:
+        raise _no_device("none at all")
+    names = [f"{p.name.strip()}: {d.name.strip()}" for p, d in found]
+    if wanted is not None:
+        hits = [i for i, name in enumerate(names) if wanted.lower() in name.lower()]
+        if not hits:
+            raise _no_device(repr(wanted), f"choose one of: {'; '.join(names)}; or numba")
+        chosen = hits[0]
+    else:
+        gpus = [i for i, (_, d) in enumerate(found) if d.type & cl.device_type.GPU]
+        chosen = (gpus or [0])[0]
+    return Device(found[chosen][1], names[chosen])
+
+
+@dataclass(eq=False)
+class Device:
+    """An open device with its queue and its compiled programs."""
+
+    handle: Any
+    name: str
+
+    def __post_init__(self) -> None:
+        self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
+
+    @cached_property
+    def context(self) -> Any:
+        import pyopencl as cl
+
+        return cl.Context([self.handle])
+
+    @cached_property
+    def queue(self) -> Any:
+        import pyopencl as cl
+
+        return cl.CommandQueue(self.context)
+
+    def kernel(self, source: str, name: str, options: tuple[str, ...] = ()) -> Any:
+        """A kernel of `source`; each (source, options) is compiled once in this process, and the
+        binary is kept on disk for the next one by pyopencl and PoCL."""
+        import pyopencl as cl
+
+        key = (source, options)
+        if key not in self._programs:
+            cache = Path(os.environ["POCL_CACHE_DIR"]).parent / "programs"
+            self._programs[key] = cl.Program(self.context, source).build(
+                list(options), cache_dir=str(cache)
+            )
+        return cl.Kernel(self._programs[key], name)
+
+    def upload(self, array: npt.NDArray[Any]) -> Any:
+        """A device buffer that starts as a copy of `array`."""
+        import pyopencl as cl
+
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+
+    def download(self, buffer: Any, into: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Waits for the queue and copies a buffer back into `into`."""
+        import pyopencl as cl
+
+        cl.enqueue_copy(self.queue, into, buffer)
+        return into
+
+    def update(self, buffer: Any, array: npt.NDArray[Any]) -> None:
+        """Copies `array` into a buffer of its size."""
+        import pyopencl as cl
+
+        cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
+
+    def finish(self) -> None:
+        self.queue.finish()

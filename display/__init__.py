@@ -1,0 +1,1 @@
+"""Spikes to light: panels, the renderer, observers and display quality."""

@@ -1,0 +1,1 @@
+"""Bytes over light: framing, coding, cells, channel, detectors, theory and capacity."""

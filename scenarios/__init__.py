@@ -1,0 +1,1 @@
+"""Scenarios and scenes, the command line, reports and benchmarks: where the parts meet."""

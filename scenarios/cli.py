@@ -1,0 +1,43 @@
+"""The command line: `viform COMMAND`. One line on standard error and exit 2 for bad input."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+BEGAN = time.perf_counter()
+"""The command's start, for run_time_s: before anything heavy is imported."""
+
+
+def main() -> None:
+    """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted."""
+    sys.exit(_main(sys.argv[1:]))
+
+
+def _main(arguments: list[str]) -> int:
+    from typer.exceptions import Abort, TyperException
+    from typer.main import get_command
+
+    from cosim import InputError, Interrupted
+    from scenarios.commands import app
+
+    try:
+        code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
+    except TyperException as exc:
+        text = " ".join(exc.format_message().split()).rstrip(".")
+        context = getattr(exc, "ctx", None)
+        where = context.command_path if context is not None else "viform"
+        print(f"viform: {text}; see `{where} --help`", file=sys.stderr)
+        return 2
+    except InputError as exc:
+        print(f"viform: {exc}", file=sys.stderr)
+        return 2
+    except Interrupted as exc:
+        print(f"viform: {exc}", file=sys.stderr)
+        return 130
+    except (Abort, KeyboardInterrupt):
+        print("viform: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 141
+    return code if isinstance(code, int) else 0

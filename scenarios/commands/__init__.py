@@ -1,0 +1,31 @@
+"""The commands, one file each. They import what they need when they run, so that each starts as
+fast as it can."""
+
+import typer as _typer
+
+from scenarios.commands.bench import bench as _bench
+from scenarios.commands.convert import convert as _convert
+from scenarios.commands.doctor import doctor as _doctor
+from scenarios.commands.image import image as _image
+from scenarios.commands.listing import list_scenarios as _list
+from scenarios.commands.run import run as _run
+from scenarios.commands.test import test as _test
+
+__all__ = ["app"]
+
+app = _typer.Typer(
+    name="viform",
+    help="Film a clip at 40 kHz with a megapixel spike camera that exists only as equations.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("run")(_run)
+app.command("list")(_list)
+app.command("image")(_image)
+app.command("convert")(_convert)
+app.command("bench")(_bench)
+app.command("doctor")(_doctor)
+# Everything after `test` goes to pytest as it is.
+app.command("test", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(_test)

@@ -1,0 +1,35 @@
+"""`viform list`: the scenarios that ship, and the schema of any scenario."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Annotated
+
+import typer
+
+from scenarios.commands.output import Json, print_document
+
+__all__ = ["list_scenarios"]
+
+
+def list_scenarios(
+    schema: Annotated[
+        bool, typer.Option("--schema", help="the JSON Schema of a scenario instead")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """List the scenarios that ship."""
+    from scenarios.loading import shipped
+    from scenarios.schema import export
+
+    if schema:
+        print_document(export())
+        return
+    rows = [
+        {"name": name, "title": tomllib.loads(text)["title"]} for name, text in shipped().items()
+    ]
+    if json:
+        print_document({"scenarios": rows})
+        return
+    for row in rows:
+        print(f"{row['name']:<14} {row['title']}")

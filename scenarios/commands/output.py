@@ -1,0 +1,87 @@
+"""What commands print: documents on standard output, progress and notes on standard error."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.result import dumps
+
+__all__ = ["Json", "SilentProgress", "TerminalProgress", "make_progress", "print_document", "size_option"]
+
+Json = Annotated[bool, typer.Option("--json", help="one JSON document on standard output")]
+
+
+def print_document(document: Any) -> None:
+    """One JSON document and nothing else."""
+    sys.stdout.write(dumps(document) + "\n")
+
+
+def size_option(text: str | None) -> tuple[int, int] | None:
+    """WIDTHxHEIGHT as two numbers."""
+    from cosim import InputError
+
+    if text is None:
+        return None
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise InputError("--size", "WIDTHxHEIGHT such as 400x250", repr(text), "write it like that")
+    if int(width) * int(height) > 10**9:
+        raise InputError("--size", "at most 1e9 pixels", text, "check it")
+    return int(width), int(height)
+
+
+class SilentProgress:
+    """Notes only."""
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        print(f"viform: {text}", file=sys.stderr)
+
+    def close(self) -> None: ...
+
+
+class TerminalProgress(SilentProgress):
+    """A bar on standard error while it is a terminal."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self._progress.start()
+        self._task: Any = None
+
+    def start(self, what: str, total: int) -> None:
+        self._task = self._progress.add_task(what, total=total)
+
+    def advance(self, done: int) -> None:
+        self._progress.update(self._task, completed=done)
+
+    def note(self, text: str) -> None:
+        self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
+
+    def close(self) -> None:
+        self._progress.stop()
+
+
+def make_progress() -> SilentProgress:
+    """A bar on a terminal, notes alone elsewhere."""
+    return TerminalProgress() if sys.stderr.isatty() else SilentProgress()

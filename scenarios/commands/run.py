@@ -1,0 +1,56 @@
+"""`viform run`: run a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenarios.commands.output import Json, make_progress, print_document
+
+__all__ = ["run"]
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+    ] = "film",
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None,
+    tolerance: Annotated[float | None, typer.Option(help="error allowed, relative")] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder to make [runs/SCENARIO-N]")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on in --out")] = False,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Run a scenario: film it, make images and a report."""
+    from scenarios.cli import BEGAN
+    from scenarios.loading import load
+    from scenarios.report import write_report
+    from scenarios.run import run_scenario
+
+    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    progress = make_progress()
+    try:
+        result, folder = run_scenario(
+            name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+            report=write_report,
+        )  # fmt: skip
+    finally:
+        progress.close()
+    if json:
+        print_document(result.document())
+        return
+    metrics = result.metrics
+    for key, metric in metrics.items():
+        unit = "" if metric.unit == "1" else f" {metric.unit}"
+        value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
+        print(f"{key:<12} {value}")
+    print(f"{'run time':<12} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
+    print(f"{'outcome':<12} {result.outcome}")
+    print(f"{'report':<12} {folder / 'report.html'}")

@@ -1,0 +1,104 @@
+"""From a scenario's name or file and the user's --set to a checked scenario."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from cosim import InputError
+from scenarios.schema import Scenario, validate
+
+__all__ = ["load", "shipped", "to_toml"]
+
+
+def shipped() -> dict[str, str]:
+    """Text of every scenario that ships, by name."""
+    folder = files("scenarios") / "files"
+    return {
+        entry.name.removesuffix(".toml"): entry.read_text()
+        for entry in sorted(folder.iterdir(), key=lambda e: e.name)
+        if entry.name.endswith(".toml")
+    }
+
+
+def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
+    """Short name, data, and the folder that paths in it are relative to (None: where we are)."""
+    known = shipped()
+    if name in known:
+        return name, tomllib.loads(known[name]), None
+    path = Path(name)
+    if path.is_dir() and (path / "scenario.toml").is_file():
+        path = path / "scenario.toml"
+    if not path.is_file():
+        raise InputError(
+            "the scenario", f"one of {', '.join(known)} or a TOML file", repr(name), "see `viform list`"
+        )
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as exc:
+        raise InputError("the scenario", "a TOML file", f"{path} ({exc})", "mend that place") from exc
+    stem = path.parent.name if path.name == "scenario.toml" else path.stem
+    return stem or "scenario", data, path.parent
+
+
+def _value(text: str) -> Any:
+    """A --set value: JSON where it is a list, else the text itself; the schema does the rest."""
+    if text.startswith("["):
+        try:
+            return json.loads(text)
+        except json.JSONDecodeError:
+            return text
+    return text
+
+
+def _set(data: dict[str, Any], assignment: str) -> None:
+    """Applies one a.b=c; sections that are absent are created."""
+    key, equals, text = assignment.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise InputError("--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it")
+    node = data
+    for i, name in enumerate(names[:-1]):
+        inner = node.setdefault(name, {})
+        if not isinstance(inner, dict):
+            where = ".".join(names[: i + 1])
+            raise InputError(f"--set {key}", f"a key of a section, which {where} is", "below a value", f"set {where} itself")
+        node = inner
+    node[names[-1]] = _value(text)
+
+
+def load(
+    name: str,
+    assignments: list[str] | None = None,
+    *,
+    tolerance: float | None = None,
+    seed: int | None = None,
+) -> tuple[str, Scenario]:
+    """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
+    the file in TOML; the scenario returned holds absolute ones."""
+    short, data, folder = _read(name)
+    scene = data.get("scene")
+    if folder is not None and isinstance(scene, dict) and isinstance(scene.get("path"), str):
+        scene["path"] = str((folder / scene["path"]).resolve())
+    for assignment in assignments or []:
+        _set(data, assignment)
+    if tolerance is not None:
+        data["tolerance"] = tolerance
+    if seed is not None:
+        data["seed"] = seed
+    scenario = validate(data)
+    path = getattr(scenario.scene, "path", None)
+    if path is not None:
+        absolute = scenario.scene.model_copy(update={"path": str(Path(path).resolve())})
+        scenario = scenario.model_copy(update={"scene": absolute})
+    return short, scenario
+
+
+def to_toml(scenario: Scenario) -> str:
+    """The scenario complete with every default, as TOML that `load` reads back."""
+    return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))

@@ -1,0 +1,64 @@
+"""A spike stream as a clip to look at: TFP images in slow motion."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from cosim import InputError, SpikeStream
+from cosim.files.whole import whole
+from scenarios.png import for_display
+from sensor import tfp
+
+__all__ = ["CLIPS", "write_clip"]
+
+CLIPS = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".gif")
+"""Endings of clips."""
+_CODECS = {".webm": "libvpx-vp9", ".gif": "gif"}
+
+
+def write_clip(
+    stream: SpikeStream,
+    path: Path,
+    *,
+    window: int,
+    every: int,
+    scale: float,
+    rate: float,
+    progress: Any,
+) -> None:
+    """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
+
+    scale: the spike rate that becomes white. H.264, VP9 in .webm; odd sizes lose their last line.
+    """
+    import av
+
+    for name, value in (("--every", every), ("--rate", rate), ("--scale", scale)):
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(name, "above 0", f"{value:g}", "leave it out for the default")
+    instants = range(0, stream.cycles, every)
+    height, width = (n // 2 * 2 for n in stream.shape)
+    if not height or not width:
+        raise InputError("the stream", "at least 2x2 pixels for a clip", str(stream.shape), "use viform image")
+    codec = _CODECS.get(path.suffix.lower(), "libx264")
+    progress.start(path.name, len(instants))
+    with whole(path) as part:
+        with av.open(str(part), "w", format=_container(path)) as container:
+            video = container.add_stream(codec, rate=Fraction(repr(rate)).limit_denominator(1000))
+            video.width, video.height = width, height
+            video.pix_fmt = "rgb8" if codec == "gif" else "yuv420p"
+            if codec == "libx264":
+                video.options = {"crf": "18", "preset": "fast"}
+            for n, cycle in enumerate(instants):
+                grey = for_display(tfp(stream, cycle, window) / scale)[:height, :width]
+                frame = av.VideoFrame.from_ndarray(grey, format="gray")
+                container.mux(video.encode(frame))
+                progress.advance(n + 1)
+            container.mux(video.encode(None))
+
+
+def _container(path: Path) -> str:
+    """FFmpeg's name of the container."""
+    return {".mkv": "matroska"}.get(path.suffix.lower(), path.suffix.lower()[1:])

@@ -1,0 +1,51 @@
+"""Pictures: linear ones for programs, display ones for eyes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError, Plane
+from cosim.files.whole import whole
+
+__all__ = ["encode", "for_display", "to_linear_bytes", "write_linear_png", "write_png"]
+
+Grey = npt.NDArray[np.uint8]
+
+
+def to_linear_bytes(x: Plane, scale: float = 1.0) -> Grey:
+    """round(255 clip(x/scale, 0, 1)) as (H, W) uint8; halves round to even."""
+    return np.rint(255 * np.clip(x.astype(np.float64) / scale, 0, 1)).astype(np.uint8)
+
+
+def for_display(x: Plane) -> Grey:
+    """Linear light, white = 1, through the sRGB curve (IEC 61966-2-1) as (H, W) uint8."""
+    v = np.clip(x.astype(np.float64), 0, 1)
+    curve = np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
+    return np.rint(255 * curve).astype(np.uint8)
+
+
+def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:
+    """A picture file's bytes; quality is for .jpg."""
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if ending == ".jpg" else []
+    fine, data = cv2.imencode(ending, image, options)
+    if not fine:
+        raise RuntimeError(f"OpenCV could not encode a {image.shape} picture as {ending}")
+    return bytes(data)
+
+
+def write_png(path: Path, image: Grey) -> None:
+    """Writes an 8-bit grey PNG, whole or not at all."""
+    if path.suffix.lower() != ".png":
+        raise InputError("--out", "a name ending in .png", str(path), f"try {path.with_suffix('.png')}")
+    with whole(path) as part:
+        part.write_bytes(encode(image))
+
+
+def write_linear_png(path: Path, x: Plane) -> None:
+    """Writes linear light, white = 1, as 8-bit grey."""
+    write_png(path, to_linear_bytes(x))

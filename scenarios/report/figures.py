@@ -1,0 +1,65 @@
+"""Figures of a report: the intervals of chosen pixels, as in Huang 2022, figure 5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import SpikeStream
+from sensor.reconstruct.intervals import spike_cycles
+
+__all__ = ["interval_figure"]
+
+INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
+
+
+def interval_figure(
+    stream: SpikeStream,
+    points: list[tuple[int, int, str]],
+    truth: npt.NDArray[np.float64],
+    instants: list[int],
+    path: Path,
+) -> None:
+    """Spike intervals of pixels over time: each interval a bar whose width is tau and whose area
+    is one threshold, so that its height is the light's estimate.
+
+    truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the run.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
+    ms = 1e3 / stream.clock.hz
+    figure, axes = plt.subplots(
+        len(points), 1, figsize=(11, 0.85 * len(points) + 0.8), sharex=True, squeeze=False
+    )
+    times = np.linspace(0, stream.cycles, truth.shape[1]) * ms
+    for n, ((_, _, label), cycles, light, ax) in enumerate(
+        zip(points, spikes, truth, axes[:, 0], strict=True), 1
+    ):
+        tau = np.diff(cycles)
+        if tau.size:
+            ax.stairs(1 / tau, (cycles + 1) * ms, fill=True, color="#9db4d8", linewidth=0)
+        ax.plot(times, light, color=MARK, linewidth=1)
+        for instant in instants:
+            ax.axvline((instant + 0.5) * ms, color=LINE, linewidth=0.8, zorder=0)
+        top = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3) * 1.15
+        ax.set_ylim(0, top)
+        ax.set_yticks([0, top / 1.15], ["0", f"{top / 1.15:.2g}"], fontsize=7, color=INK)
+        ax.set_ylabel(f"{n}  {label}", rotation=0, ha="right", va="center", fontsize=8.5, labelpad=26, color=INK)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[["left", "bottom"]].set_color(LINE)
+        ax.tick_params(color=LINE, labelcolor=INK)
+    axes[-1, 0].set_xlim(0, stream.cycles * ms)
+    axes[-1, 0].set_xlabel("time (ms); grey lines: the instants shown above", fontsize=9, color=INK)
+    figure.suptitle(
+        "1/ISI of single pixels, spikes a cycle (bars), and the true light (line)",
+        fontsize=10, color=INK, y=0.995,
+    )  # fmt: skip
+    figure.tight_layout(h_pad=0.15)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

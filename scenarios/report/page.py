@@ -1,0 +1,283 @@
+"""The page: what the run made, how good it is, how long it took, what it left out."""
+
+from __future__ import annotations
+
+import base64
+import html
+import resource
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import Plane, Summary
+from cosim.files.whole import whole
+from scenarios.loading import to_toml
+from scenarios.playback import write_clip
+from scenarios.png import encode, for_display, write_png
+from scenarios.report.figures import interval_figure
+from scenarios.report.pictures import (
+    WINDOWS,
+    accumulation,
+    busiest_box,
+    crop,
+    enlarge,
+    mark_pixels,
+)
+from scenarios.run import Finished, Shot
+from sensor import tau_image
+
+__all__ = ["write_report"]
+
+_CLIP_FRAMES = 75
+
+
+def _data(content: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
+    """A picture with its caption; `exact` keeps every pixel (PNG), else JPEG."""
+    content = encode(image, ".png" if exact else ".jpg")
+    source = _data(content, "image/png" if exact else "image/jpeg")
+    pixels = ' class="pixels"' if exact else ""
+    return (
+        f'<figure class="{css}"><img{pixels} src="{source}" alt="{html.escape(caption)}">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+    )
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
+
+
+def _cards(run: Finished) -> str:
+    result = run.result
+    def metric(name: str, digits: str) -> str:
+        value = result.metrics[name].value
+        return "exact" if value is None or not np.isfinite(value) else format(value, digits)
+
+    cards = [
+        ("first", "not measured", "error against full physics: nothing was left out, and this tier "
+         "has not yet been held against the reference"),
+        ("first", f"{sum(run.seconds.values()):.1f} s", f"of work for {result.simulated_s * 1e3:.4g} ms of light"),
+        ("first", str(len(result.left_out)), "effects left out"),
+        ("", f"{metric('tfp_psnr', '.1f')} dB", f"TFP against the truth, SSIM {metric('tfp_ssim', '.3f')}"),
+        ("", f"{metric('tfi_psnr', '.1f')} dB", f"TFI against the truth, SSIM {metric('tfi_ssim', '.3f')}"),
+        ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
+    ]  # fmt: skip
+    return '<div class="cards">' + "".join(
+        f'<div class="card {css}"><b>{html.escape(big)}</b><span class="soft">{html.escape(small)}</span></div>'
+        for css, big, small in cards
+    ) + "</div>"
+
+
+def _instants(run: Finished) -> str:
+    window, ms = run.scenario.image.window, 1e3 / run.stream.clock.hz
+    parts = [
+        "<h2>Images at chosen instants</h2>",
+        f"<p>True light of the instant, TFP (mean of {window} cycles) and TFI (1/ISI of the "
+        "interval that holds the instant). White is white of the scene; shown through the sRGB "
+        "curve. The linear pictures are in <code>images/</code>.</p>",
+    ]
+    for shot in run.shots:
+        parts.append(f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>')
+        triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
+        pictures = "".join(_figure(for_display(plane), name) for name, plane in triple)
+        parts.append(f'<div class="grid by3">{pictures}</div>')
+    return "".join(parts)
+
+
+def _accumulation(run: Finished) -> str:
+    fitting = [w for w in WINDOWS if w <= run.stream.cycles]
+    ms = 1e3 / run.stream.clock.hz
+    pictures = "".join(
+        _figure(accumulation(run.stream, w, run.white_rate), f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms", exact=w < 10)
+        for w in fitting
+    )
+    return (
+        "<h2>Accumulation</h2><p>The first cycles of the stream, more and more of them: single "
+        "spikes become a picture, and what moves blurs (after figure 3 of Huang 2022).</p>"
+        f'<div class="grid by3">{pictures}</div>'
+    )
+
+
+def _long_and_instant(run: Finished, shot: Shot) -> str:
+    cycles = min(800, run.stream.cycles)
+    pair = _figure(
+        accumulation(run.stream, cycles, run.white_rate), f"first {cycles} cycles accumulated"
+    ) + _figure(tau_image(run.stream, shot.cycle), f"255 − τ at cycle {shot.cycle}, one interval a pixel")
+    return (
+        "<h2>Long exposure and one instant</h2><p>The same stream twice: as a conventional exposure "
+        "sees it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
+        f'<div class="grid by2">{pair}</div>'
+    )
+
+
+def _moving_part(run: Finished, shot: Shot) -> str:
+    first, last = run.shots[0].truth, run.shots[-1].truth
+    side = max(64, min(run.stream.shape) // 4)
+    box = busiest_box(first, last, side)
+    if float(np.abs(last - first).max()) < 0.02:
+        return "<h2>The moving part</h2><p>Nothing moves between the first and last image of this run.</p>"
+    cycles = min(800, run.stream.cycles)
+
+    def part(plane: Plane) -> Any:
+        return enlarge(crop(for_display(plane), box))
+
+    pictures = "".join(
+        (
+            _figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
+            _figure(part(shot.tfp), "TFP", exact=True),
+            _figure(part(shot.tfi), "TFI", exact=True),
+            _figure(
+                enlarge(crop(accumulation(run.stream, cycles, run.white_rate), box)),
+                f"first {cycles} cycles accumulated", exact=True,
+            ),
+        )
+    )  # fmt: skip
+    return (
+        f"<h2>The moving part</h2><p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: "
+        "the square in which the truth changes most between the first and the last image.</p>"
+        f'<div class="grid by4">{pictures}</div>'
+    )
+
+
+def _playback(run: Finished) -> str:
+    from scenarios.commands.output import SilentProgress
+
+    every = max(1, run.stream.cycles // _CLIP_FRAMES)
+    path = run.folder / "playback.mp4"
+    write_clip(
+        run.stream, path, window=run.scenario.image.window, every=every, scale=run.white_rate,
+        rate=25.0, progress=SilentProgress(),
+    )  # fmt: skip
+    slower = 25.0 * every / run.stream.clock.hz
+    return (
+        f"<h2>Playback</h2><p>TFP every {every} cycles, {1 / slower:.0f} times slower than life "
+        "(<code>playback.mp4</code>).</p>"
+        f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
+        f'src="{_data(path.read_bytes(), "video/mp4")}"></video></figure>'
+    )
+
+
+def _intervals(run: Finished, shot: Shot) -> str:
+    points = run.source.points()
+    clock, knots = run.stream.clock, 160
+    stop = clock.edge(run.stream.cycles) - 1
+    columns = [run.source.truth(stop * k // (knots - 1)) for k in range(knots)]
+    rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
+    truth = np.array(rows) * run.white_rate
+    figures = run.folder / "figures"
+    interval_figure(
+        run.stream, points, truth, [s.cycle for s in run.shots], figures / "intervals.png"
+    )
+    write_png(figures / "pixels.png", mark_pixels(for_display(shot.tfp), points))
+    marked = _figure(mark_pixels(for_display(shot.tfp), points), f"the pixels, on TFP at cycle {shot.cycle}")
+    source = _data((figures / "intervals.png").read_bytes(), "image/png")
+    return (
+        "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
+        "high as the light it tells, its area one threshold (after figure 5 of Huang 2022).</p>"
+        f'<figure class="plot"><img src="{source}" alt="interval plots"></figure>'
+        f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
+    )
+
+
+def _physics(run: Finished) -> str:
+    setting, scenario = run.setting, run.scenario
+    chip = setting.chip
+    provenance = chip.provenance()
+    numbers = [
+        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
+        ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
+         provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
+        ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
+        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
+        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
+        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
+        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, m {run.lens.magnification:g}, "
+         f"PSF {run.lens.psf}", "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
+        ["white on the sensor", f"{scenario.scene.illuminance * run.lens.gain:.3g} lux, "
+         f"{run.white_rate:.3g} spikes a cycle", "computed"],
+    ]  # fmt: skip
+    darkest = min(float(s.truth.min()) for s in run.shots)
+    per_cycle = run.white_rate * setting.threshold
+    summary = Summary(
+        darkest * per_cycle, per_cycle, setting.threshold, scenario.image.window, run.stream.cycles
+    )
+    effects = [
+        [e.name, "kept", f"{e.bound(summary).value:.2g} ({e.bound(summary).kind})", e.source]
+        for e in setting.effects
+    ]
+    return (
+        "<h2>The machine</h2>" + _table(["what", "value", "from"], numbers)
+        + "<h2>What was kept and what was left out</h2><p>Nothing was left out. The third column "
+        "bounds what leaving the effect out could have changed in a pixel's spike rate over the "
+        "image window, at the darkest pixel of the images.</p>"
+        + _table(["effect", "", "bound, relative", "source"], effects)
+    )
+
+
+def _time(run: Finished) -> str:
+    rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
+    rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    rows.append(["peak memory", f"{peak:.2f} GiB"])
+    return (
+        f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + _table(["stage", "took"], rows)
+    )
+
+
+def _again(run: Finished) -> str:
+    shot = run.shots[len(run.shots) // 2]
+    lines = [
+        f"viform image {run.folder} --at {shot.cycle} --method tfp --window {run.scenario.image.window} "
+        f"--scale {run.white_rate:.6g} --out a.png",
+        f"viform run {run.folder / 'scenario.toml'}",
+    ]
+    return (
+        "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, the "
+        "second the whole run: the same bits on any device.</p>"
+        f"<pre>{html.escape(chr(10).join(lines))}</pre>"
+        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+    )
+
+
+def write_report(run: Finished) -> list[str]:
+    """Writes figures and report.html into the run's folder; their names."""
+    (run.folder / "figures").mkdir(exist_ok=True)
+    middle = run.shots[len(run.shots) // 2]
+    notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
+    caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
+    body = [
+        f"<h1>{html.escape(run.scenario.title)}</h1>",
+        f'<p class="soft">{html.escape(run.setting.chip.title)}, {run.setting.clock.hz / 1e3:g} kHz, '
+        f"{run.stream.cycles} cycles, seed {run.result.seed}, viform {run.result.version}.{caveat}</p>",
+        f"<ul>{notes}</ul>",
+        _cards(run),
+        _playback(run),
+        _instants(run),
+        _moving_part(run, middle),
+        _accumulation(run),
+        _long_and_instant(run, run.shots[-1]),
+        _intervals(run, middle),
+        _physics(run),
+        _time(run),
+        _again(run),
+    ]
+    css = (files("scenarios.report") / "style.css").read_text()
+    page = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{html.escape(run.scenario.title)}</title><style>{css}</style></head>"
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+    with whole(run.folder / "report.html") as part:
+        Path(part).write_text(page, encoding="utf-8")
+    return ["figures/intervals.png", "figures/pixels.png", "playback.mp4", "report.html"]

@@ -1,0 +1,99 @@
+"""What a run says of itself: the document that programs read."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+__all__ = ["Latency", "Metric", "Result", "Throughput", "dumps", "viform_version"]
+
+
+def viform_version() -> str:
+    """The installed version."""
+    return version("viform")
+
+
+def _clean(value: Any) -> Any:
+    """Unknown values are null, never NaN or infinite."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: _clean(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_clean(inner) for inner in value]
+    return value
+
+
+def dumps(document: Any) -> str:
+    """One JSON document, two spaces deep."""
+    return json.dumps(_clean(document), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure with its unit ("1" for a plain number)."""
+
+    value: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Time in the simulated machine, microseconds."""
+
+    stage: str
+    min_us: float
+    median_us: float
+    max_us: float
+
+
+@dataclass(frozen=True)
+class Throughput:
+    """How fast a stage of the simulation ran."""
+
+    stage: str
+    value: float
+    unit: str
+
+
+@dataclass
+class Result:
+    """See "What programs read" in the README; `error` is null until it has been measured."""
+
+    scenario: str
+    outcome: str
+    seed: int
+    device: str
+    simulated_s: float
+    tolerance: float
+    version: str = field(default_factory=viform_version)
+    renderer: str | None = None
+    run_time_s: float | None = None
+    kept: list[str] = field(default_factory=list)
+    left_out: list[dict[str, Any]] = field(default_factory=list)
+    metrics: dict[str, Metric] = field(default_factory=dict)
+    latency: list[Latency] = field(default_factory=list)
+    throughput: list[Throughput] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+
+    def document(self) -> dict[str, Any]:
+        """The JSON document's fields, in their documented order."""
+        return {
+            "scenario": self.scenario,
+            "outcome": self.outcome,
+            "seed": self.seed,
+            "version": self.version,
+            "device": self.device,
+            "renderer": self.renderer,
+            "simulated_s": self.simulated_s,
+            "run_time_s": self.run_time_s,
+            "error": {"value": None, "kind": None, "ci": None, "tolerance": self.tolerance},
+            "plan": {"kept": self.kept, "left_out": self.left_out},
+            "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
+            "latency": [asdict(row) for row in self.latency],
+            "throughput": [asdict(row) for row in self.throughput],
+            "files": self.files,
+        }

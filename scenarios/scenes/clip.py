@@ -1,0 +1,156 @@
+"""Clips and images as frames of linear light: anything that PyAV opens.
+
+A frame is decoded to RGB, turned upright, made linear by its own transfer curve, reduced to
+luminance (Rec. ITU-R BT.709), scaled to cover the sensor and cropped at the centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError, Plane
+
+__all__ = ["Clip"]
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
+
+# Transfer characteristics by their code point (ITU-T H.273, table 3) -> exponent of the display.
+# Clips are seen through a display, so BT.709 and unmarked ones are taken through the sRGB curve.
+_POWER = {4: 2.2, 5: 2.8, 8: 1.0}
+_AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
+
+
+def _curve(code: int) -> npt.NDArray[np.float32]:
+    """Linear light of each 16-bit code value, white = 1."""
+    v = np.arange(65536) / 65535
+    if code in _POWER:
+        return (v ** _POWER[code]).astype(np.float32)
+    # IEC 61966-2-1, sRGB to linear
+    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
+
+
+class Clip:
+    """Frames of a clip or image on a (height, width) grid, by number, in any order.
+
+    frame(n) is (H, W) float32 in [0, 1]. rate: frames a second (0 for a still image). count: frames
+    known so far; `ended` tells that it is all of them. Going backwards opens the file again.
+    """
+
+    def __init__(self, path: Path, shape: tuple[int, int]) -> None:
+        self._path, self._shape = path, shape
+        self.notes: list[str] = []
+        self._iterator: Iterator[Any] | None = None
+        self._next = 0
+        self._last: Plane | None = None
+        self._kept: dict[int, Plane] = {}
+        self._curves: dict[int, npt.NDArray[np.float32]] = {}
+        self.ended = False
+        self.rate = Fraction(0)
+        self.count = 0
+        self._start()
+        first = self.frame(0)
+        assert first is not None
+        if self.frame(1) is None:
+            self.rate = Fraction(0)
+
+    def _bad(self, given: str) -> InputError:
+        return InputError(
+            "scene.path", "a clip or image that can be decoded", f"{self._path} ({given})",
+            "check the file, or leave scene.path out for the built-in scene",
+        )  # fmt: skip
+
+    def _start(self) -> None:
+        import av
+
+        if not self._path.is_file():
+            raise self._bad("no such file")
+        try:
+            container = av.open(str(self._path))
+            if not container.streams.video:
+                container.close()
+                raise self._bad("no picture in it")
+            stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
+            self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
+        except (av.FFmpegError, OSError, ValueError) as exc:
+            raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+        self._iterator, self._next, self.ended = container.decode(stream), 0, False
+
+    def _decode(self) -> Plane | None:
+        """The next frame, or None after the last."""
+        import av
+
+        assert self._iterator is not None
+        try:
+            frame = next(self._iterator)
+        except (StopIteration, av.EOFError):
+            self.ended = True
+            return None
+        except (av.FFmpegError, OSError, ValueError) as exc:
+            if self._next == 0:
+                raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+            note = f"{self._path.name} cannot be decoded beyond frame {self._next - 1}"
+            if note not in self.notes:
+                self.notes.append(note)
+            self.ended = True
+            return None
+        plane = self._linear(frame)
+        self._kept = {n: p for n, p in self._kept.items() if n >= self._next - 2}
+        self._kept[self._next] = self._last = plane
+        self._next += 1
+        self.count = max(self.count, self._next)
+        return plane
+
+    def _linear(self, frame: Any) -> Plane:
+        import cv2
+
+        code = int(frame.color_trc or 2)
+        if code not in _POWER and code not in _AS_SRGB:
+            note = f"transfer characteristics {code} (H.273) are taken as sRGB"
+            if note not in self.notes:
+                self.notes.append(note)
+        if code not in self._curves:
+            self._curves[code] = _curve(code)
+        rgb = frame.to_ndarray(format="rgb48le")
+        luminance: npt.NDArray[np.float32] = self._curves[code][rgb] @ _LUMINANCE
+        turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
+        aspect = float(getattr(frame, "sample_aspect_ratio", None) or 1)
+        height, width = luminance.shape
+        wide = max(1, round(width * aspect)) if 0.1 < aspect < 10 else width
+        if turns:
+            luminance = np.rot90(luminance, turns)
+            height, wide = wide, height
+        rows, columns = self._shape
+        scale = max(rows / height, columns / wide)
+        size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
+        shrinks = size[0] < luminance.shape[1] and size[1] < luminance.shape[0]
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=how)
+        top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
+        cropped = scaled[top : top + rows, left : left + columns]
+        return np.ascontiguousarray(np.clip(cropped, 0, 1), dtype=np.float32)
+
+    def frame(self, n: int) -> Plane | None:
+        """Frame n, or None where the clip has ended before it."""
+        if n in self._kept:
+            return self._kept[n]
+        if n < self._next:
+            self._kept = {}
+            self._start()
+        while self._next <= n:
+            if self.ended or self._decode() is None:
+                return None
+        return self._kept[n]
+
+    def last(self) -> Plane:
+        """The last frame decoded; the clip's last where it has ended."""
+        assert self._last is not None
+        return self._last

@@ -1,0 +1,38 @@
+"""The source that a scenario's [scene] section asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cosim import Clock
+from scenarios.scenes.film import FilmSource
+from scenarios.scenes.source import AnalyticSource, Source
+from scenarios.scenes.step import StepSource
+from scenarios.schema import FilmScene, SceneSection, StarScene, StepScene
+
+__all__ = ["make_source"]
+
+
+def make_source(
+    scene: SceneSection, shape: tuple[int, int], clock: Clock, cycles: int
+) -> Source:
+    """The scene on a (height, width) grid for a run of so many cycles."""
+    if isinstance(scene, StepScene):
+        return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at)
+    if isinstance(scene, FilmScene) and scene.path is not None:
+        return FilmSource(
+            Path(scene.path), shape, scene.illuminance, clock, cycles, scene.start, scene.frame_rate
+        )
+    # The drawn scenes bring numba with them, a second of start-up that a clip need not wait for.
+    if isinstance(scene, FilmScene):
+        from scenarios.scenes.workshop import Workshop
+
+        return AnalyticSource(Workshop(shape), scene.illuminance, clock)
+    if isinstance(scene, StarScene):
+        from scenarios.scenes.star import Star
+
+        star = Star(shape, spokes=scene.spokes, revolutions=scene.rotation)
+        return AnalyticSource(star, scene.illuminance, clock)
+    from scenarios.scenes.wave import Wave
+
+    return AnalyticSource(Wave(shape, rate=scene.rate), scene.illuminance, clock)

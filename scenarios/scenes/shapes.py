@@ -1,0 +1,291 @@
+"""Shapes of analytic scenes: what covers a pixel, how much of it, and how bright it is there.
+
+Lengths are metres in the picture plane, x to the right, y down, the origin in the picture's
+centre; tones are linear reflectance, 0 to 1. Every painter lays one shape over what the picture
+already holds ("over", Porter and Duff, SIGGRAPH 1984), or multiplies it.
+
+Coverage is clip(0.5 - d, 0, 1) with d the signed distance from the pixel's centre to the shape's
+edge, in pixels: exact for a straight edge along the pixel's side; for one along its diagonal,
+where a box cuts a parabola 1.41 px long, wrong by at most 0.06. What is thinner than a pixel keeps
+its total, 2r per pixel of length.
+
+A painter takes `win` = (y0, y1, x0, x1, top, left): rows and columns to paint and the place of
+`image`'s first pixel in the whole picture; and `cam` = (pixel, cy, cx): metres per pixel, and the
+row and column coordinate where the origin lies. Each pixel's value depends on its place in the
+whole picture alone, so a part painted alone is the same as cut from the whole.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import vectorize
+
+__all__ = [
+    "BLOB_REACH", "CHECK", "GRAIN", "HAIR", "PLAIN", "SKIN", "STRIPES", "Array", "Cam", "Surface",
+    "Win", "cover", "diffuse", "grid", "highlight", "lattice", "lay", "noise", "paint_blob",
+    "paint_ellipse", "paint_polygon", "pattern", "square_mean", "thin", "visible", "wrinkles",
+]  # fmt: skip
+
+Array = npt.NDArray[np.float64]
+Win = tuple[int, int, int, int, int, int]
+Cam = tuple[float, float, float]
+
+# Lighting, all assumed: a large soft source from the upper left in front, a weak one from the
+# right, and what the room gives back. A surface that faces the camera has shade 1.
+KEY = (-0.50, -0.52, 0.69)
+FILL = (0.80, 0.05, 0.60)
+AMBIENT, KEY_PART, FILL_PART, WRAP = 0.15, 0.84, 0.13, 0.22
+
+BLOB_REACH = 3.5
+"""Standard deviations to which a blob reaches; it ends at zero there, without a step."""
+
+PLAIN, CHECK, STRIPES, HAIR, SKIN, GRAIN = range(6)
+"""Patterns of a surface."""
+
+
+class Surface(NamedTuple):
+    """How a shape reflects. Lengths in metres; (x, y) and `turn` (radians, clockwise as seen)
+    place the pattern's own axes, which move with the shape. folds: slope of cloth's wrinkles of
+    `fold_size`. shine, gloss: height and exponent of the highlight. round: 1 a solid, 0 flat.
+    seam: the shape ends there along its own u, as a sleeve does at the shoulder."""
+
+    albedo: float
+    pattern: int = PLAIN
+    period: float = 0.03
+    contrast: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+    folds: float = 0.0
+    fold_size: float = 0.05
+    shine: float = 0.0
+    gloss: float = 20.0
+    round: float = 1.0
+    seam: float = -1e6
+
+
+def _table() -> Array:
+    """65 536 fixed values in [0, 1): a 32-bit integer mix (the constants are those of C. Wellons'
+    "prospector" search, triple32) of 0, 1, 2, ..."""
+    h = np.arange(1 << 16, dtype=np.uint32)
+    for shift, factor in ((17, 0xED5AD4BB), (11, 0xAC4C1B51), (15, 0x31848BAB)):
+        h ^= h >> np.uint32(shift)
+        h *= np.uint32(factor)
+    h ^= h >> np.uint32(14)
+    return h / float(1 << 32)
+
+
+VALUES = _table()
+ROW, COLUMN, SEED = 40503, 29, 7919
+"""Steps through the table from one lattice point to the next; odd, so that a picture's worth of
+neighbours never meets the same value twice."""
+
+
+def grid(win: Win, cam: Cam) -> tuple[Array, Array]:
+    """x (1, w) and y (h, 1) of the window's pixel centres, metres."""
+    y0, y1, x0, x1, _, _ = win
+    pixel, cy, cx = cam
+    return (np.arange(x0, x1)[None, :] + 0.5 - cx) * pixel, (
+        np.arange(y0, y1)[:, None] + 0.5 - cy
+    ) * pixel
+
+
+def cover(d: Array) -> Array:
+    """Part of a pixel inside an edge at signed distance d pixels (negative inside)."""
+    return np.clip(0.5 - d, 0.0, 1.0)
+
+
+def thin(r: Any) -> Any:
+    """Factor on the coverage of a line of half width r pixels, so that one thinner than a pixel
+    keeps its total: its triangle of height and half base 0.5 + r holds (0.5 + r)^2, not 2r."""
+    r = np.minimum(r, 0.5)
+    return 2 * r / (0.5 + r) ** 2
+
+
+def lay(image: Any, win: Win, part: Array, tone: Any) -> None:
+    """Cover the window: image + part (tone - image), tone clipped to [0, 1]."""
+    y0, y1, x0, x1, top, left = win
+    under = image[y0 - top : y1 - top, x0 - left : x1 - left]
+    under += part * (np.clip(tone, 0.0, 1.0) - under)
+
+
+def visible(cell: float, pixel: float) -> float:
+    """How much of a texture with cells of this size may be drawn: none below one pixel, where it
+    would alias, all from two pixels on."""
+    return min(max(cell / pixel - 1.0, 0.0), 1.0)
+
+
+def lattice(i: Any, j: Any, seed: int) -> Array:
+    """A fixed value in [0, 1) for each lattice point (int64 arrays)."""
+    return VALUES[(i * ROW + j * COLUMN + seed * SEED) & 0xFFFF]
+
+
+@vectorize(cache=True)
+def noise(x, y, seed):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
+    """Value noise in [0, 1) with cells of size 1, twice differentiable (quintic fade of K. Perlin,
+    Improving Noise, SIGGRAPH 2002)."""
+    i, j = math.floor(x), math.floor(y)
+    u, v = x - i, y - j
+    u = u * u * u * (u * (u * 6 - 15) + 10)
+    v = v * v * v * (v * (v * 6 - 15) + 10)
+    n = i * ROW + j * COLUMN + seed * SEED
+    a, b = VALUES[n & 0xFFFF], VALUES[(n + ROW) & 0xFFFF]
+    c, d = VALUES[(n + COLUMN) & 0xFFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFFF]
+    top = a + u * (b - a)
+    return top + v * (c + u * (d - c) - top)
+
+
+def square_mean(phase: Array, width: Any) -> Array:
+    """Mean over `width` > 0 cycles around `phase` (cycles) of a square wave that is 1 in the first
+    half of each cycle and 0 in the second; exact for any width."""
+    a, b = phase - 0.5 * width, phase + 0.5 * width
+    fa, fb = np.floor(a), np.floor(b)
+    return (0.5 * (fb - fa) + np.minimum(b - fb, 0.5) - np.minimum(a - fa, 0.5)) / width
+
+
+def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
+    """Factor on the albedo at (u, v) metres in the pattern's axes."""
+    w, p = pixel / s.period, s.period
+    if s.pattern == CHECK:  # a twill check: broad bands both ways and a fine overcheck
+        a = square_mean(u / p, w) + square_mean(v / p, w)
+        fine = square_mean(2 * u / p + 0.2, 2 * w) + square_mean(2 * v / p + 0.2, 2 * w)
+        return 1.0 + s.contrast * (a - 1.0 + 0.35 * (fine - 1.0))
+    if s.pattern == STRIPES:
+        return 1.0 + 2 * s.contrast * (square_mean(u / p, w) - 0.5)
+    if s.pattern == HAIR:  # strands run along v
+        a = (noise(u / p, v / (14 * p), 5) - 0.5) * visible(p, pixel)
+        a += noise(u / (4 * p), v / (30 * p), 6) - 0.5
+        return 1.0 + 2 * s.contrast * a
+    if s.pattern == SKIN:
+        a = (noise(u / p, v / p, 7) - 0.5) * visible(p, pixel)
+        a += noise(u / (9 * p), v / (9 * p), 8) - 0.5
+        return 1.0 + s.contrast * a
+    if s.pattern == GRAIN:  # wood: year rings cut lengthwise, along u
+        warp = 1.6 * noise(u / (14 * p), v / (2.2 * p), 9)
+        a = 0.5 * np.sin(2 * math.pi * (v / p + warp)) * visible(0.5 * p, pixel)
+        fine = noise(u / (2.5 * p), v / (0.12 * p), 10) - 0.5
+        a += 0.8 * fine * visible(0.12 * p, pixel)
+        a += noise(u / (20 * p), v / (1.5 * p), 11) - 0.5
+        return 1.0 + s.contrast * a
+    return 1.0
+
+
+def wrinkles(s: Surface, u: Array, v: Array) -> tuple[Array, Array]:
+    """Lean (along u, along v) of cloth that wrinkles: the gradient of `noise`, its cells 2.2 times
+    longer along v."""
+    u, v = u / s.fold_size, v / (2.2 * s.fold_size)
+    i, j = np.floor(u), np.floor(v)
+    u, v = u - i, v - j
+    n = i.astype(np.int64) * ROW + j.astype(np.int64) * COLUMN + 3 * SEED
+    a, b = VALUES[n & 0xFFFF], VALUES[(n + ROW) & 0xFFFF]
+    c, d = VALUES[(n + COLUMN) & 0xFFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFFF]
+    du, dv = 30 * (u * (1 - u)) ** 2, 30 * (v * (1 - v)) ** 2
+    u = u * u * u * (u * (u * 6 - 15) + 10)
+    v = v * v * v * (v * (v * 6 - 15) + 10)
+    twist = a - b - c + d
+    return s.folds * du * (b - a + v * twist), s.folds / 2.2 * dv * (c - a + u * twist)
+
+
+@vectorize(cache=True)
+def diffuse(tx, ty):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
+    """Brightness of a matt surface whose normal leans by (tx, ty): Lambert, with the key light
+    wrapped around the edge of the shadow as a large source does."""
+    t2 = tx * tx + ty * ty
+    down = 1.0 / math.sqrt(max(t2, 1.0))
+    tx, ty, tz = tx * down, ty * down, math.sqrt(max(1.0 - t2, 0.0))
+    key = max(tx * KEY[0] + ty * KEY[1] + tz * KEY[2] + WRAP, 0.0) / (KEY[2] + WRAP)
+    fill = max(tx * FILL[0] + ty * FILL[1] + tz * FILL[2], 0.0) / FILL[2]
+    total = AMBIENT * (0.55 + 0.45 * tz) + KEY_PART * key + FILL_PART * fill
+    return total / (AMBIENT + KEY_PART + FILL_PART)
+
+
+def highlight(tx: Array, ty: Array, shine: float, gloss: float) -> Any:
+    """What a surface that leans by (tx, ty) adds by its gloss (Blinn-Phong, Blinn 1977)."""
+    if shine <= 0.0:
+        return 0.0
+    t2 = tx * tx + ty * ty
+    half = math.sqrt(KEY[0] ** 2 + KEY[1] ** 2 + (KEY[2] + 1) ** 2)
+    spot = tx * KEY[0] + ty * KEY[1] + np.sqrt(np.maximum(1.0 - t2, 0.0)) * (KEY[2] + 1)
+    return shine * np.maximum(spot / np.sqrt(np.maximum(t2, 1.0)) / half, 0.0) ** gloss
+
+
+def _axes(win: Win, cam: Cam, x: float, y: float, turn: float) -> tuple[Array, Array]:
+    """Coordinates (u, v) of the window's pixels in axes at (x, y), turned clockwise as seen."""
+    px, py = grid(win, cam)
+    px, py = px - x, py - y
+    cos, sin = math.cos(turn), math.sin(turn)
+    return cos * px + sin * py, cos * py - sin * px
+
+
+def paint_ellipse(
+    image: Any, win: Win, cam: Cam, x: float, y: float, a: float, b: float, turn: float,
+    ring: float, tone: float, lit: float, shine: float,
+) -> None:  # fmt: skip
+    """Lay an ellipse, semi-axes a and b, turned by `turn` radians clockwise; ring > 0 leaves only
+    a wire of that half width along its edge.
+
+    lit: 0 flat, 1 shaded as a half sphere (a wire: as a round one), between: a shallower dome.
+    Distance is that to first order, F / |grad F|, exact for circles.
+    """
+    pixel = cam[0]
+    u, v = _axes(win, cam, x, y, turn)
+    gx, gy = u / (a * a), v / (b * b)
+    q = np.sqrt(u * gx + v * gy)
+    slope = np.sqrt(gx * gx + gy * gy) + 1e-12
+    d = np.where(q > 1e-9, (q - 1.0) * q / slope, -min(a, b))
+    lean = q
+    if ring > 0.0:
+        lean, d = np.clip(d / ring, -1.0, 1.0), np.abs(d) - ring
+    part = cover(d / pixel) * thin((ring or min(a, b)) / pixel)
+    light, spot = 1.0, 0.0
+    if lit > 0.0:
+        gx, gy = gx / slope * lean * lit, gy / slope * lean * lit
+        cos, sin = math.cos(turn), math.sin(turn)
+        tx, ty = cos * gx - sin * gy, sin * gx + cos * gy
+        light, spot = diffuse(tx, ty), highlight(tx, ty, shine, 30.0)
+    lay(image, win, part, tone * light + spot)
+
+
+def paint_polygon(
+    image: Any, win: Win, cam: Cam, corners: Array, radius: float, tone: float, across: float,
+    down: float, grain: Surface,
+) -> None:  # fmt: skip
+    """Lay a flat convex polygon, corners (n, 2) clockwise as seen, grown by `radius` with rounded
+    corners.
+
+    The tone changes by `across` and `down` per metre from its value at the corners' mean. With
+    radius 0 the distance outside a corner is to the nearer edge's line: corners stay sharp.
+    """
+    x, y = grid(win, cam)
+    mx, my = corners.mean(axis=0)
+    d, near = np.full((1, 1), -np.inf), np.full((1, 1), np.inf)
+    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        ex, ey = bx - ax, by - ay
+        px, py = x - ax, y - ay
+        d = np.maximum(d, (ey * px - ex * py) / math.hypot(ex, ey))
+        if radius > 0.0:
+            h = np.clip((px * ex + py * ey) / (ex * ex + ey * ey), 0.0, 1.0)
+            near = np.minimum(near, (px - h * ex) ** 2 + (py - h * ey) ** 2)
+    if radius > 0.0:
+        d = np.where(d > 0.0, np.sqrt(near), d) - radius
+    value = tone + across * (x - mx) + down * (y - my)
+    if grain.pattern != PLAIN:
+        u, v = _axes(win, cam, grain.x, grain.y, grain.turn)
+        value = value * pattern(grain, u, v, cam[0])
+    lay(image, win, cover(d / cam[0]), value)
+
+
+def paint_blob(
+    image: Any, win: Win, cam: Cam, x: float, y: float, a: float, b: float, turn: float, gain: float
+) -> None:
+    """Multiply by 1 + gain exp(-q/2), q = (u/a)^2 + (v/b)^2: a soft shadow (gain < 0) or glow."""
+    y0, y1, x0, x1, top, left = win
+    u, v = _axes(win, cam, x, y, turn)
+    e = np.exp(-0.5 * ((u / a) ** 2 + (v / b) ** 2)) - math.exp(-0.5 * BLOB_REACH**2)
+    under = image[y0 - top : y1 - top, x0 - left : x1 - left]
+    under *= 1.0 + gain * np.maximum(e, 0.0)
+    np.minimum(under, 1.0, out=under)

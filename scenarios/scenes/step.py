@@ -1,0 +1,45 @@
+"""A step of light: eight grey bars whose light jumps from one level to another at one instant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim import Block, Box, Light, Piece, Plane, seconds_to_ps
+
+__all__ = ["StepSource"]
+
+BARS = 8
+
+
+class StepSource:
+    """Bar b of 8 reflects (b + 1)/8 of the light, which jumps from `before` to `after` (shares of
+    `illuminance` lux) at `at` seconds. The jump may fall inside a latch cycle."""
+
+    def __init__(
+        self, shape: tuple[int, int], illuminance: float, before: float, after: float, at: float
+    ) -> None:
+        self.shape = shape
+        bars = (np.arange(shape[1]) * BARS // shape[1] + 1) / BARS
+        wedge = np.broadcast_to(bars.astype(np.float32), shape)
+        self._levels = [np.ascontiguousarray(wedge * np.float32(x)) for x in (before, after)]
+        self._at = seconds_to_ps(at)
+        lux = [level * np.float32(illuminance) for level in self._levels]
+        pieces = [Piece(self._at, 2**62, lux[1], lux[1])]
+        if self._at > 0:
+            pieces.insert(0, Piece(0, self._at, lux[0], lux[0]))
+        self._light = Light(tuple(pieces))
+        self.notes = [f"the light jumps at {at * 1e3:g} ms, constant before and after"]
+        self.degraded: list[str] = []
+
+    def step(self, given: None, block: Block) -> Light:
+        return self._light
+
+    def truth(self, ps: int) -> Plane:
+        return self._levels[ps >= self._at]
+
+    def points(self) -> list[tuple[int, int, str]]:
+        height, width = self.shape
+        return [(height // 2, (2 * b + 1) * width // (2 * BARS), f"bar {b + 1}") for b in range(BARS)]
+
+    def moving(self, start: float, stop: float) -> Box:
+        return (0, self.shape[0], 0, self.shape[1])

@@ -1,0 +1,102 @@
+"""The spike camera as one stage of a run: `Light` in, `Viform` out, block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+from cosim.effects import Effect
+from cosim.light import Light
+from cosim.loop import Block
+from cosim.opencl import Device
+from cosim.radiometry import photons_per_lux
+from cosim.viform import Viform
+from sensor.chips import Chip
+from sensor.effects import EFFECTS
+from sensor.exposure import Exposure
+from sensor.pixel.model import ExactModel, ExactPixels, PixelState
+
+__all__ = ["CameraSetting", "SpikeCamera", "make_pixels"]
+
+
+@dataclass(frozen=True)
+class CameraSetting:
+    """chip: preset. clock: of the latches. threshold: electrons. seed: of the run, below 2^32.
+    wavelength_nm: at which lux are counted as photons. effects: those kept."""
+
+    chip: Chip
+    clock: Clock
+    threshold: float
+    seed: int
+    wavelength_nm: float = 555.0
+    effects: tuple[Effect, ...] = tuple(EFFECTS.values())
+
+    @property
+    def electrons_per_lux(self) -> float:
+        """Photoelectrons a second for a lux on the pixel."""
+        return self.chip.electrons_per_lux(photons_per_lux(self.wavelength_nm))
+
+    def rate(self, lux: float) -> float:
+        """Spikes a cycle (more than 1 saturates) under `lux` on the pixel."""
+        return lux * self.electrons_per_lux * float(self.clock.period) / self.threshold
+
+    @property
+    def model(self) -> ExactModel:
+        return ExactModel(self.threshold, self.seed, self.effects)
+
+
+def make_pixels(
+    model: ExactModel, numbers: npt.NDArray[np.uint32], device: Device | None
+) -> ExactPixels:
+    """Pixels with these numbers on an OpenCL device, or compiled by numba when it is None."""
+    if device is not None:
+        from sensor.pixel.kernel import KernelPixels
+
+        return KernelPixels(model, numbers, device)
+    from sensor.pixel.compiled import CompiledPixels
+
+    return CompiledPixels(model, numbers)
+
+
+class SpikeCamera:
+    """Exposes the chip's pixels to light. device: OpenCL, or None for numba; the bits are the same.
+
+    rows: the rows of the chip that are simulated, all unless given; a pixel's number, and so its
+    noise, is its place on the whole chip.
+    """
+
+    def __init__(
+        self,
+        setting: CameraSetting,
+        device: Device | None,
+        rows: tuple[int, int] | None = None,
+    ) -> None:
+        chip = setting.chip
+        first, stop = rows or (0, chip.height)
+        self.shape = (stop - first, chip.width)
+        self._clock = setting.clock
+        self._exposure = Exposure(setting.clock, setting.electrons_per_lux)
+        numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
+        self._pixels = make_pixels(setting.model, numbers, device)
+
+    def step(self, light: Light, block: Block) -> Viform:
+        """The latched flags of one block. light: lux on the pixels, at least this block's time."""
+        if light.shape != self.shape:
+            raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
+        spans = self._exposure.spans(light, block.start, block.cycles)
+        words = self._pixels.expose(spans, block.cycles).reshape(-1, *self.shape)
+        return Viform(words, block.cycles, self._clock, block.start)
+
+    def state(self) -> dict[str, npt.NDArray[np.generic]]:
+        """Everything the next block depends on."""
+        now = self._pixels.state()
+        return {"deficit": now.deficit, "spikes": now.spikes}
+
+    def restore(self, state: dict[str, npt.NDArray[np.generic]]) -> None:
+        """Go on from a `state`."""
+        self._pixels.restore(
+            PixelState(state["deficit"].astype(np.int64), state["spikes"].astype(np.uint64))
+        )

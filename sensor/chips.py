@@ -1,0 +1,59 @@
+"""Chips as presets. Each number says whether it was published or is assumed.
+
+Published: Huang 2022 (DZXB 20221075) section 6 for sizes, clocks and process. Nothing found
+publishes pitch, fill factor, quantum efficiency or full well of either chip; the paper's worked
+example (100 um2 at QE 0.7, section 4.3) is the natural assumption.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+__all__ = ["CHIPS", "Chip"]
+
+
+@dataclass(frozen=True)
+class Chip:
+    """width, height: pixels. clocks: latch frequencies it runs at, Hz. pitch: of a pixel, um.
+    fill_factor, quantum_efficiency: in (0, 1]. threshold_levels: settings from outside.
+    """
+
+    name: str
+    title: str
+    width: int
+    height: int
+    clocks: tuple[float, ...]
+    threshold_levels: int
+    pitch: float
+    fill_factor: float
+    quantum_efficiency: float
+    assumed: frozenset[str]
+
+    @property
+    def pixel_area(self) -> float:
+        """Light-gathering area of a pixel in m2."""
+        return (self.pitch * 1e-6) ** 2 * self.fill_factor
+
+    def electrons_per_lux(self, photons_per_lux: float) -> float:
+        """Photoelectrons a second for a lux on the pixel, at so many photons / (s m2 lx)."""
+        return photons_per_lux * self.pixel_area * self.quantum_efficiency
+
+    def provenance(self) -> dict[str, str]:
+        """"published" or "assumed" for every number."""
+        named = [f.name for f in fields(self) if f.name not in ("name", "title", "assumed")]
+        return {n: "assumed" if n in self.assumed else "published" for n in named}
+
+
+_ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
+
+CHIPS = {
+    c.name: c
+    for c in (
+        Chip(
+            "spiketwo", "SpikeTwo (2021)", 1000, 1000, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED
+        ),
+        # The paper prints 450 x 200 "= 100 000"; every public recording of the chip is 400 x 250.
+        Chip("spikeone", "SpikeOne (2017)", 400, 250, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
+    )
+}
+"""Presets by name."""

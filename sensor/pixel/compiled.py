@@ -1,0 +1,111 @@
+"""The exact pixel compiled by numba: the same bits as `plain`, a pixel at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from cosim.viform import words_for
+from sensor.effects import SHOT_NOISE
+from sensor.pixel.fixed_point import Charge
+from sensor.pixel.interval import KNOTS, MANTISSA_BITS
+from sensor.pixel.model import JUMP, ExactModel, PixelState, Span
+
+__all__ = ["CompiledPixels"]
+
+_LOW = np.uint64(0xFFFFFFFF)
+_STREAM = np.uint64(SHOT_NOISE.stream)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _random_word(pixel, block, slot, seed):  # type: ignore[no-untyped-def]
+    """Word `slot` of Philox4x32-10 at counter (pixel, block high, block low, 0)."""
+    c0, c1, c2, c3 = pixel, block >> np.uint64(32), block & _LOW, np.uint64(0)
+    k0, k1 = seed, _STREAM
+    for _ in range(10):
+        p0 = np.uint64(0xD2511F53) * c0
+        p1 = np.uint64(0xCD9E8D57) * c2
+        c0, c1 = (p1 >> np.uint64(32)) ^ c1 ^ k0, p1 & _LOW
+        c2, c3 = (p0 >> np.uint64(32)) ^ c3 ^ k1, p0 & _LOW
+        k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
+        k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
+    if slot == 0:
+        return c0
+    if slot == 1:
+        return c1
+    if slot == 2:
+        return c2
+    return c3
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
+    """Threshold of spike k (the lookup of interval.py)."""
+    word = np.int64(_random_word(pixel, k >> np.uint64(2), k & np.uint64(3), seed))
+    base, y = np.int64(0), word
+    if word >> 31:
+        base, y = np.int64(KNOTS), word ^ np.int64(0xFFFFFFFF)
+    exponent = np.int64(0)
+    while (y >> exponent) >= 2 << MANTISSA_BITS:
+        exponent += 1
+    mantissa = y >> exponent
+    index = base + (exponent << MANTISSA_BITS) + mantissa
+    fraction = ((y - (mantissa << exponent)) << 16) >> exponent
+    low = table[index]
+    return low + (((table[min(index + 1, table.size - 1)] - low) * fraction) >> 16)
+
+
+@njit(cache=True, parallel=True)  # type: ignore[untyped-decorator]
+def _expose(deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, seed,
+            first, cycles, words):  # type: ignore[no-untyped-def]  # fmt: skip
+    for p in prange(deficit.size):
+        d, k, pixel = deficit[p], spikes[p], np.uint64(pixels[p])
+        add, step = charge[p], np.int64(0)
+        if ramp:
+            step = slope[p]
+            add += step * elapsed
+        for c in range(first, first + cycles):
+            d -= add
+            if d < 0:
+                words[c >> 5, p] |= np.uint32(1 << (c & 31))
+                k += np.uint64(1)
+                d += _threshold(table, k, pixel, seed) if noisy else q
+                while d < 0:
+                    if d < -room:
+                        whole = -d // q - JUMP
+                        d += whole * q
+                        k += np.uint64(whole)
+                    k += np.uint64(1)
+                    d += _threshold(table, k, pixel, seed) if noisy else q
+            add += step
+        deficit[p], spikes[p] = d, k
+
+
+class CompiledPixels:
+    """A pixel at a time, on every core. pixels: their numbers, (n,) uint32."""
+
+    def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32]) -> None:
+        self._model, self._pixels = model, pixels
+        self._state = model.initial(pixels)
+        self._table: Charge = model.table() if model.noisy else np.zeros(1, np.int64)
+
+    def expose(self, spans: Sequence[Span], cycles: int) -> npt.NDArray[np.uint32]:
+        words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)
+        model, state = self._model, self._state
+        for span in spans:
+            ramp = span.slope is not None
+            _expose(
+                state.deficit, state.spikes, self._pixels, span.charge,
+                span.slope if ramp else span.charge, ramp, span.elapsed, self._table, model.noisy,
+                model.q, model.room, np.uint64(model.seed), span.first, span.cycles, words,
+            )  # fmt: skip
+        return words
+
+    def state(self) -> PixelState:
+        return PixelState(self._state.deficit.copy(), self._state.spikes.copy())
+
+    def restore(self, state: PixelState) -> None:
+        self._state = PixelState(state.deficit.copy(), state.spikes.copy())

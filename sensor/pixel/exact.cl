@@ -1,0 +1,196 @@
+// The exact pixel: charge in Q24.40, sixteen pixels a work-item, one word a pixel for 32 cycles.
+//
+// State is the deficit: threshold - charge - 1, so that its sign bit is the spike (charge >=
+// threshold: a tie fires). The program is the fragments of its effects, then this text. Hooks:
+//   SHOT_NOISE   a fragment defines draw_batch, batch_word, threshold, next_threshold
+//   RAMP         increments change by `slope` a cycle
+// Words are laid out (word, pixel). A launch covers cycles first .. first + n - 1 of its words.
+
+#ifdef SHOT_NOISE
+#define NOISE_PARAMETERS , const uint16 pixel, __global const long *table, const uint seed
+#define NOISE_ARGUMENTS , pixel, table, seed
+#else
+#define NOISE_PARAMETERS
+#define NOISE_ARGUMENTS
+#endif
+
+// Whether any lane is negative; any() tests the lanes one by one on PoCL.
+inline int some(const long16 x)
+{
+    const long8 a = x.lo | x.hi;
+    const long4 b = a.lo | a.hi;
+    const long2 c = b.lo | b.hi;
+    return (c.x | c.y) < 0;
+}
+
+// More than one threshold crossed in a cycle: the charge beyond each is kept (residual rule) and
+// the latch sees one flag. Where more than ROOM thresholds are due (`room` = ROOM q, held at the
+// largest long), all but JUMP or so come off at once, at the mean.
+inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long room NOISE_PARAMETERS)
+{
+    long16 d = *deficit;
+    ulong16 k = *spikes;
+    while (some(d)) {
+        const long16 deep = d < -room;
+        if (some(deep)) {
+            const long16 n = deep & (-d / q - JUMP);
+            d += n * q;
+            k += as_ulong16(n);
+        }
+        const long16 fired = d >> 63;
+        k -= as_ulong16(fired);
+#ifdef SHOT_NOISE
+        d += fired & next_threshold(k NOISE_ARGUMENTS);
+#else
+        d += fired & q;
+#endif
+    }
+    *deficit = d;
+    *spikes = k;
+}
+
+#ifdef SHOT_NOISE
+// From spike to spike: `begin` to `stop` (at most 64) of one pair of words. The number of cycles
+// to the next spike is estimated in float and corrected in integers, so that no rounding shows.
+inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add, const long16 slope,
+                             const long begin, const long stop, const long q, const long room
+                             NOISE_PARAMETERS)
+{
+    long16 d = *deficit, at = begin;
+    ulong16 k = *spikes, bits = 0;
+    uint16 words[BATCH + 4], slot = 0;
+    uint used = BATCH;
+#ifndef RAMP
+    const float16 reciprocal = 1.0f / convert_float16(max(add, 1L));
+#endif
+    for (;;) {
+        const long16 left = stop - at;
+        // n: cycles that can be run before the deficit turns negative, at most `left`.
+#ifdef RAMP
+        const long16 now = add + slope * (at - begin);
+        const float16 s = convert_float16(slope), charge = convert_float16(d);
+        const float16 b = convert_float16(now) - 0.5f * s;
+        // charge = n b + n^2 s / 2, solved without cancellation; no root means no spike.
+        const float16 square = b * b + 2.0f * s * charge;
+        const float16 root = 2.0f * charge / fmax(b + sqrt(fmax(square, 0.0f)), 1.0f);
+        const float16 most = convert_float16(left);
+        const float16 guess = select(fmin(root, most), most, square < 0.0f);
+        long16 n = convert_long16(convert_int16(guess));
+        long16 rest = d - n * now - slope * ((n * (n - 1)) >> 1);
+        while (some(rest)) {
+            const long16 over = rest >> 63;
+            n += over;
+            rest += over & (slope * n + now);
+        }
+        for (;;) {
+            const long16 more = rest - (now + slope * n);
+            const long16 go = ~(more >> 63) & (n < left);
+            if (!some(go))
+                break;
+            rest = select(rest, more, go);
+            n -= go;
+        }
+        const long16 last = now + slope * n;
+#else
+        const float16 guess = fmin(convert_float16(d) * reciprocal, convert_float16(left));
+        long16 n = convert_long16(convert_int16(guess));
+        long16 rest = d - n * add;
+        const long16 over = rest >> 63;
+        n += over;
+        rest += over & add;
+        const long16 go = (rest >= add) & (n < left);
+        n -= go;
+        rest -= go & add;
+        const long16 last = add;
+#endif
+        const long16 fired = n < left;
+        d = rest - (fired & last);
+        if (!some(fired))
+            break;
+        at += n;
+        bits |= as_ulong16(fired) & ((ulong16)(1) << as_ulong16(at & 63));
+        at -= fired;
+        k -= as_ulong16(fired);
+        if (used == BATCH) {
+            draw_batch(words, k, pixel, seed);
+            slot = convert_uint16(k) & 3;
+            used = 0;
+        }
+        // A lane that did not fire is at its end and draws no more: the others keep in step.
+        d += fired & threshold(batch_word(words, used++, slot), table);
+        if (some(d)) {
+            settle(&d, &k, q, room NOISE_ARGUMENTS);
+            used = BATCH;
+        }
+    }
+    *deficit = d;
+    *spikes = k;
+    return bits;
+}
+#endif
+
+__kernel void expose(__global long *deficit, __global uint *spikes_low, __global uint *spikes_high,
+                     __global const uint *pixels, __global const long *charge,
+                     __global const long *slopes, __global const long *table,
+                     __global uint *words, const long q, const long room, const uint seed,
+                     const uint first, const uint n, const long elapsed)
+{
+    const size_t g = get_global_id(0), stride = get_global_size(0);
+    const uint end = first + n;
+    long16 d = vload16(g, deficit);
+    long16 add = vload16(g, charge);
+#ifdef RAMP
+    const long16 slope = vload16(g, slopes);
+    add += slope * elapsed;
+#else
+    const long16 slope = 0;
+#endif
+#ifdef SHOT_NOISE
+    const uint16 pixel = vload16(g, pixels);
+    ulong16 k = convert_ulong16(vload16(g, spikes_low)) |
+                (convert_ulong16(vload16(g, spikes_high)) << 32);
+    for (uint c = first; c < end;) {
+        const uint pair = c >> 6, begin = c & 63, stop = min(64u, end - (pair << 6));
+        const ulong16 bits = expose_window(&d, &k, add, slope, begin, stop, q, room NOISE_ARGUMENTS);
+        const size_t low = 2 * pair * stride + g, high = low + stride;
+        if (begin < 32)
+            vstore16((begin ? vload16(low, words) : (uint16)(0)) | convert_uint16(bits), low, words);
+        if (stop > 32)
+            vstore16((begin > 32 ? vload16(high, words) : (uint16)(0)) | convert_uint16(bits >> 32),
+                     high, words);
+        add += slope * (long)(stop - begin);
+        c = (pair << 6) + stop;
+    }
+    vstore16(convert_uint16(k), g, spikes_low);
+    vstore16(convert_uint16(k >> 32), g, spikes_high);
+#else
+    ulong16 k = 0;
+#ifndef RAMP
+    // Constant and noiseless: whole thresholds in an increment only say "fires in every cycle".
+    const long16 whole = add / q;
+    const uint16 always = convert_uint16(as_ulong16(whole > 0));
+    add -= whole * q;
+#endif
+    for (uint c = first; c < end;) {
+        const uint w = c >> 5, begin = c & 31, stop = min(32u, end - (w << 5));
+        uint16 word = begin ? vload16(w * stride + g, words) : (uint16)(0);
+        for (uint b = begin; b < stop; b++) {
+            d -= add;
+            const long16 fired = d >> 63;
+            word |= convert_uint16(as_ulong16(fired)) & (1u << b);
+            d += fired & q;
+#ifdef RAMP
+            if (some(d))
+                settle(&d, &k, q, room NOISE_ARGUMENTS);
+            add += slope;
+#endif
+        }
+#ifndef RAMP
+        word |= always & (0xFFFFFFFFu >> (32 - (stop - begin)) << begin);
+#endif
+        vstore16(word, w * stride + g, words);
+        c = (w << 5) + stop;
+    }
+#endif
+    vstore16(d, g, deficit);
+}

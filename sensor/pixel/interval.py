@@ -1,0 +1,71 @@
+"""The law of an interval as one table: Gamma(Q) quantiles in fixed point.
+
+Under Poisson light of any course the smooth charge (the integral of the rate) at which a pixel
+has gathered Q electrons is Gamma(Q, 1) distributed: time rescaling (Brown et al., Neural
+Computation 14:325, 2002; Huang 2022 section 5.1 for constant light). So shot noise is one draw a
+spike: a uniform 32-bit word looked up here gives the threshold that the smooth charge must reach.
+
+The table is spaced as floating point is: the word is folded to its distance y from the nearer end
+of (0, 1), each octave of y holds 128 knots, and between knots the quantile runs linearly in y.
+Both tails are therefore resolved down to 2^-33, and everything is integer arithmetic.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from sensor.pixel.fixed_point import ONE, Charge
+
+__all__ = ["KNOTS", "MANTISSA_BITS", "interval_table", "threshold"]
+
+MANTISSA_BITS: Final = 7
+_M: Final = 1 << MANTISSA_BITS
+KNOTS: Final = (31 - MANTISSA_BITS + 1) * _M + 1
+"""Knots on each side of the median; the last is the median itself, y = 2^31."""
+
+
+def _knot_y() -> npt.NDArray[np.int64]:
+    """y of every knot: 0..127 themselves, then 128 a octave up to 2^31."""
+    octave = np.arange(31 - MANTISSA_BITS, dtype=np.int64)[:, None]
+    upper = (_M + np.arange(_M, dtype=np.int64)[None, :]) << octave
+    return np.concatenate([np.arange(_M), upper.ravel(), [1 << 31]])
+
+
+@lru_cache(maxsize=4)
+def interval_table(q: float) -> Charge:
+    """Quantiles of Gamma(q, 1) in Q24.40: (2 * KNOTS,) int64, lower side first.
+
+    q: threshold in electrons, > 0. Knot y stands for probability (y + 1/2) / 2^32 from its end.
+    Every entry is at least one unit, so no draw can make a pixel fire for ever.
+    """
+    from scipy.special import gammainccinv, gammaincinv
+
+    p = (_knot_y() + 0.5) / 2.0**32
+    electrons = np.concatenate([gammaincinv(q, p), gammainccinv(q, p)])
+    table: Charge = np.maximum(np.rint(electrons * ONE), 1).astype(np.int64)
+    step = np.abs(np.diff(table.reshape(2, KNOTS)[:, 2 * _M :])).max()
+    if step >= 1 << 46:  # the product with a 16-bit fraction must stay below 2^62
+        raise ValueError(f"threshold must leave table steps below 2^46, not {step} at Q = {q:g}")
+    table.setflags(write=False)
+    return table
+
+
+def threshold(table: Charge, word: npt.NDArray[np.uint32]) -> Charge:
+    """Threshold in Q24.40 for each random word: the plain form of the lookup."""
+    word = np.asarray(word, np.uint32)
+    upper = word >> np.uint32(31)
+    y = np.where(upper == 1, ~word, word)
+    exponent = np.maximum(np.frexp(y.astype(np.float64))[1].astype(np.int64) - 1 - MANTISSA_BITS, 0)
+    y = y.astype(np.int64)
+    mantissa = y >> exponent  # below 128 in the first octave, 128..255 in all others
+    index = upper.astype(np.int64) * KNOTS + (exponent << MANTISSA_BITS) + mantissa
+    fraction = ((y - (mantissa << exponent)) << 16) >> exponent
+    low = table[index]
+    # y = 127 and the median side's last knot have a neighbour to run to; the fraction of the
+    # entries below 128 is 0, so theirs does not matter.
+    high = table[np.minimum(index + 1, 2 * KNOTS - 1)]
+    return low + (((high - low) * fraction) >> 16)

@@ -1,0 +1,31 @@
+"""TFP, texture from playback: the mean of a window (Zhu et al., ICME 2019; Huang 2022 section
+3.3.1, "virtual exposure")."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError
+from cosim.viform import SpikeStream, count_spikes
+
+__all__ = ["check_cycle", "tfp"]
+
+
+def check_cycle(stream: SpikeStream, at: int) -> None:
+    """Raises InputError unless the stream holds cycle `at`."""
+    if not 0 <= at < stream.cycles:
+        last = stream.cycles - 1
+        raise InputError("--at", f"a cycle from 0 to {last}", str(at), f"try --at {stream.cycles // 2}")
+
+
+def tfp(stream: SpikeStream, at: int, window: int = 41) -> npt.NDArray[np.float32]:
+    """Spikes a cycle over `window` cycles centred on cycle `at`: (H, W) float32 in [0, 1].
+
+    window: odd. Near an end of the stream the mean is taken over the cycles there are.
+    """
+    check_cycle(stream, at)
+    if window < 1 or window % 2 == 0:
+        raise InputError("--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}")
+    first, stop = max(at - window // 2, 0), min(at + window // 2 + 1, stream.cycles)
+    return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)

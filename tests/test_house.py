@@ -1,0 +1,246 @@
+"""The house and its rules: who may import whom, where GL, serial and OpenCL live, file habits.
+
+The rules are read off the syntax trees, so an import inside a function counts as well.
+"""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# package -> those of ours that it may import, besides itself
+MAY_IMPORT = {
+    "cosim": set(),
+    "sensor": {"cosim"},
+    "display": {"cosim"},
+    "rtl_model": {"cosim", "sensor"},
+    "link": {"cosim", "sensor", "display"},
+    "scenarios": {"cosim", "sensor", "display", "rtl_model", "link"},
+}
+
+# outside library -> the only package that may import it
+ONLY_IN = {
+    "moderngl": "display",
+    "glcontext": "display",
+    "OpenGL": "display",
+    "serial": "rtl_model",
+    "pyopencl": "cosim",
+}
+
+MAX_LINES = 400
+
+# A text file that ships must not know the machine it was written on, nor a package index.
+MACHINE = re.compile(
+    r"(?<![\w.])/(?:work|root|opt/(?:wheels|pypi))/"
+    r"|pypi\.org|--(?:extra-)?index-url|--find-links|--trusted-host"
+)
+
+
+def imported(tree: ast.AST, package: list[str]) -> Iterator[tuple[int, str]]:
+    """Yields (line, absolute dotted name) of everything that a module of `package` imports.
+
+    `package` is the dotted name, split, of the package that holds the module; relative imports
+    count from it. `from a import b` yields `a.b`, since b may be a module. Of dynamic imports the
+    literal ones are seen.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            start = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join(start + ([node.module] if node.module else []))
+            for alias in node.names:
+                yield node.lineno, f"{base}.{alias.name}" if base else alias.name
+        elif isinstance(node, ast.Call) and node.args:
+            name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            first = node.args[0]
+            if (
+                name in {"import_module", "__import__"}
+                and isinstance(first, ast.Constant)
+                and isinstance(first.value, str)
+            ):
+                yield node.lineno, first.value.lstrip(".")
+
+
+def broken_rules(root: Path) -> list[str]:
+    """Returns one line for each place in the packages under `root` that breaks the house."""
+    found = []
+    for package, allowed in MAY_IMPORT.items():
+        for path in sorted((root / package).rglob("*.py")):
+            place = path.relative_to(root)
+            text = path.read_text(encoding="utf-8")
+            tree = ast.parse(text, filename=str(place))
+            lines = text.count("\n")
+            if ast.get_docstring(tree) is None:
+                found.append(f"{place}:1: must open with a docstring")
+            if lines >= MAX_LINES:
+                found.append(f"{place}:{lines}: must be under {MAX_LINES} lines: one idea a file")
+            if path.name == "__init__.py":
+                found += [f"{place}:{line}: {what}" for line, what in undeclared(tree)]
+            for line, name in imported(tree, list(place.parent.parts)):
+                top, *rest = name.split(".")
+                if top in MAY_IMPORT and top != package:
+                    if top not in allowed:
+                        found.append(f"{place}:{line}: {package} must not import {top}")
+                    if any(part.startswith("_") for part in rest):
+                        found.append(f"{place}:{line}: {name} is private to {top}")
+                if top == "tests":
+                    found.append(f"{place}:{line}: {package} must not import the tests")
+                if ONLY_IN.get(top, package) != package:
+                    found.append(f"{place}:{line}: only {ONLY_IN[top]} may import {top}")
+    return found
+
+
+def undeclared(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yields (line, message) for public names of an `__init__` that stand outside its `__all__`."""
+    public: dict[str, int] = {}
+    declared: set[str] | None = None
+    for node in tree.body:
+        names: list[str] = []
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [(alias.asname or alias.name).split(".")[0] for alias in node.names]
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            names = [node.name]
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names = [target.id for target in targets if isinstance(target, ast.Name)]
+            if "__all__" in names and node.value is not None:
+                declared = set(ast.literal_eval(node.value))
+        public |= {name: node.lineno for name in names if not name.startswith("_")}
+    for name in sorted(public.keys() - (declared or set())):
+        yield public[name], f"{name} must stand in __all__ or begin with an underscore"
+    for name in sorted((declared or set()) - public.keys() - {"__version__"}):
+        yield 1, f"__all__ names {name}, which is not here"
+
+
+def tracked(root: Path) -> list[Path]:
+    """Returns the files git tracks or would add; skips the test where there is no clone."""
+    # git refuses a clone that another user owns, which a container often runs in.
+    command = ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "-z"]
+    command += ["--cached", "--others", "--exclude-standard"]
+    try:
+        listed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    except (FileNotFoundError, subprocess.CalledProcessError):
+        pytest.skip("needs git and a clone to know which files are ours")
+    return [root / name for name in listed.split("\0") if name and (root / name).is_file()]
+
+
+def machine_words(path: Path) -> list[str]:
+    """Returns what a text file says of the machine it was made on; of a binary file, nothing."""
+    data = path.read_bytes()
+    if b"\0" in data:
+        return []
+    return MACHINE.findall(data.decode("utf-8", errors="replace"))
+
+
+def write_house(root: Path, **files: str) -> None:
+    """Writes a clean tree of all packages, then `files`: package__module='source' over it."""
+    for package in MAY_IMPORT:
+        (root / package).mkdir()
+        (root / package / "__init__.py").write_text('"""A part."""\n')
+    for name, text in files.items():
+        place = root / (name.replace("__", "/", 1) + ".py")
+        place.write_text(text)
+
+
+def test_the_house_holds():
+    assert broken_rules(ROOT) == []
+
+
+def test_every_package_of_the_table_is_here_and_ships():
+    pyproject = (ROOT / "pyproject.toml").read_text()
+    for package in MAY_IMPORT:
+        assert (ROOT / package / "__init__.py").is_file()
+        assert pyproject.count(f'"{package}"') >= 3, f"{package} in wheel, sdist and mypy"
+
+
+def test_no_file_knows_the_machine_it_was_written_on():
+    mine = Path(__file__).resolve()  # holds the patterns
+    said = {str(path): machine_words(path) for path in tracked(ROOT) if path != mine}
+    assert {path: words for path, words in said.items() if words} == {}
+
+
+@pytest.mark.parametrize(
+    ("place", "source", "says"),
+    [
+        ("cosim__a", "import sensor", "cosim/a.py:2: cosim must not import sensor"),
+        ("cosim__a", "from sensor.chip import Chip", "cosim must not import sensor"),
+        ("cosim__a", "def f():\n    import link", "cosim/a.py:3: cosim must not import link"),
+        ("cosim__a", "import importlib\nimportlib.import_module('link')", "not import link"),
+        ("cosim__a", "if False:\n    __import__('display.panel')", "not import display"),
+        ("sensor__a", "import display", "sensor must not import display"),
+        ("display__a", "import sensor", "display must not import sensor"),
+        ("rtl_model__a", "import display", "rtl_model must not import display"),
+        ("link__a", "import rtl_model", "link must not import rtl_model"),
+        ("link__a", "import scenarios", "link must not import scenarios"),
+        ("sensor__a", "from cosim._clock import edge", "cosim._clock.edge is private to cosim"),
+        ("sensor__a", "from cosim import _clock", "cosim._clock is private to cosim"),
+        ("sensor__a", "import moderngl", "only display may import moderngl"),
+        ("scenarios__a", "import serial.tools", "only rtl_model may import serial"),
+        ("sensor__a", "import pyopencl as cl", "only cosim may import pyopencl"),
+        ("sensor__a", "from tests import helpers", "sensor must not import the tests"),
+        ("sensor__a", "x = 1\n" * 398, "sensor/a.py:400: must be under 400 lines"),
+    ],
+)
+def test_a_planted_violation_is_found(tmp_path, place, source, says):
+    write_house(tmp_path, **{place: f'"""A module."""\n{source}\n'})
+    found = broken_rules(tmp_path)
+    assert len(found) == 1
+    assert says in found[0]
+
+
+def test_a_missing_docstring_is_found(tmp_path):
+    write_house(tmp_path, sensor__a="x = 1\n")
+    assert broken_rules(tmp_path) == ["sensor/a.py:1: must open with a docstring"]
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("from .chip import Chip", "Chip must stand in __all__"),
+        ("from .chip import Chip\n__all__ = []", "Chip must stand in __all__"),
+        ("from .chip import Chip\n__all__ = ['Chip', 'Pixel']", "__all__ names Pixel"),
+        ("def f(): ...", "f must stand in __all__"),
+        ("LIMIT: int = 3", "LIMIT must stand in __all__"),
+    ],
+)
+def test_a_public_name_outside_all_is_found(tmp_path, source, says):
+    write_house(tmp_path, sensor____init__=f'"""A part."""\n{source}\n')
+    found = broken_rules(tmp_path)
+    assert len(found) == 1
+    assert says in found[0]
+
+
+def test_what_is_allowed_passes(tmp_path):
+    write_house(
+        tmp_path,
+        sensor____init__='"""A part."""\nfrom ._a import f\n\n__all__ = ["f"]\n_limit = 3\n',
+        sensor___a='"""A module."""\nfrom cosim import clock\nfrom . import _b\nimport numpy\n',
+        sensor___b='"""Own private names and relative imports are our own affair."""\n',
+        link__a='"""A module."""\nimport cosim, sensor.chip, display\n',
+        display__a='"""A module."""\ndef f():\n    import moderngl\n',
+        scenarios__a='"""A module."""\nimport cosim, sensor, display, rtl_model, link\n',
+    )
+    assert broken_rules(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("see /work/shared/design.md", ["/work/"]),
+        ("cache = '/root/.cache'", ["/root/"]),
+        ("--find-links /opt/wheels/x", ["--find-links", "/opt/wheels/"]),
+        ("numpy @ https://pypi.org/simple", ["pypi.org"]),
+        ("its/work/is at docs/root/a, /usr/bin and /etc/OpenCL/vendors", []),
+    ],
+)
+def test_a_machine_path_is_found(tmp_path, text, words):
+    path = tmp_path / "a.md"
+    path.write_text(text)
+    assert machine_words(path) == words
