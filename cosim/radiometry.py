@@ -40,12 +40,12 @@ def luminous_efficiency(wavelength_nm: float) -> float:
 
     Raises ValueError outside 380 to 780 nm, where lux says nothing about photons.
     """
-    from scipy.interpolate import CubicSpline
-
     if not 380 <= wavelength_nm <= 780:
         raise ValueError(f"wavelength must be 380 to 780 nm, not {wavelength_nm:g} nm")
     if wavelength_nm == 555:
-        return 1.0  # by definition; the spline says 0.9999
+        return 1.0  # by definition
+    from scipy.interpolate import CubicSpline
+
     return float(np.exp(CubicSpline(_V_NM, np.log(_V))(wavelength_nm)))
 
 

@@ -7,6 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim import InputError, SpikeStream
 from cosim.files.whole import whole
 from scenarios.png import for_display
@@ -28,10 +30,12 @@ def write_clip(
     scale: float,
     rate: float,
     progress: Any,
+    largest: int | None = None,
 ) -> None:
     """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
 
-    scale: the spike rate that becomes white. H.264, VP9 in .webm; odd sizes lose their last line.
+    scale: the spike rate that becomes white. largest: pixels of the longer side; images are reduced
+    by a whole number to stay within it. H.264, VP9 in .webm; odd sizes lose their last line.
     """
     import av
 
@@ -39,7 +43,8 @@ def write_clip(
         if not (math.isfinite(value) and value > 0):
             raise InputError(name, "above 0", f"{value:g}", "leave it out for the default")
     instants = range(0, stream.cycles, every)
-    height, width = (n // 2 * 2 for n in stream.shape)
+    reduce = -(-max(stream.shape) // largest) if largest else 1
+    height, width = (n // reduce // 2 * 2 for n in stream.shape)
     if not height or not width:
         raise InputError("the stream", "at least 2x2 pixels for a clip", str(stream.shape), "use viform image")
     codec = _CODECS.get(path.suffix.lower(), "libx264")
@@ -50,10 +55,12 @@ def write_clip(
             video.width, video.height = width, height
             video.pix_fmt = "rgb8" if codec == "gif" else "yuv420p"
             if codec == "libx264":
-                video.options = {"crf": "18", "preset": "fast"}
+                video.options = {"crf": "20", "preset": "veryfast"}
             for n, cycle in enumerate(instants):
-                grey = for_display(tfp(stream, cycle, window) / scale)[:height, :width]
-                frame = av.VideoFrame.from_ndarray(grey, format="gray")
+                rates = tfp(stream, cycle, window)[: height * reduce, : width * reduce]
+                if reduce > 1:
+                    rates = rates.reshape(height, reduce, width, reduce).mean(axis=(1, 3))
+                frame = av.VideoFrame.from_ndarray(for_display(rates / np.float32(scale)), format="gray")
                 container.mux(video.encode(frame))
                 progress.advance(n + 1)
             container.mux(video.encode(None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,18 @@ def to_linear_bytes(x: Plane, scale: float = 1.0) -> Grey:
     return np.rint(255 * np.clip(x.astype(np.float64) / scale, 0, 1)).astype(np.uint8)
 
 
-def for_display(x: Plane) -> Grey:
-    """Linear light, white = 1, through the sRGB curve (IEC 61966-2-1) as (H, W) uint8."""
-    v = np.clip(x.astype(np.float64), 0, 1)
+@cache
+def _display_curve() -> Grey:
+    """sRGB code of each 16-bit linear level (IEC 61966-2-1)."""
+    v = np.arange(65536) / 65535
     curve = np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
     return np.rint(255 * curve).astype(np.uint8)
+
+
+def for_display(x: Plane) -> Grey:
+    """Linear light, white = 1, through the sRGB curve as (H, W) uint8."""
+    level = np.rint(np.clip(x, 0, 1) * np.float32(65535)).astype(np.uint16)
+    return _display_curve()[level]
 
 
 def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:

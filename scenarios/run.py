@@ -25,7 +25,7 @@ from scenarios.scenes import Source, make_source
 from scenarios.schema import Scenario
 from sensor import CHIPS, CameraSetting, SpikeCamera, isi, tfi, tfp
 
-__all__ = ["Finished", "Progress", "Shot", "output_folder", "run_scenario"]
+__all__ = ["Finished", "Progress", "Shot", "choose_device", "output_folder", "run_scenario"]
 
 
 class Progress(Protocol):
@@ -156,7 +156,8 @@ class _RelayStage:
         return self._relay(given)
 
 
-def _choose_device(wanted: str | None) -> Device | None:
+def choose_device(wanted: str | None) -> Device | None:
+    """The OpenCL device asked for; None for "numba", the compiled form on this processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
@@ -230,7 +231,7 @@ def run_scenario(
     lens = _lens(scenario, setting)
     white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
     source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
-    opened = _choose_device(device)
+    opened = choose_device(device)
     camera = SpikeCamera(setting, opened)
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,2 +1,43 @@
-"""x"""
-def bench() -> None: ...
+"""`viform bench`: throughput on this machine."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from scenarios.commands.output import Json, print_document
+
+__all__ = ["bench"]
+
+
+def bench(
+    part: Annotated[str | None, typer.Argument(help="one part alone, such as sensor")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Measure throughput against real time, a measured ceiling and the plain way."""
+    from cosim import InputError
+    from scenarios.bench import PARTS
+    from scenarios.bench import bench as measure
+    from scenarios.run import choose_device
+
+    if part is not None and part not in PARTS:
+        raise InputError("the part", f"one of {', '.join(PARTS)}", repr(part), "leave it out for all")
+    document = measure(choose_device(device), [part] if part else list(PARTS))
+    if json:
+        print_document(document)
+        return
+    ceiling = document["ceiling"]
+    print(document["device"])
+    if ceiling["value"] is not None:
+        print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
+    print(f"{'':<16} {'tier':<7} {'':>9} {'':<15} {'x real time':>11} {'x ceiling':>10} {'x plain':>8}")
+    for row in document["rows"]:
+        share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
+        print(
+            f"{row['name']:<16} {row['tier']:<7} {row['value']:9.3g} {row['unit']:<15} "
+            f"{row['realtime']:11.3g} {share:>10} {row['plain_ratio']:8.1f}"
+        )

@@ -155,7 +155,7 @@ def _playback(run: Finished) -> str:
     path = run.folder / "playback.mp4"
     write_clip(
         run.stream, path, window=run.scenario.image.window, every=every, scale=run.white_rate,
-        rate=25.0, progress=SilentProgress(),
+        rate=25.0, progress=SilentProgress(), largest=640,
     )  # fmt: skip
     slower = 25.0 * every / run.stream.clock.hz
     return (

@@ -100,15 +100,15 @@ def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _search(parts, win, cam, blend, reach, place, found):  # type: ignore[no-untyped-def]
+def _search(parts, win, cam, blend, reach, across, place, found):  # type: ignore[no-untyped-def]
     """Pixels of the window nearer than `reach` metres to the union of the cones, joined smoothly
     over `blend` metres (polynomial smooth minimum, I. Quilez).
 
-    Fills place (2, n) with their row and column in the image and found (6, n) with x, y, distance,
-    lean x, lean y and radius; gives their count. In a tile, a cone farther from its centre than
-    the nearest one by the tile's own reach both ways and two blends cannot touch what the nearest
-    ones make of the union, and is skipped. A cone is handed on as numbers: as a row of the table
-    it is counted up and down for each pixel, which takes twice as long as the geometry.
+    Fills place (n,) with their indices into the image, `across` pixels wide, and found (6, n) with
+    x, y, distance, lean x, lean y and radius; gives their count. In a tile, a cone farther from its
+    centre than the nearest one by the tile's own reach both ways and two blends cannot touch what
+    the nearest ones make of the union, and is skipped. A cone is handed on as numbers: as a row of
+    the table its references are counted for each pixel, which takes twice as long as the geometry.
     """
     y0, y1, x0, x1, dy, dx = win
     pixel, cy, cx = cam
@@ -155,19 +155,22 @@ def _search(parts, win, cam, blend, reach, place, found):  # type: ignore[no-unt
                         d = min(d, d2) - 0.25 * h * h * blend
                         tx, ty, r = tx + w * (tx2 - tx), ty + w * (ty2 - ty), r + w * (r2 - r)
                     if d < reach:
-                        place[0, n], place[1, n] = i - dy, j - dx
+                        place[n] = (i - dy) * across + j - dx
                         found[0, n], found[1, n], found[2, n] = x, y, d
                         found[3, n], found[4, n], found[5, n] = tx, ty, r
                         n += 1
     return n
 
 
-def _find(win: Win, cam: Cam, parts: Array, blend: float, reach: float) -> tuple[Any, Array]:
-    """What `_search` finds: an index into the image, and rows x, y, distance, lean, radius."""
+def _find(
+    image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float
+) -> tuple[Any, Any, Array]:
+    """The image as one row of pixels, and what `_search` finds: indices into it, and rows x, y,
+    distance, lean x, lean y, radius."""
     size = (win[1] - win[0]) * (win[3] - win[2])
-    place, found = np.empty((2, size), np.int32), np.empty((6, size))
-    n = _search(parts, win, cam, blend, reach, place, found)
-    return (place[0, :n], place[1, :n]), found[:, :n]
+    place, found = np.empty(size, np.int64), np.empty((6, size))
+    n = _search(parts, win, cam, blend, reach, image.shape[1], place, found)
+    return image.reshape(-1, copy=False), place[:n], found[:, :n]
 
 
 @vectorize(cache=True)
@@ -187,7 +190,7 @@ def paint_body(
     it turns the normal and leaves the outline as it is.
     """
     pixel = cam[0]
-    place, (x, y, d, tx, ty, r) = _find(win, cam, parts, blend, 0.5 * pixel)
+    flat, place, (x, y, d, tx, ty, r) = _find(image, win, cam, parts, blend, 0.5 * pixel)
     part = cover(d / pixel) * thin(r / pixel)
     tx, ty = tx * s.round, ty * s.round
     for bx, by, sx, sy, height in bumps:
@@ -207,8 +210,8 @@ def paint_body(
     if s.pattern != PLAIN:
         tone = tone * pattern(s, u, v, pixel)
     spot = highlight(tx, ty, s.shine, s.gloss)
-    under = image[place]
-    image[place] = under + part * (np.clip(tone + spot, 0.0, 1.0) - under)
+    under = flat[place]
+    flat[place] = under + part * (np.clip(tone + spot, 0.0, 1.0) - under)
 
 
 def paint_shadow(
@@ -217,5 +220,5 @@ def paint_shadow(
     """Multiply by 1 - depth inside the cones' union, with an edge `soft` metres wide to each side
     (and never less than half a pixel). A thin thing's shadow is fainter, nearly as its width."""
     wide = math.hypot(soft, 0.5 * cam[0])
-    place, (_, _, d, _, _, r) = _find(win, cam, parts, blend, wide)
-    image[place] *= _dim(d, r, wide, depth)
+    flat, place, (_, _, d, _, _, r) = _find(image, win, cam, parts, blend, wide)
+    flat[place] *= _dim(d, r, wide, depth)

@@ -30,7 +30,17 @@ TORSO = (
     (-0.085, 0.11, -0.085, 0.16, 0.110, 0.110),  # chest
     (0.085, 0.11, 0.085, 0.16, 0.110, 0.110),
     (-0.05, 0.28, 0.05, 0.28, 0.125, 0.125),
-    (0.0, 0.40, 0.0, 1.6, 0.185, 0.200),
+    (0.0, 0.40, 0.0, 0.46, 0.185, 0.185),
+)
+LEGS = (
+    (-0.075, 0.50, -0.095, 0.92, 0.098, 0.066),
+    (-0.095, 0.92, -0.100, 1.32, 0.066, 0.046),
+    (0.075, 0.50, 0.095, 0.92, 0.098, 0.066),
+    (0.095, 0.92, 0.100, 1.32, 0.066, 0.046),
+)
+LOW_HAND = (
+    (-0.215, 0.62, -0.205, 0.70, 0.030, 0.030),
+    (-0.205, 0.70, -0.190, 0.79, 0.030, 0.012),
 )
 SLEEVE = (
     (-0.178, 0.060, -0.222, 0.330, 0.062, 0.054),
@@ -170,6 +180,8 @@ def person() -> list[Item]:
     cuff = SHIRT._replace(x=c - 0.2, y=0.2, turn=0.18)
     lapel = SHIRT._replace(albedo=0.42, turn=0.9, folds=0.08, round=0.55)
     items = [
+        body(_shift(LEGS), Surface(0.09, folds=0.25, fold_size=0.08), 0.02),
+        body(_shift(LOW_HAND), SKIN_TONE, 0.01),
         body(_shift(SLEEVE), cuff, 0.03),
         body(shirt, SHIRT, 0.05, [(c + x, 0.13, 0.06, 0.05, 0.012) for x in (-0.07, 0.07)]),
         blob(c - 0.175, 0.20, 0.016, 0.11, -0.45, 0.05),
@@ -195,7 +207,7 @@ def person() -> list[Item]:
 
 def person_shadow(dx: float, dy: float, soft: float, depth: float) -> list[Item]:
     """The still part's shadow on a wall, thrown by (dx, dy) metres."""
-    rows = _shift(TORSO + SLEEVE + NECK + HEAD)
+    rows = _shift(TORSO + LEGS + SLEEVE + NECK + HEAD)
     rows += [(CENTRE, -0.305, CENTRE, -0.30, 0.092, 0.09)]
     moved = [(r[0] + dx, r[1] + dy, r[2] + dx, r[3] + dy, *r[4:]) for r in rows]
     return [shadow(moved, soft, depth, 0.05)]

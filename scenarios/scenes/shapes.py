@@ -69,9 +69,9 @@ class Surface(NamedTuple):
 
 
 def _table() -> Array:
-    """65 536 fixed values in [0, 1): a 32-bit integer mix (the constants are those of C. Wellons'
+    """4096 fixed values in [0, 1): a 32-bit integer mix (the constants are those of C. Wellons'
     "prospector" search, triple32) of 0, 1, 2, ..."""
-    h = np.arange(1 << 16, dtype=np.uint32)
+    h = np.arange(1 << 12, dtype=np.uint32)
     for shift, factor in ((17, 0xED5AD4BB), (11, 0xAC4C1B51), (15, 0x31848BAB)):
         h ^= h >> np.uint32(shift)
         h *= np.uint32(factor)
@@ -80,18 +80,18 @@ def _table() -> Array:
 
 
 VALUES = _table()
-ROW, COLUMN, SEED = 40503, 29, 7919
-"""Steps through the table from one lattice point to the next; odd, so that a picture's worth of
-neighbours never meets the same value twice."""
+ROW, COLUMN, SEED = 1, 2531, 619
+"""Steps through the table from one lattice point to the next. 2531 is near 4096 over the golden
+ratio: the nearest points that share a value lie some 60 cells apart."""
 
 
 def grid(win: Win, cam: Cam) -> tuple[Array, Array]:
     """x (1, w) and y (h, 1) of the window's pixel centres, metres."""
     y0, y1, x0, x1, _, _ = win
     pixel, cy, cx = cam
-    return (np.arange(x0, x1)[None, :] + 0.5 - cx) * pixel, (
-        np.arange(y0, y1)[:, None] + 0.5 - cy
-    ) * pixel
+    x = (np.arange(x0, x1, dtype=np.float64)[None, :] + (0.5 - cx)) * pixel
+    y = (np.arange(y0, y1, dtype=np.float64)[:, None] + (0.5 - cy)) * pixel
+    return x, y
 
 
 def cover(d: Array) -> Array:
@@ -121,30 +121,31 @@ def visible(cell: float, pixel: float) -> float:
 
 def lattice(i: Any, j: Any, seed: int) -> Array:
     """A fixed value in [0, 1) for each lattice point (int64 arrays)."""
-    return VALUES[(i * ROW + j * COLUMN + seed * SEED) & 0xFFFF]
+    return VALUES[(i * ROW + j * COLUMN + seed * SEED) & 0xFFF]
 
 
 @vectorize(cache=True)
 def noise(x, y, seed):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
     """Value noise in [0, 1) with cells of size 1, twice differentiable (quintic fade of K. Perlin,
     Improving Noise, SIGGRAPH 2002)."""
-    i, j = math.floor(x), math.floor(y)
+    i, j = np.floor(x), np.floor(y)
     u, v = x - i, y - j
     u = u * u * u * (u * (u * 6 - 15) + 10)
     v = v * v * v * (v * (v * 6 - 15) + 10)
-    n = i * ROW + j * COLUMN + seed * SEED
-    a, b = VALUES[n & 0xFFFF], VALUES[(n + ROW) & 0xFFFF]
-    c, d = VALUES[(n + COLUMN) & 0xFFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFFF]
+    n = int(i) * ROW + int(j) * COLUMN + seed * SEED
+    a, b = VALUES[n & 0xFFF], VALUES[(n + ROW) & 0xFFF]
+    c, d = VALUES[(n + COLUMN) & 0xFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFF]
     top = a + u * (b - a)
     return top + v * (c + u * (d - c) - top)
 
 
-def square_mean(phase: Array, width: Any) -> Array:
+@vectorize(cache=True)
+def square_mean(phase, width):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
     """Mean over `width` > 0 cycles around `phase` (cycles) of a square wave that is 1 in the first
     half of each cycle and 0 in the second; exact for any width."""
     a, b = phase - 0.5 * width, phase + 0.5 * width
     fa, fb = np.floor(a), np.floor(b)
-    return (0.5 * (fb - fa) + np.minimum(b - fb, 0.5) - np.minimum(a - fa, 0.5)) / width
+    return (0.5 * (fb - fa) + min(b - fb, 0.5) - min(a - fa, 0.5)) / width
 
 
 def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
@@ -174,20 +175,25 @@ def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
     return 1.0
 
 
+@vectorize(cache=True)
+def _slope(x, y, seed, axis):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
+    """Derivative of `noise` along x (axis 0) or y (axis 1)."""
+    i, j = np.floor(x), np.floor(y)
+    u, v = x - i, y - j
+    n = int(i) * ROW + int(j) * COLUMN + seed * SEED
+    a, b = VALUES[n & 0xFFF], VALUES[(n + ROW) & 0xFFF]
+    c, d = VALUES[(n + COLUMN) & 0xFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFF]
+    if axis == 1:
+        u, v, b, c = v, u, c, b
+    steep = 30 * u * u * (1 - u) * (1 - u)
+    return steep * (b - a + v * v * v * (v * (v * 6 - 15) + 10) * (a - b - c + d))
+
+
 def wrinkles(s: Surface, u: Array, v: Array) -> tuple[Array, Array]:
-    """Lean (along u, along v) of cloth that wrinkles: the gradient of `noise`, its cells 2.2 times
-    longer along v."""
-    u, v = u / s.fold_size, v / (2.2 * s.fold_size)
-    i, j = np.floor(u), np.floor(v)
-    u, v = u - i, v - j
-    n = i.astype(np.int64) * ROW + j.astype(np.int64) * COLUMN + 3 * SEED
-    a, b = VALUES[n & 0xFFFF], VALUES[(n + ROW) & 0xFFFF]
-    c, d = VALUES[(n + COLUMN) & 0xFFFF], VALUES[(n + (ROW + COLUMN)) & 0xFFFF]
-    du, dv = 30 * (u * (1 - u)) ** 2, 30 * (v * (1 - v)) ** 2
-    u = u * u * u * (u * (u * 6 - 15) + 10)
-    v = v * v * v * (v * (v * 6 - 15) + 10)
-    twist = a - b - c + d
-    return s.folds * du * (b - a + v * twist), s.folds / 2.2 * dv * (c - a + u * twist)
+    """Lean (along u, along v) of cloth that wrinkles: the gradient of noise whose cells are 2.2
+    times longer along v."""
+    x, y = u / s.fold_size, v / (2.2 * s.fold_size)
+    return s.folds * _slope(x, y, 3, 0), s.folds / 2.2 * _slope(x, y, 3, 1)
 
 
 @vectorize(cache=True)

@@ -58,12 +58,31 @@ def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile =
     (an edge along the diagonal); at 2 to 4 pixels sine 0.002 RMS and square 0.03; below one pixel,
     where any wave is an alias, 0.1 RMS.
     """
+    phase, width = _phase(x, y, pixel, n)
+    return _wave(phase - turn, width, profile)
+
+
+def _phase(x: Any, y: Any, pixel: float, n: int) -> tuple[Any, Any]:
+    """Where pixels lie in the spokes at rest, and how wide they are there: spoke periods."""
     r = np.sqrt(x * x + y * y)
-    w = n * pixel / (TAU * np.maximum(r, 1e-6 * pixel))  # the pixel's width in periods
-    a = (n / TAU) * np.arctan2(y, x) - turn
+    return (n / TAU) * np.arctan2(y, x), n * pixel / (TAU * np.maximum(r, 1e-6 * pixel))
+
+
+def _wave(phase: Any, width: Any, profile: Profile) -> Array:
     if profile == "sine":
-        return np.asarray(np.sin(TAU * a) * np.sinc(w))
-    return np.asarray(2.0 * square_mean(a, w) - 1.0)
+        return np.asarray(np.sin(TAU * phase) * np.sinc(width))
+    return np.asarray(2.0 * square_mean(phase, width) - 1.0)
+
+
+@lru_cache(maxsize=192)
+def _geometry(win: Win, cam: Cam, x: float, y: float, radius: float, n: int) -> tuple[Any, ...]:
+    """What of a star's disc stays while it turns: phase and width of the pixels, and the part of
+    them within the disc. A picture is painted in bands; this holds some 3 million pixels of them,
+    in float32 (1e-6 of a period)."""
+    px, py = grid(win, cam)
+    px, py = px - x, py - y
+    part = cover((np.sqrt(px * px + py * py) - radius) / cam[0])
+    return tuple(a.astype(np.float32) for a in (*_phase(px, py, cam[0], n), part))
 
 
 def paint_star(
@@ -71,10 +90,9 @@ def paint_star(
     profile: Profile, mean: float, contrast: float,
 ) -> None:  # fmt: skip
     """Lay a star's disc: tone = mean (1 + contrast wave)."""
-    px, py = grid(win, cam)
-    px, py = px - x, py - y
-    part = cover((np.sqrt(px * px + py * py) - radius) / cam[0])
-    lay(image, win, part, mean * (1.0 + contrast * spokes(px, py, cam[0], n, turn, profile)))
+    phase, width, part = _geometry(win, cam, x, y, radius, n)
+    wave = _wave(phase - np.float32(turn), width, profile)
+    lay(image, win, part, np.float32(mean) * (1 + np.float32(contrast) * wave))
 
 
 def paint_wedge(image: Any, win: Win, cam: Cam, inner: float, outer: float) -> None:

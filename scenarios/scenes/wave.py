@@ -198,6 +198,9 @@ class Wave:
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label), as the paper's figure 5 marks ten."""
         view = _canvas(self).view
+        middle = -self.phase / (TAU * self.rate) if self.rate else 0.0
+        (x, y), hand = _chain(self, middle)[3], self.angles(middle)[2]
+        dx, dy = _lean(hand, 0.35 * HAND)
         at = {
             "sunlit wall": (0.44, -0.40),
             "wall": (-0.44, -0.40),
@@ -208,8 +211,8 @@ class Wave:
             "shirt": (CENTRE - 0.06, 0.20),
             "sleeve": (0.115, 0.165),
             "wrist": _chain(self, 0.0)[2],
-            "where the hand passes": (0.245, -0.225),
-            "where fingertips pass": (0.275, -0.275),
+            "where the palm passes": (x, y),
+            "where the fingers pass": (x + dx, y + dy),
         }
         return [(*view.point(x, y), label) for label, (x, y) in at.items()]
 

@@ -41,7 +41,7 @@ GRAVITY = 9.80665
 
 # Places and sizes, metres (assumed).
 FAN, FAN_HUB, FAN_TIP, BLADES = BOARD["fan"], 0.026, 0.119, 5
-DISC, DISC_RADIUS = BOARD["disc"], 0.115
+DISC, DISC_RADIUS, STAR_RADIUS = BOARD["disc"], 0.115, 0.047
 BALL_X, BALL_RADIUS, FLOOR, BALL_SPIN = -0.018, 0.027, 0.232, 2.0
 CRADLE, STRING, BEAD, BEADS = BOARD["cradle"], 0.150, 0.0185, 5
 CRADLE_PHASE, BALL_PHASE = 1.75, 0.93
@@ -62,6 +62,24 @@ GLYPHS: dict[str, tuple[tuple[tuple[float, float], ...], ...]] = {
 LETTER_RADIUS, LETTER_HIGH, LETTER_WIDE, LETTER_STEP = 0.082, 0.027, 0.021, 0.39
 
 
+@lru_cache(maxsize=64)
+def _blade(win: Win, cam: Cam) -> tuple[Any, ...]:
+    """What of the fan stays while it turns: angle in blade periods (swept back outwards), a blade's
+    half width there and pixels per period along its normal, pixels outside the ring, the circle's
+    direction, and the tone of the plastic. Bands of pixels in float32."""
+    x, y = grid(win, cam)
+    x, y = x - FAN[0], y - FAN[1]
+    r = np.sqrt(x * x + y * y) + 1e-9
+    s = np.clip((r - FAN_HUB) / (FAN_TIP - FAN_HUB), 0.0, 1.0)
+    angle = (np.arctan2(y, x) - 0.75 * s * s) * (BLADES / TAU)
+    half = (0.20 + 0.19 * s) * np.sqrt(1.0 - np.clip((s - 0.62) / 0.40, 0.0, 1.0) ** 2)
+    slope = 1.0 / np.sqrt(1.0 + (1.5 * s * r / (FAN_TIP - FAN_HUB)) ** 2)
+    scale = TAU / BLADES * r * slope / cam[0]
+    outside = np.maximum(r - FAN_TIP, 0.8 * FAN_HUB - r) / cam[0]
+    kept = (angle, half, scale, outside, -y / r, x / r, 0.66 * (0.72 + 0.28 * s))
+    return tuple(a.astype(np.float32) for a in kept)
+
+
 def paint_fan(image: Any, win: Win, cam: Cam, turn: float) -> None:
     """Lay the fan's blades, turned by `turn` radians clockwise as seen.
 
@@ -69,21 +87,12 @@ def paint_fan(image: Any, win: Win, cam: Cam, turn: float) -> None:
     widens outwards; distance is along the circle or the radius, whichever is nearer. Pitch and
     curve lean its normal along the circle, so that each blade flashes as it passes the light.
     """
-    x, y = grid(win, cam)
-    x, y = x - FAN[0], y - FAN[1]
-    r = np.sqrt(x * x + y * y) + 1e-9
-    s = np.clip((r - FAN_HUB) / (FAN_TIP - FAN_HUB), 0.0, 1.0)
-    swept = 0.75 * s * s
-    a = (np.arctan2(y, x) - turn - swept) * (BLADES / TAU)
+    angle, half, scale, outside, cx, cy, tone = _blade(win, cam)
+    a = angle - np.float32(turn * BLADES / TAU)
     a -= np.round(a)
-    half = (0.20 + 0.19 * s) * np.sqrt(1.0 - np.clip((s - 0.62) / 0.40, 0.0, 1.0) ** 2)
-    slope = 1.0 / np.sqrt(1.0 + (1.5 * s * r / (FAN_TIP - FAN_HUB)) ** 2)
-    d = (np.abs(a) - half) * (TAU / BLADES) * r * slope
-    d = np.maximum(d, np.maximum(r - FAN_TIP, 0.8 * FAN_HUB - r))
-    part = cover(d / cam[0])
+    part = cover(np.maximum((np.abs(a) - half) * scale, outside))
     lean = 0.30 + 0.55 * np.clip(a / half, -1.0, 1.0)
-    tone = 0.66 * diffuse(-y / r * lean, x / r * lean) * (0.72 + 0.28 * s)
-    lay(image, win, part, tone)
+    lay(image, win, part, tone * diffuse(cx * lean, cy * lean))
 
 
 @dataclass(frozen=True)
@@ -94,12 +103,13 @@ class Workshop:
     and 0 to 100. bounce: height of the ball's hops, 0.01 to 0.4 m. swing: the cradle's amplitude,
     0 to 0.6 rad. field: metres that the picture's shorter side sees, 0.2 to 5.
 
-    With the defaults the fan's blades pass at 37 m/s, the disc's rim at 9, the ball at 2.4 and the
-    cradle's beads at 0.6. ValueError for values out of range.
+    With the defaults the tips of the fan's blades pass at 18 m/s (1440 turns a minute, a desk fan
+    at its fastest), the disc's rim at 9, the ball at 2.4 and the cradle's beads at 0.6.
+    ValueError for values out of range.
     """
 
     shape: tuple[int, int]
-    fan: float = 50.0
+    fan: float = 24.0
     disc: float = 12.0
     bounce: float = 0.30
     swing: float = 0.50
@@ -166,14 +176,14 @@ class Workshop:
         view = _canvas(self).view
         at = {
             "lit wall": (-0.30, -0.26),
-            "pegboard hole": (0.345, -0.255),
+            "pegboard hole": (0.3501, -0.2501),
             "fan blade, middle": (FAN[0] + 0.062, FAN[1] - 0.020),
-            "fan blade, tip": (FAN[0] + 0.075, FAN[1] + 0.078),
+            "fan blade, tip": (FAN[0] + 0.064, FAN[1] + 0.078),
             "disc, lettering": (DISC[0], DISC[1] + LETTER_RADIUS),
             "disc, spokes": (DISC[0] + 0.030, DISC[1]),
             "ball passes": (BALL_X, 0.14),
             "first bead passes": (CRADLE[0] - 2 * 2 * BEAD - 0.035, CRADLE[1] + STRING - 0.010),
-            "bench": (-0.015, 0.37),
+            "bench": (0.02, 0.295),
             "white step": (BOARD["wedge"][0] + 0.113, BOARD["wedge"][1]),
             "dark step": (BOARD["wedge"][0] - 0.113, BOARD["wedge"][1]),
         }
@@ -197,13 +207,14 @@ def _canvas(scene: Workshop) -> Canvas:
     return Canvas(
         View(scene.shape, scene.field),
         (
-            Layer((*bench(), *fan_back())),
+            Layer((*bench(), *_card(), *fan_back())),
             Layer(items=blades, speed=fan, reach=square(*FAN, FAN_TIP)),
             Layer(tuple(fan_front())),
             Layer(
                 items=lambda t: _disc(scene.disc_angle(t)), speed=disc,
                 reach=square(*DISC, DISC_RADIUS + 0.002),
             ),
+            Layer(tuple(_axle())),
             Layer(items=lambda t: _ball(scene, t), speed=ball, reach=hop),
             Layer((*cradle_frame(), *_beads((0.0,) * (BEADS - 2)))),
             Layer(items=lambda t: _swinging(scene, t), speed=cradle, reach=swing),
@@ -211,17 +222,31 @@ def _canvas(scene: Workshop) -> Canvas:
     )  # fmt: skip
 
 
-def _disc(turn: float) -> list[Item]:
-    """The card disc, its star and its lettering."""
+def _card() -> list[Item]:
+    """What of the disc looks the same while it turns: its rim and card."""
     x, y = DISC
-    r = 0.047
-    star = (x, y, r, 12, 12 * turn / TAU, "square", 0.44, 0.90)
     return [
         ellipse(x, y, DISC_RADIUS, DISC_RADIUS, 0.10),
         ellipse(x, y, DISC_RADIUS - 0.007, DISC_RADIUS - 0.007, 0.80),
+    ]
+
+
+def _disc(turn: float) -> list[Item]:
+    """The disc's star and lettering."""
+    x, y = DISC
+    r = STAR_RADIUS
+    star = (x, y, r, 12, 12 * turn / TAU, "square", 0.44, 0.90)
+    return [
         Item((x - r, y - r, x + r, y + r), paint_star, star),
-        ellipse(x, y, r, r, 0.06, ring=0.0012),
         body(_lettering(turn), Surface(0.04, round=0.0)),
+    ]
+
+
+def _axle() -> list[Item]:
+    """The ring around the disc's star, and the nut."""
+    x, y = DISC
+    return [
+        ellipse(x, y, STAR_RADIUS, STAR_RADIUS, 0.06, ring=0.0012),
         ellipse(x, y, 0.0085, 0.0085, 0.45, lit=1.0, shine=0.3),
     ]
 

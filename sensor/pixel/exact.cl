@@ -173,11 +173,12 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
 #endif
     for (uint c = first; c < end;) {
         const uint w = c >> 5, begin = c & 31, stop = min(32u, end - (w << 5));
-        uint16 word = begin ? vload16(w * stride + g, words) : (uint16)(0);
+        // Gathered in 64-bit lanes, as the charge is, and narrowed once a word.
+        ulong16 bits = begin ? convert_ulong16(vload16(w * stride + g, words)) : (ulong16)(0);
         for (uint b = begin; b < stop; b++) {
             d -= add;
             const long16 fired = d >> 63;
-            word |= convert_uint16(as_ulong16(fired)) & (1u << b);
+            bits |= as_ulong16(fired) & (1ul << b);
             d += fired & q;
 #ifdef RAMP
             if (some(d))
@@ -185,6 +186,7 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
             add += slope;
 #endif
         }
+        uint16 word = convert_uint16(bits);
 #ifndef RAMP
         word |= always & (0xFFFFFFFFu >> (32 - (stop - begin)) << begin);
 #endif
