@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from math import gcd, isfinite
 
 __all__ = ["PS", "Clock", "seconds_to_ps"]
 
@@ -21,7 +22,8 @@ class Clock:
     """A clock of `num/den` Hz. Edge k lies at floor(k * 1e12 * den / num) picoseconds.
 
     The floor is taken of the exact rational, never of a sum of rounded periods, so 60 Hz and
-    85 MHz stay in step for ever. Cycle k lasts from edge k to edge k + 1.
+    85 MHz stay in step for ever. Cycle k lasts from edge k to edge k + 1. Held in lowest terms, so
+    that equal frequencies are equal clocks.
     """
 
     num: int
@@ -30,17 +32,21 @@ class Clock:
     def __post_init__(self) -> None:
         if self.num <= 0 or self.den <= 0:
             raise ValueError(f"clock frequency must be positive, not {self.num}/{self.den} Hz")
+        common = gcd(self.num, self.den)
+        object.__setattr__(self, "num", self.num // common)
+        object.__setattr__(self, "den", self.den // common)
 
     @classmethod
     def from_hz(cls, hz: float) -> Clock:
-        """The simplest rational within a part in 1e12 of `hz` (29.97 is 2997/100)."""
+        """The rational that the shortest decimal text of `hz` says (29.97 is 2997/100)."""
+        if not (isfinite(hz) and hz > 0):
+            raise ValueError(f"clock frequency must be positive and finite, not {hz} Hz")
         exact = Fraction(repr(float(hz)))
-        if exact <= 0:
-            raise ValueError(f"clock frequency must be positive, not {hz} Hz")
         return cls(exact.numerator, exact.denominator)
 
     @property
     def hz(self) -> float:
+        """The frequency, rounded to a float."""
         return self.num / self.den
 
     @property

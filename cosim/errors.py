@@ -1,7 +1,7 @@
 """The one exception family. Which to raise when:
 
-- `InputError`: something the user gave cannot be used (file, flag, scenario, machine without a device).
-  The command line prints its one line and exits with 2.
+- `InputError`: something the user gave cannot be used (file, flag, scenario, machine without a
+  device). The command line prints its one line and exits with 2.
 - `Interrupted`: the user stopped a run; its checkpoint stands and the text says how to go on.
 - Anything else is a fault of ours and keeps its traceback.
 """
@@ -24,12 +24,18 @@ class InputError(ViformError):
 
     def __init__(self, what: str, must: str, given: str, mend: str) -> None:
         self.what, self.must, self.given, self.mend = what, must, given, mend
-        super().__init__(" ".join(f"{what} must be {must}, not {given}; {mend}".split()))
+        super().__init__(what, must, given, mend)  # all of them, so that it can be pickled
+
+    def __str__(self) -> str:
+        return " ".join(f"{self.what} must be {self.must}, not {self.given}; {self.mend}".split())
 
 
 class Interrupted(ViformError):
     """A run was stopped by the user after `done` of `total` cycles; nothing is lost."""
 
     def __init__(self, done: int, total: int, mend: str) -> None:
-        self.done, self.total = done, total
-        super().__init__(f"interrupted after {done} of {total} cycles; {mend}")
+        self.done, self.total, self.mend = done, total, mend
+        super().__init__(done, total, mend)
+
+    def __str__(self) -> str:
+        return f"interrupted after {self.done} of {self.total} cycles; {self.mend}"

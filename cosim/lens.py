@@ -52,11 +52,16 @@ class Lens:
             raise ValueError(f"f-number must be at least {FASTEST_F_NUMBER}, not {self.f_number:g}")
         if not 0 < self.transmission <= 1:
             raise ValueError(f"transmission must be in (0, 1], not {self.transmission:g}")
-        if self.magnification < 0:
+        if not self.magnification >= 0:
             raise ValueError(f"magnification must be >= 0, not {self.magnification:g}")
+        if not self.wavelength_nm > 0:
+            raise ValueError(f"wavelength must be above 0 nm, not {self.wavelength_nm:g} nm")
+        if not math.isfinite(self.working_f_number * self.wavelength_nm):
+            raise ValueError(f"a lens must be described by finite numbers, not {self}")
 
     @property
     def working_f_number(self) -> float:
+        """N (1 + m), which sets both the light on the sensor and the diffraction."""
         return self.f_number * (1 + self.magnification)
 
     @property
@@ -65,7 +70,12 @@ class Lens:
         return self.transmission / (4 * self.working_f_number**2)
 
     def blur(self, plane: Plane, pitch_um: float) -> Plane:
-        """The plane through the PSF, edges mirrored; the sum of light is kept."""
+        """The plane through the PSF, edges mirrored; the sum of light is kept.
+
+        Light between pixel centres counts as band-limited by them, so beside a point far brighter
+        than its surroundings the image rings by up to a hundredth of that point. What would fall
+        below zero is cut off and the rest scaled to the same sum.
+        """
         if self.psf == "none":
             return plane
         height, width = plane.shape
@@ -78,9 +88,14 @@ class Lens:
         cutoff = 1 / (self.wavelength_nm * 1e-9 * self.working_f_number)
         spectrum = dctn(plane.astype(np.float64), norm="ortho")
         image = idctn(spectrum * diffraction_mtf(np.hypot(fy, fx), cutoff), norm="ortho")
-        return np.maximum(image, 0).astype(np.float32)
+        total = image.sum()
+        np.maximum(image, 0, out=image)
+        if total > 0:
+            image *= total / image.sum()
+        return image.astype(np.float32)
 
     def relay(self, pitch_um: float) -> LensRelay:
+        """The lens in front of pixels of this pitch."""
         return LensRelay(self, pitch_um)
 
 

@@ -76,6 +76,11 @@ class Light:
         for one, two in zip(self.pieces, self.pieces[1:], strict=False):
             if one.stop != two.start:
                 raise ValueError(f"pieces must join at {one.stop} ps, not {two.start} ps")
+            if one.first.shape != two.first.shape:
+                raise ValueError(
+                    f"pieces must share one (height, width), not {one.first.shape}, "
+                    f"{two.first.shape}"
+                )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -88,11 +93,20 @@ class Light:
             if piece.start <= ps < piece.stop:
                 return piece.level(ps)
         raise ValueError(
-            f"instant must be {self.pieces[0].start} to {self.pieces[-1].stop} ps, not {ps}"
+            f"instant must be from {self.pieces[0].start} to before {self.pieces[-1].stop} ps, "
+            f"not {ps} ps"
         )
 
     def integral(self, start: int, stop: int) -> npt.NDArray[np.float64]:
-        """Exposure from `start` to `stop` (ps) in unit x seconds: the closed form, in float64."""
+        """Exposure from `start` to `stop` (ps) in unit x seconds: the closed form, in float64.
+
+        Raises ValueError where the pieces do not cover that time.
+        """
+        if not self.pieces[0].start <= start <= stop <= self.pieces[-1].stop:
+            raise ValueError(
+                f"light must cover {start} to {stop} ps, not {self.pieces[0].start} to "
+                f"{self.pieces[-1].stop} ps"
+            )
         total = np.zeros(self.shape)
         for piece in self.pieces:
             a, b = max(start, piece.start), min(stop, piece.stop)
@@ -107,8 +121,10 @@ class Light:
 class PlaneMap:
     """Applies one function to the levels of pieces, each level once however many blocks use it.
 
-    The function must be linear and keep constants constant (a lens, air, a relay). `grow` is how
-    many pixels its influence reaches beyond a changed box; None means the whole plane.
+    Pieces of the light before are known again, and the last four planes; nothing older is kept,
+    since planes are large. The function must be linear and keep constants constant (a lens, air, a
+    relay). `grow` is how many pixels its influence reaches beyond a changed box; None means the
+    whole plane.
     """
 
     def __init__(self, function: Callable[[Plane], Plane], grow: int | None = 0) -> None:
@@ -134,11 +150,10 @@ class PlaneMap:
         elif box is not None and self._grow:
             (h, w), g = piece.first.shape, self._grow
             box = (max(box[0] - g, 0), min(box[1] + g, h), max(box[2] - g, 0), min(box[3] + g, w))
-        image = Piece(
+        return Piece(
             piece.start, piece.stop, self._plane(piece.first), self._plane(piece.last), box
         )
-        self._pieces = [*self._pieces[-255:], (piece, image)]
-        return image
 
     def __call__(self, light: Light) -> Light:
-        return Light(tuple(self._piece(p) for p in light.pieces), light.unit)
+        self._pieces = [(piece, self._piece(piece)) for piece in light.pieces]
+        return Light(tuple(image for _, image in self._pieces), light.unit)

@@ -20,6 +20,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted
 
 __all__ = ["BLOCK", "Block", "Checkpoint", "Stage", "Stateful", "blocks", "run_blocks"]
@@ -38,6 +39,7 @@ class Block:
 
     @property
     def stop(self) -> int:
+        """The first cycle after the block."""
         return self.start + self.cycles
 
 
@@ -48,7 +50,7 @@ def blocks(cycles: int, size: int = BLOCK, start: int = 0) -> Iterator[Block]:
 
 
 class Stage(Protocol):
-    """One part of the chain. `given` is None for the first."""
+    """One part of the chain. `given` is what the stage before made, None for the first."""
 
     def step(self, given: Any, block: Block) -> Any: ...
 
@@ -90,11 +92,12 @@ class Checkpoint:
             return 0
         mend = f"remove {self.path} to start afresh, or give the run another --out"
         try:
-            with np.load(self.path, allow_pickle=False) as file:
-                arrays = dict(file)
+            arrays = load_arrays(self.path)
             cycle, identity = int(arrays.pop("cycle")), str(arrays.pop("identity"))
-        except Exception as exc:  # numpy and zipfile raise many types for a damaged file
-            raise InputError("the checkpoint", "one that this run wrote", "a damaged file", mend) from exc
+        except (OSError, ValueError, TypeError, KeyError) as exc:
+            raise InputError(
+                "the checkpoint", "one that this run wrote", "a damaged file", mend
+            ) from exc
         if identity != self.identity:
             raise InputError("the checkpoint", "one of this same scenario", "one of another", mend)
         for name, stage in stages.items():
@@ -104,9 +107,6 @@ class Checkpoint:
                     {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
                 )
         return cycle
-
-    def remove(self) -> None:
-        self.path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -40,13 +40,9 @@ def cache_folder() -> Path:
 
     The temporary one is named by the user, so that runs share it, and used only when it is theirs.
     """
-    choices = [os.environ.get("VIFORM_CACHE"), os.environ.get("XDG_CACHE_HOME")]
-    home = os.environ.get("HOME")
-    folders = [Path(choices[0])] if choices[0] else []
-    folders += [Path(choices[1]) / "viform"] if choices[1] else []
-    folders += [Path(home) / ".cache" / "viform"] if home else []
-    folders += [Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"]
-    for folder in folders:
+    choices = (("VIFORM_CACHE", "."), ("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
+    folders = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
+    for folder in (*folders, Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"):
         try:
             folder.mkdir(parents=True, exist_ok=True)
             owned = folder.stat().st_uid == os.getuid()
@@ -58,28 +54,35 @@ def cache_folder() -> Path:
 
 
 def _prepare_environment() -> None:
-    """Point the caches of PoCL and pyopencl at a folder that can be written."""
+    """Point the caches of PoCL and pyopencl at a folder that can be written, here and in children.
+
+    VIFORM_CACHE holds on to it: looked for again, XDG_CACHE_HOME would lead one folder deeper.
+    """
     folder = cache_folder()
+    os.environ["VIFORM_CACHE"] = str(folder)
     os.environ.setdefault("POCL_CACHE_DIR", str(folder / "pocl"))
     os.environ.setdefault("XDG_CACHE_HOME", str(folder))
     Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
 
 
 def probe() -> list[dict[str, Any]]:
-    """The OpenCL devices of this machine, looked for in a child so that an abort there is only news.
+    """The OpenCL devices of this machine, looked for in a child, whose abort is only news.
 
-    Each: platform, device, version, units. Empty when there is none or the child died.
+    Each: platform, device, version, units. Empty when there is none, or the child died or hung.
     """
     _prepare_environment()
-    child = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True)
+    command = [sys.executable, "-c", _PROBE]
     try:
+        child = subprocess.run(command, capture_output=True, text=True, timeout=60)
         found: list[dict[str, Any]] = json.loads(child.stdout)
-    except json.JSONDecodeError:
+    except (subprocess.TimeoutExpired, json.JSONDecodeError):
         return []
     return found
 
 
-def _no_device(given: str, mend: str = f"install one ({INSTALL}) or pass --device numba") -> InputError:
+def _no_device(
+    given: str, mend: str = f"install one ({INSTALL}) or pass --device numba"
+) -> InputError:
     return InputError("the OpenCL device", "one that this machine has", given, mend)
 
 
@@ -91,7 +94,9 @@ def open_device(wanted: str | None = None) -> Device:
     """
     _prepare_environment()
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
-        raise _no_device("none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba")
+        raise _no_device(
+            "none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba"
+        )
     import pyopencl as cl
 
     try:
@@ -141,9 +146,8 @@ class Device:
 
         key = (source, options)
         if key not in self._programs:
-            cache = Path(os.environ["POCL_CACHE_DIR"]).parent / "programs"
             self._programs[key] = cl.Program(self.context, source).build(
-                list(options), cache_dir=str(cache)
+                list(options), cache_dir=str(cache_folder() / "programs")
             )
         return cl.Kernel(self._programs[key], name)
 
@@ -161,11 +165,6 @@ class Device:
         cl.enqueue_copy(self.queue, into, buffer)
         return into
 
-    def update(self, buffer: Any, array: npt.NDArray[Any]) -> None:
-        """Copies `array` into a buffer of its size."""
-        import pyopencl as cl
-
-        cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
-
     def finish(self) -> None:
+        """Waits for everything in the queue."""
         self.queue.finish()

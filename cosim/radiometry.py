@@ -12,7 +12,13 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["LUMINOUS_EFFICACY", "PLANCK", "SPEED_OF_LIGHT", "luminous_efficiency", "photons_per_lux"]
+__all__ = [
+    "LUMINOUS_EFFICACY",
+    "PLANCK",
+    "SPEED_OF_LIGHT",
+    "luminous_efficiency",
+    "photons_per_lux",
+]
 
 PLANCK: Final = 6.62607015e-34
 """J s, exact by definition of the SI (2019)."""

@@ -48,7 +48,13 @@ KINDS: dict[str, Kind] = {
     )
 }
 
-_NUMBER_FIRST = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*$")
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+# pint computes what stands in a unit, so that "s*9**9**9" would keep it busy for ever: only names
+# with a small power, joined by one sign, are let through to it.
+_POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[²³]|⁻[¹²³])?"
+_NAME = rf"[A-Za-zµμ_]+{_POWER}"
+_UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 
 
 @cache
@@ -79,19 +85,19 @@ def parse_quantity(text: str, kind: Kind) -> float:
     Raises ValueError ("must be a frequency such as '40 kHz', not '40 lux'") when the text is not
     a finite number with a unit of this kind.
     """
-    found = _NUMBER_FIRST.match(text)
-    if found is None or found[2] is None:
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
         raise ValueError(f"must be {kind}, not {text!r}")
     ureg = _registry()
     try:
         unit = ureg.Unit(found[2])
         allowed = _without_prefixes(unit) in _accepted(kind)
-        value = float(ureg.Quantity(float(found[1]), unit).to(kind.unit).magnitude) if allowed else 0
+        magnitude = ureg.Quantity(float(found[1]), unit).to(kind.unit).magnitude if allowed else 0
     except Exception as exc:  # pint raises a dozen types for text that is no unit
         raise ValueError(f"must be {kind}, not {text!r}") from exc
-    if not allowed or not math.isfinite(value):
+    if not allowed or not math.isfinite(magnitude):
         raise ValueError(f"must be {kind}, not {text!r}")
-    return value
+    return float(magnitude)
 
 
 def format_quantity(value: float, kind: Kind) -> str:

@@ -22,6 +22,7 @@ __all__ = [
     "Words",
     "count_spikes",
     "pack_planes",
+    "spikes_beyond",
     "unpack_planes",
     "words_for",
 ]
@@ -60,6 +61,11 @@ def _mask(first: int, stop: int, w: int) -> np.uint32:
     return np.uint32(((1 << high) - 1) & ~((1 << low) - 1))
 
 
+def spikes_beyond(last: npt.NDArray[np.uint32], cycles: int) -> bool:
+    """Whether the last word of `cycles` cycles has bits set that belong to none of them."""
+    return bool(cycles % WORD and (last >> np.uint32(cycles % WORD)).any())
+
+
 def count_spikes(stream: SpikeStream, first: int, stop: int) -> npt.NDArray[np.uint32]:
     """Spikes of each pixel in cycles `first` to `stop` (excluded): (H, W) uint32."""
     total = np.zeros(stream.shape, np.uint32)
@@ -86,7 +92,10 @@ class SpikeStream(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Viform:
-    """Word form in memory: `cycles` latch cycles of `clock`, the first one being cycle `start`."""
+    """Word form in memory: `cycles` latch cycles of `clock`, the first one being cycle `start`.
+
+    Raises ValueError for words of another shape or type, and for spikes beyond the last cycle.
+    """
 
     words: Words
     cycles: int
@@ -103,6 +112,8 @@ class Viform:
                 f"{self.cycles} cycles must lie in {words_for(self.cycles)} words, "
                 f"not {len(self.words)}"
             )
+        if spikes_beyond(self.words[-1], self.cycles):
+            raise ValueError(f"spikes must lie within {self.cycles} cycles, not beyond")
 
     @classmethod
     def from_planes(
@@ -113,9 +124,11 @@ class Viform:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(height, width) in pixels."""
         return self.words.shape[1], self.words.shape[2]
 
     def read_words(self, first: int, stop: int) -> Words:
+        """As `SpikeStream` says; a view."""
         return self.words[first:stop]
 
     def planes(self) -> npt.NDArray[np.uint8]:

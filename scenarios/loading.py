@@ -20,7 +20,7 @@ def shipped() -> dict[str, str]:
     """Text of every scenario that ships, by name."""
     folder = files("scenarios") / "files"
     return {
-        entry.name.removesuffix(".toml"): entry.read_text()
+        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
         for entry in sorted(folder.iterdir(), key=lambda e: e.name)
         if entry.name.endswith(".toml")
     }
@@ -32,15 +32,19 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
     if name in known:
         return name, tomllib.loads(known[name]), None
     path = Path(name)
-    if path.is_dir() and (path / "scenario.toml").is_file():
-        path = path / "scenario.toml"
-    if not path.is_file():
+    try:
+        if path.is_dir() and (path / "scenario.toml").is_file():
+            path = path / "scenario.toml"
+        found = path.is_file()
+    except OSError:  # a name too long
+        found = False
+    if not found:
         raise InputError(
             "the scenario", f"one of {', '.join(known)} or a TOML file", repr(name), "see `viform list`"
         )
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as exc:
+    except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
         raise InputError("the scenario", "a TOML file", f"{path} ({exc})", "mend that place") from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
     return stem or "scenario", data, path.parent
@@ -51,7 +55,7 @@ def _value(text: str) -> Any:
     if text.startswith("["):
         try:
             return json.loads(text)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             return text
     return text
 
@@ -84,7 +88,7 @@ def load(
     short, data, folder = _read(name)
     scene = data.get("scene")
     if folder is not None and isinstance(scene, dict) and isinstance(scene.get("path"), str):
-        scene["path"] = str((folder / scene["path"]).resolve())
+        scene["path"] = str(folder / scene["path"])
     for assignment in assignments or []:
         _set(data, assignment)
     if tolerance is not None:
@@ -94,7 +98,11 @@ def load(
     scenario = validate(data)
     path = getattr(scenario.scene, "path", None)
     if path is not None:
-        absolute = scenario.scene.model_copy(update={"path": str(Path(path).resolve())})
+        try:
+            place = str(Path(path).resolve())
+        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle
+            raise InputError("scene.path", "a file's name", f"{path!r} ({exc})", "check it") from exc
+        absolute = scenario.scene.model_copy(update={"path": place})
         scenario = scenario.model_copy(update={"scene": absolute})
     return short, scenario
 

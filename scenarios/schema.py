@@ -11,56 +11,72 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from pydantic.functional_serializers import PlainSerializer
-from pydantic.functional_validators import BeforeValidator
-from pydantic.json_schema import WithJsonSchema
+from pydantic_core import CoreSchema, core_schema
 
 from cosim import InputError
-from cosim.units import KINDS, format_quantity, parse_quantity
+from cosim.units import KINDS, Kind, format_quantity, parse_quantity
 from sensor import CHIPS
 
 __all__ = ["FilmScene", "ImageSection", "LensSection", "Scenario", "SceneSection", "SensorSection",
            "StarScene", "StepScene", "WaveScene", "export", "validate"]  # fmt: skip
 
 
-def _quantity(
-    kind_name: str,
-    *,
-    above: float | None = None,
-    least: float | None = None,
-    most: float | None = None,
-) -> Any:
-    """A float field that is written as text of one kind, with optional limits."""
-    kind = KINDS[kind_name]
+@dataclass(frozen=True)
+class Quantity:
+    """Makes a float field one that is written as text of one kind, with optional limits."""
 
-    def read(value: object) -> float:
+    kind_name: str
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+    @property
+    def kind(self) -> Kind:
+        return KINDS[self.kind_name]
+
+    def read(self, value: object) -> float:
+        """The number in the kind's unit; ValueError "must be ..." for anything else."""
+        must = f"must be {self.kind}"
         if not isinstance(value, str):
-            raise ValueError(f"must be {kind}, not {value!r}")
-        number = parse_quantity(value, kind)
-        for limit, fine in (
-            (f"above {above:g}" if above is not None else "", above is None or number > above),
-            (f"at least {least:g}" if least is not None else "", least is None or number >= least),
-            (f"at most {most:g}" if most is not None else "", most is None or number <= most),
+            raise ValueError(must)
+        try:
+            number = parse_quantity(value, self.kind)
+        except ValueError:
+            raise ValueError(must) from None
+        for word, limit, fine in (
+            ("above", self.above, self.above is None or number > self.above),
+            ("at least", self.least, self.least is None or number >= self.least),
+            ("at most", self.most, self.most is None or number <= self.most),
         ):
             if not fine:
-                raise ValueError(f"must be {kind} and {limit} {kind.unit}, not {value!r}")
+                raise ValueError(f"{must} and {word} {limit:g} {self.kind.unit}")
         return number
 
-    schema = {"type": "string", "description": str(kind), "examples": [kind.example]}
-    return Annotated[
-        float,
-        BeforeValidator(read),
-        PlainSerializer(lambda value: format_quantity(value, kind), return_type=str),
-        WithJsonSchema(schema),
-    ]
+    def write(self, value: float) -> str:
+        """Text that `read` reads back to the same float."""
+        return format_quantity(value, self.kind)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(self.write),
+        )
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string", "description": str(self.kind), "examples": [self.kind.example]}
 
 
-Time = _quantity("time", least=0)
-Duration = _quantity("time", above=0)
-Frequency = _quantity("frequency", above=0, most=1e9)
-Illuminance = _quantity("illuminance", least=0)
-Charge = _quantity("charge", above=0, most=2e6)
-Wavelength = _quantity("wavelength", above=0)
+DAY = 86_400.0
+"""Seconds; no run is longer (at 40 kHz it would be 3.5e9 cycles)."""
+
+# An electron is the least threshold; fixed point ends the rest. Outside the visible, lux say nothing
+# of photons.
+Time = Annotated[float, Quantity("time", least=0, most=DAY)]
+Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
+Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]
+Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
+Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
+Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -74,10 +90,12 @@ class FilmScene(Section):
     """A clip or an image that PyAV opens; without a path the built-in moving scene."""
 
     kind: Literal["film"] = "film"
-    path: str | None = Field(None, description="clip or image; the built-in scene when absent")
+    path: str | None = Field(
+        default=None, description="clip or image; the built-in scene when absent"
+    )
     start: Time = 0.0
-    frame_rate: Frequency | None = Field(None, description="overrides the clip's own")
-    illuminance: Illuminance = Field(description="falls on the scene; clip white reflects all of it")
+    frame_rate: Frequency | None = Field(default=None, description="overrides the clip's own")
+    illuminance: Illuminance = Field(description="falls on the scene; clip white reflects all")
 
 
 class WaveScene(Section):
@@ -85,8 +103,8 @@ class WaveScene(Section):
 
     kind: Literal["wave"]
     illuminance: Illuminance
-    rate: _quantity("frequency", least=0, most=6) = Field(  # type: ignore[valid-type]
-        3.0, description="waves a second"
+    rate: Annotated[float, Quantity("frequency", least=0, most=6)] = Field(
+        default=3.0, description="waves a second"
     )
 
 
@@ -96,8 +114,8 @@ class StarScene(Section):
     kind: Literal["star"]
     illuminance: Illuminance
     spokes: Annotated[int, Field(ge=2, le=360)] = 36
-    rotation: _quantity("frequency", least=0, most=1000) = Field(  # type: ignore[valid-type]
-        25.0, description="revolutions a second"
+    rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
+        default=25.0, description="revolutions a second"
     )
 
 
@@ -108,7 +126,7 @@ class StepScene(Section):
     illuminance: Illuminance
     before: Reflectance = 0.1
     after: Reflectance = 0.9
-    at: Time = Field(0.032, description="instant of the step")
+    at: Time = Field(default=0.032, description="instant of the step")
 
 
 SceneSection = Annotated[
@@ -120,10 +138,10 @@ class LensSection(Section):
     """The lens in front of the chip."""
 
     f_number: Annotated[float, Field(ge=0.5, le=1000)] | None = Field(
-        None, description="chosen so that white fires at white_rate when absent"
+        default=None, description="chosen so that white fires at white_rate when absent"
     )
     white_rate: Annotated[float, Field(gt=0, le=1)] = Field(
-        0.6, description="spikes a cycle of white, for a chosen f-number"
+        default=0.6, description="spikes a cycle of white, for a chosen f-number"
     )
     transmission: Annotated[float, Field(gt=0, le=1)] = 0.9
     magnification: Annotated[float, Field(ge=0, le=100)] = 0.0
@@ -136,7 +154,7 @@ class SensorSection(Section):
     chip: Literal[tuple(CHIPS)] = "spiketwo"  # type: ignore[valid-type]  # the presets' names
     clock: Frequency = 40e3
     threshold: Charge
-    wavelength: Wavelength = Field(555.0, description="at which lux are counted as photons")
+    wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
     lens: LensSection = LensSection()
 
 
@@ -144,7 +162,7 @@ class ImageSection(Section):
     """Which images a run makes, and from how many cycles."""
 
     at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
-        (), description="cycles of the instants; five evenly spaced ones when empty"
+        default=(), description="cycles of the instants; five evenly spaced ones when empty"
     )
     window: Annotated[int, Field(ge=1)] = 41
 
@@ -152,7 +170,7 @@ class ImageSection(Section):
 class Scenario(Section):
     """Everything that decides a run's result."""
 
-    title: str
+    title: str = Field(examples=["A clip at 40 kHz"])
     duration: Duration
     tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
@@ -169,12 +187,14 @@ class _Place:
     keys: tuple[str, ...]
 
 
-def _place(loc: tuple[int | str, ...], data: Any) -> _Place:
+def _place(loc: tuple[int | str, ...]) -> _Place:
     """Dotted name of an error's location (without the union's tag) and its section's keys."""
     model: type[BaseModel] | None = Scenario
     names: list[str] = []
     keys: tuple[str, ...] = tuple(Scenario.model_fields)
-    kinds = {"film": FilmScene, "wave": WaveScene, "star": StarScene, "step": StepScene}
+    kinds: dict[str, type[BaseModel]] = {
+        "film": FilmScene, "wave": WaveScene, "star": StarScene, "step": StepScene,
+    }  # fmt: skip
     for part in loc:
         if names == ["scene"] and part in kinds and model is None:
             model = kinds[str(part)]
@@ -194,8 +214,10 @@ def _example(name: str) -> str:
     node: dict[str, Any] = export()
     for part in name.split("."):
         node = _resolve(node).get("properties", {}).get(part, {})
-    examples = _resolve(node).get("examples")
-    return f"write --set {name}={examples[0]!r}" if examples else "see `viform list --schema`"
+    found = _resolve(node)
+    examples = found.get("examples") or found.get("enum") or [found.get("const")]
+    known = examples[0] is not None
+    return f"write --set {name}={examples[0]!r}" if known else "see `viform list --schema`"
 
 
 def _resolve(node: dict[str, Any]) -> dict[str, Any]:
@@ -207,16 +229,51 @@ def _resolve(node: dict[str, Any]) -> dict[str, Any]:
     if alternatives:
         merged: dict[str, Any] = {"properties": {}}
         for inner in map(_resolve, alternatives):
-            merged["properties"] |= inner.get("properties", {})
-            merged.setdefault("examples", inner["examples"]) if "examples" in inner else None
+            merged["properties"] = inner.get("properties", {}) | merged["properties"]
+            if "examples" in inner:
+                merged.setdefault("examples", inner["examples"])
         return merged
     return node
 
 
-def _one_line(error: Any, data: Any) -> InputError:
+_MUST = {
+    "model_type": "a section",
+    "model_attributes_type": "a section",
+    "tuple_type": "a list such as [100, 200]",
+    "string_type": "text",
+    "string_unicode": "text in UTF-8",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number of fewer digits",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "greater_than": "above {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le:g}",
+    "literal_error": "{expected}",
+}
+"""What a key must be, by pydantic's type of error; the braces are filled from its context."""
+
+_LONGEST = 80
+"""Characters of a wrong value that a message repeats."""
+
+
+def _shown(value: object) -> str:
+    """A wrong value as a message repeats it."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def _one_line(error: Any) -> InputError:
     """The first error of a validation as what must be, what was given, how to mend it."""
-    place = _place(error["loc"], data)
-    given, kind = repr(error["input"]), error["type"]
+    place = _place(error["loc"])
+    given, kind = _shown(error["input"]), error["type"]
     if kind == "extra_forbidden":
         key = place.name.rsplit(".", 1)[-1]
         near = difflib.get_close_matches(key, place.keys, 1)
@@ -228,13 +285,11 @@ def _one_line(error: Any, data: Any) -> InputError:
         return InputError(name, "given", "absent", _example(name))
     text = error["msg"].removeprefix("Value error, ").strip()
     if text.startswith("must be "):
-        must, _, rest = text.removeprefix("must be ").rpartition(", not ")
-        return InputError(place.name, must, rest, _example(place.name))
+        return InputError(place.name, text.removeprefix("must be "), given, _example(place.name))
     if kind == "union_tag_invalid":
-        wanted = error["ctx"]["expected_tags"]
-        return InputError(f"{place.name}.kind", f"one of {wanted}", repr(error["ctx"]["tag"]), "choose one")
-    must = text[0].lower() + text[1:]
-    must = must.removeprefix("input should be ").removeprefix("a valid ")
+        wanted, tag = error["ctx"]["expected_tags"], _shown(error["ctx"]["tag"])
+        return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
+    must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
     return InputError(place.name, must, given, _example(place.name))
 
 
@@ -243,7 +298,7 @@ def validate(data: dict[str, Any]) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as exc:
-        raise _one_line(exc.errors()[0], data) from None
+        raise _one_line(exc.errors()[0]) from None
 
 
 def export() -> dict[str, Any]:

@@ -67,7 +67,7 @@ class Exposure:
 
     def _fixed(self, plane: Plane) -> Charge:
         if not (plane >= 0).all():
-            raise ValueError(f"light must be 0 or more, not {float(np.nanmin(plane)):g}")
+            raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
         return to_fixed(plane.astype(np.float64) * self._per_cycle)
 
     def _course(self, piece: Piece) -> _Course:

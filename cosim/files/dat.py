@@ -45,10 +45,11 @@ class DatStream:
         frame = check_dat_size(width, height)
         length = path.stat().st_size
         if length == 0 or length % frame:
+            frames = f", which is {length // frame} frames and {length % frame} bytes over"
             raise InputError(
                 f"{path}",
                 f"whole frames of {frame} bytes ({width}x{height})",
-                f"{length} bytes, which is {length // frame} frames and {length % frame} bytes over",
+                f"{length} bytes{frames if length else ''}",
                 "give its true --size WxH, or take a file that is not cut off",
             )
         self._frames = np.memmap(path, np.uint8, "r").reshape(-1, frame)

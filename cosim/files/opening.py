@@ -33,22 +33,27 @@ def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
     size: (width, height) of formats without a header; one that has a header must agree.
     Raises InputError for whatever is no stream.
     """
-    if path.is_dir() and (path / "stream.zarr").exists():
-        path = path / "stream.zarr"
-    if not path.exists():
-        raise InputError("the stream", "a file that exists", str(path), "check the path")
-    reader = _READ.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(
-            "the stream", f"a {', '.join(FORMATS)} or the folder of a run", str(path), "rename or convert it"
-        )
     try:
+        if (path / "stream.zarr").exists():
+            path = path / "stream.zarr"
+        if not path.exists():
+            raise InputError("the stream", "a file that exists", str(path), "check the path")
+        reader = _READ.get(path.suffix.lower())
+        if reader is None:
+            raise InputError(
+                "the stream",
+                f"a {', '.join(FORMATS)} or the folder of a run",
+                str(path),
+                "rename or convert it",
+            )
         stream = reader(path, size)
     except OSError as exc:
         raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
     height, width = stream.shape
     if size is not None and size != (width, height):
-        raise InputError("--size", f"{width}x{height} for {path}", f"{size[0]}x{size[1]}", "leave it out")
+        raise InputError(
+            "--size", f"{width}x{height} for {path}", f"{size[0]}x{size[1]}", "leave it out"
+        )
     return stream
 
 

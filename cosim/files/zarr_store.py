@@ -1,8 +1,9 @@
 """Zarr: the store of a run, written block by block and read in any part.
 
 A group with the attributes `viform` (format version), `cycles`, `clock`, `start`, `complete`, and
-one array `words` (n, H, W) uint32, a chunk for each 64 cycles, zstd. `complete` turns true only
-when the last block has been written; a reader refuses the store before that.
+one array `words` (n, H, W) uint32, a chunk for each 64 cycles, zstd with checksums. `complete`
+turns true only when the last block has been written; a reader refuses the store before that.
+Chunks without spikes are written as well, so that one that was lost is noticed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.loop import Block
-from cosim.viform import WORD, SpikeStream, Viform, Words, words_for
+from cosim.viform import WORD, SpikeStream, Viform, Words, spikes_beyond, words_for
 
 __all__ = ["Recorder", "ZarrStream", "write_zarr"]
 
@@ -38,9 +39,11 @@ class ZarrStream:
 
     def __init__(self, path: Path) -> None:
         try:
-            group = zarr.open_group(str(path), mode="r")
+            group = zarr.open_group(path, mode="r")
             attributes = dict(group.attrs)
-            words = cast(zarr.Array[Any], group["words"])
+            words = group["words"]
+            if not isinstance(words, zarr.Array):
+                raise TypeError("words must be an array, not a group")
             self.cycles = int(cast(int, attributes["cycles"]))
             num, den = (int(x) for x in cast(list[int], attributes["clock"]))
             self.clock = Clock(num, den)
@@ -52,28 +55,39 @@ class ZarrStream:
             raise _bad(path, f"format {version}", f"use a program that writes format {VERSION}")
         if complete is not True:
             raise _bad(
-                path, "one that was interrupted", f"finish it: viform run --resume --out {path.parent}"
+                path,
+                "one that was interrupted",
+                f"finish it: viform run --resume --out {path.parent}",
             )
         shape_ok = words.ndim == 3 and words.shape[0] == words_for(self.cycles)
         if words.dtype != np.uint32 or not shape_ok or 0 in words.shape:
             raise _bad(path, f"words of shape {words.shape} for {self.cycles} cycles")
+        if words.chunks != (_CHUNK, *words.shape[1:]):
+            raise _bad(path, f"chunks of shape {words.chunks}")
         self._path, self._words = path, words
         self._kept: tuple[int, Words] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(height, width) in pixels."""
         return self._words.shape[1], self._words.shape[2]
 
     def _chunk(self, n: int) -> Words:
         if self._kept is None or self._kept[0] != n:
+            if not (self._path / "words" / self._words.metadata.encode_chunk_key((n, 0, 0))).exists():
+                raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
             try:
-                words = self._words[n * _CHUNK : (n + 1) * _CHUNK]
+                words = cast(Words, self._words[n * _CHUNK : (n + 1) * _CHUNK])
             except Exception as exc:  # a chunk that does not decode
                 raise _bad(self._path, f"damaged in chunk {n}") from exc
-            self._kept = (n, cast(Words, np.asarray(words)))
+            last = n * _CHUNK + len(words) == words_for(self.cycles)
+            if last and spikes_beyond(words[-1], self.cycles):
+                raise _bad(self._path, "one with spikes beyond its last cycle")
+            self._kept = (n, words)
         return self._kept[1]
 
     def read_words(self, first: int, stop: int) -> Words:
+        """As `SpikeStream` says; InputError where a chunk is damaged."""
         stop = min(stop, words_for(self.cycles))
         parts = [
             self._chunk(n)[max(first - n * _CHUNK, 0) : stop - n * _CHUNK]
@@ -85,42 +99,54 @@ class ZarrStream:
 class Recorder:
     """The stage that writes a run's spikes. The store is made at the first block or gone on with.
 
-    stop: cycles of the whole run. Blocks come in order; each starts on a whole word unless it
-    goes on in the word where the one before it ended.
+    cycles: of the whole run. start: what its first cycle is called. Blocks come in order, of any
+    size; the word that one leaves open is gone on with by the next. bytes_written: of words, before
+    compression.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, int], cycles: int, clock: Clock) -> None:
+    def __init__(
+        self, path: Path, shape: tuple[int, int], cycles: int, clock: Clock, start: int = 0
+    ) -> None:
+        self._start = start
         self._path, self._shape, self._cycles, self._clock = path, shape, cycles, clock
         self._array: Any = None
         self._open_word: Words | None = None
         self.bytes_written = 0
 
-    def _create(self) -> Any:
+    def _create(self) -> None:
         if self._path.exists():
             shutil.rmtree(self._path)
-        group = zarr.create_group(str(self._path))
+        group = zarr.create_group(self._path)
         group.attrs.update(
             viform=VERSION,
             cycles=self._cycles,
             clock=[self._clock.num, self._clock.den],
-            start=0,
+            start=self._start,
             complete=False,
         )
-        return group.create_array(
+        group.create_array(
             "words",
             shape=(words_for(self._cycles), *self._shape),
             chunks=(_CHUNK, *self._shape),
             dtype="uint32",
-            compressors=ZstdCodec(level=1),
+            compressors=ZstdCodec(level=1, checksum=True),
         )
+
+    def _open(self, resumed: bool) -> Any:
+        if not resumed:
+            self._create()
+        try:
+            words = zarr.open_group(self._path, mode="r+")["words"]
+        except Exception as exc:  # zarr raises many types for what is no store
+            mend = f"start afresh: remove {self._path.parent}"
+            raise _bad(self._path, "missing or damaged", mend) from exc
+        # With the default, a chunk without spikes would be no file, just as one that was lost.
+        return cast(zarr.Array[Any], words).with_config({"write_empty_chunks": True})
 
     def step(self, given: Viform, block: Block) -> Viform:
         """Writes one block and hands it on."""
         if self._array is None:
-            resumed = block.start > 0
-            self._array = (
-                zarr.open_group(str(self._path), mode="r+")["words"] if resumed else self._create()
-            )
+            self._array = self._open(resumed=block.start > 0)
         words, offset = given.words, block.start % WORD
         if offset:  # go on in the word that the block before left open
             joined = np.zeros((words_for(offset + block.cycles), *self._shape), np.uint32)
@@ -135,7 +161,7 @@ class Recorder:
         self.bytes_written += words.nbytes
         self._open_word = words[-1].copy() if block.stop % WORD else None
         if block.stop == self._cycles:
-            zarr.open_group(str(self._path), mode="r+").attrs["complete"] = True
+            zarr.open_group(self._path, mode="r+").attrs["complete"] = True
         return given
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
@@ -143,15 +169,17 @@ class Recorder:
         return {} if self._open_word is None else {"open_word": self._open_word}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
         self._open_word = state.get("open_word")
 
 
 def write_zarr(stream: SpikeStream, path: Path) -> None:
-    """Writes any stream as a finished store."""
+    """Writes any stream as a finished store; nothing of it is lost."""
     with whole(path) as part:
-        recorder = Recorder(part, stream.shape, stream.cycles, stream.clock)
+        start = getattr(stream, "start", 0)
+        recorder = Recorder(part, stream.shape, stream.cycles, stream.clock, start)
         for first in range(0, words_for(stream.cycles), _CHUNK):
             words = stream.read_words(first, first + _CHUNK)
-            start = first * WORD
-            cycles = min(_CHUNK * WORD, stream.cycles - start)
-            recorder.step(Viform(words, cycles, stream.clock, start), Block(start, cycles))
+            at = first * WORD
+            cycles = min(_CHUNK * WORD, stream.cycles - at)
+            recorder.step(Viform(words, cycles, stream.clock, start + at), Block(at, cycles))

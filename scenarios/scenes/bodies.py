@@ -22,10 +22,10 @@ from scenarios.scenes.shapes import (
     Surface,
     Win,
     cover,
+    cover_solid,
     diffuse,
     highlight,
     pattern,
-    thin,
     wrinkles,
 )
 
@@ -191,7 +191,7 @@ def paint_body(
     """
     pixel = cam[0]
     flat, place, (x, y, d, tx, ty, r) = _find(image, win, cam, parts, blend, 0.5 * pixel)
-    part = cover(d / pixel) * thin(r / pixel)
+    part = cover_solid(d / pixel, r / pixel)
     tx, ty = tx * s.round, ty * s.round
     for bx, by, sx, sy, height in bumps:
         ex, ey = (x - bx) / sx, (y - by) / sy

@@ -16,18 +16,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim import Box, Plane
 from scenarios.scenes import bodies, shapes
 from scenarios.scenes.shapes import Surface
 
 __all__ = [
-    "Box", "Canvas", "Item", "Layer", "Plane", "View", "blob", "body", "check_instant",
+    "Canvas", "Item", "Layer", "View", "blob", "body", "check_instant",
     "check_number", "check_shape", "ellipse", "polygon", "shadow",
 ]  # fmt: skip
 
-Plane = npt.NDArray[np.float32]
-"""(height, width) float32."""
-Box = tuple[int, int, int, int]
-"""Rows y0 to y1 and columns x0 to x1, the ends excluded, as (y0, y1, x0, x1)."""
 NOTHING: Box = (0, 0, 0, 0)
 SMALLEST, LARGEST = 8, 2000
 BAND = 1 << 14
@@ -190,7 +187,7 @@ class Canvas:
             cut = slice(a - where[0], b - where[0]), slice(c - where[2], d - where[2])
             part *= passes[cut]
             part += adds[cut]
-        return image
+        return np.clip(image, 0.0, 1.0, out=image)
 
     def direct(self, t: float) -> Plane:
         """The whole picture at t with nothing kept from before: every item in its order."""
@@ -198,7 +195,7 @@ class Canvas:
         for layer in self.layers:
             for item in layer.items(t) if layer.items else layer.still:
                 item.draw(image, self.view.whole, self.view)
-        return image
+        return np.clip(image, 0.0, 1.0, out=image)
 
     def moving(self, start: float, stop: float) -> Box:
         """A box outside of which nothing changes from start to stop (seconds); empty, (0, 0, 0, 0),

@@ -41,7 +41,8 @@ class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
     frame(n) is (H, W) float32 in [0, 1]. rate: frames a second (0 for a still image). count: frames
-    known so far; `ended` tells that it is all of them. Going backwards opens the file again.
+    known so far; `ended` tells that it is all of them. Going backwards opens the file again; what
+    is passed over is decoded and no more.
     """
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -49,17 +50,21 @@ class Clip:
         self.notes: list[str] = []
         self._iterator: Iterator[Any] | None = None
         self._next = 0
-        self._last: Plane | None = None
+        self._latest: tuple[int, Any] | None = None
         self._kept: dict[int, Plane] = {}
         self._curves: dict[int, npt.NDArray[np.float32]] = {}
         self.ended = False
         self.rate = Fraction(0)
         self.count = 0
         self._start()
-        first = self.frame(0)
-        assert first is not None
+        if self.frame(0) is None:
+            raise self._bad("no picture in it")
         if self.frame(1) is None:
             self.rate = Fraction(0)
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
 
     def _bad(self, given: str) -> InputError:
         return InputError(
@@ -70,22 +75,23 @@ class Clip:
     def _start(self) -> None:
         import av
 
-        if not self._path.is_file():
-            raise self._bad("no such file")
         try:
+            if not self._path.is_file():
+                raise self._bad("not a file" if self._path.exists() else "no such file")
             container = av.open(str(self._path))
             if not container.streams.video:
                 container.close()
                 raise self._bad("no picture in it")
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
+            self._aspect = float(stream.sample_aspect_ratio or 1)
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         except (av.FFmpegError, OSError, ValueError) as exc:
             raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
         self._iterator, self._next, self.ended = container.decode(stream), 0, False
 
-    def _decode(self) -> Plane | None:
-        """The next frame, or None after the last."""
+    def _decode(self) -> bool:
+        """Decodes the next frame; False after the last."""
         import av
 
         assert self._iterator is not None
@@ -93,40 +99,53 @@ class Clip:
             frame = next(self._iterator)
         except (StopIteration, av.EOFError):
             self.ended = True
-            return None
+            return False
         except (av.FFmpegError, OSError, ValueError) as exc:
             if self._next == 0:
                 raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
-            note = f"{self._path.name} cannot be decoded beyond frame {self._next - 1}"
-            if note not in self.notes:
-                self.notes.append(note)
+            self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
             self.ended = True
-            return None
-        plane = self._linear(frame)
-        self._kept = {n: p for n, p in self._kept.items() if n >= self._next - 2}
-        self._kept[self._next] = self._last = plane
+            return False
+        self._check_time(frame)
+        self._latest = (self._next, frame)
         self._next += 1
         self.count = max(self.count, self._next)
-        return plane
+        return True
+
+    def _check_time(self, frame: Any) -> None:
+        """Notes a frame that is not where an even rate puts it."""
+        if frame.time is None or not self.rate:
+            return
+        if self._next == 0:
+            self._zero = frame.time
+        elif abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5:
+            self._note(f"{self._path.name}: frames are not evenly spaced; taken as if they were")
+
+    def _plane(self) -> Plane:
+        """The latest frame as linear light; a few are kept."""
+        assert self._latest is not None
+        number, frame = self._latest
+        if number not in self._kept:
+            self._kept = {n: p for n, p in self._kept.items() if number - 2 <= n < number}
+            self._kept[number] = self._linear(frame)
+        return self._kept[number]
 
     def _linear(self, frame: Any) -> Plane:
         import cv2
 
         code = int(frame.color_trc or 2)
         if code not in _POWER and code not in _AS_SRGB:
-            note = f"transfer characteristics {code} (H.273) are taken as sRGB"
-            if note not in self.notes:
-                self.notes.append(note)
+            self._note(f"transfer characteristics {code} (H.273) are taken as sRGB")
         if code not in self._curves:
             self._curves[code] = _curve(code)
         rgb = frame.to_ndarray(format="rgb48le")
         luminance: npt.NDArray[np.float32] = self._curves[code][rgb] @ _LUMINANCE
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
-        aspect = float(getattr(frame, "sample_aspect_ratio", None) or 1)
         height, width = luminance.shape
-        wide = max(1, round(width * aspect)) if 0.1 < aspect < 10 else width
+        wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width
         if turns:
             luminance = np.rot90(luminance, turns)
+        if turns % 2:
             height, wide = wide, height
         rows, columns = self._shape
         scale = max(rows / height, columns / wide)
@@ -142,15 +161,13 @@ class Clip:
         """Frame n, or None where the clip has ended before it."""
         if n in self._kept:
             return self._kept[n]
-        if n < self._next:
-            self._kept = {}
+        if n < self._next - 1:
             self._start()
         while self._next <= n:
-            if self.ended or self._decode() is None:
+            if self.ended or not self._decode():
                 return None
-        return self._kept[n]
+        return self._plane()
 
     def last(self) -> Plane:
         """The last frame decoded; the clip's last where it has ended."""
-        assert self._last is not None
-        return self._last
+        return self._plane()

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim import PS, Block, Box, Clock, InputError, Light, Piece, Plane, seconds_to_ps
+from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from scenarios.scenes.clip import Clip
-from scenarios.scenes.source import changed_box, spread_points
+from scenarios.scenes.source import spread_points
 
 __all__ = ["FilmSource"]
 
@@ -129,6 +129,3 @@ class FilmSource:
 
     def points(self) -> list[tuple[int, int, str]]:
         return spread_points(self.shape)
-
-    def moving(self, start: float, stop: float) -> Box:
-        return changed_box(self.truth(seconds_to_ps(start)), self.truth(seconds_to_ps(stop)))

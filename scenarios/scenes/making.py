@@ -18,7 +18,8 @@ def make_source(
 ) -> Source:
     """The scene on a (height, width) grid for a run of so many cycles."""
     if isinstance(scene, StepScene):
-        return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at)
+        stop = clock.edge(cycles)
+        return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at, stop)
     if isinstance(scene, FilmScene) and scene.path is not None:
         return FilmSource(
             Path(scene.path), shape, scene.illuminance, clock, cycles, scene.start, scene.frame_rate

@@ -6,8 +6,7 @@ already holds ("over", Porter and Duff, SIGGRAPH 1984), or multiplies it.
 
 Coverage is clip(0.5 - d, 0, 1) with d the signed distance from the pixel's centre to the shape's
 edge, in pixels: exact for a straight edge along the pixel's side; for one along its diagonal,
-where a box cuts a parabola 1.41 px long, wrong by at most 0.06. What is thinner than a pixel keeps
-its total, 2r per pixel of length.
+where a box cuts a parabola 1.41 px long, wrong by at most 0.06.
 
 A painter takes `win` = (y0, y1, x0, x1, top, left): rows and columns to paint and the place of
 `image`'s first pixel in the whole picture; and `cam` = (pixel, cy, cx): metres per pixel, and the
@@ -26,8 +25,8 @@ from numba import vectorize
 
 __all__ = [
     "BLOB_REACH", "CHECK", "GRAIN", "HAIR", "PLAIN", "SKIN", "STRIPES", "Array", "Cam", "Surface",
-    "Win", "cover", "diffuse", "grid", "highlight", "lattice", "lay", "noise", "paint_blob",
-    "paint_ellipse", "paint_polygon", "pattern", "square_mean", "thin", "visible", "wrinkles",
+    "Win", "cover", "cover_solid", "diffuse", "grid", "highlight", "lattice", "lay", "noise",
+    "paint_blob", "paint_ellipse", "paint_polygon", "pattern", "square_mean", "visible", "wrinkles",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -99,11 +98,11 @@ def cover(d: Array) -> Array:
     return np.clip(0.5 - d, 0.0, 1.0)
 
 
-def thin(r: Any) -> Any:
-    """Factor on the coverage of a line of half width r pixels, so that one thinner than a pixel
-    keeps its total: its triangle of height and half base 0.5 + r holds (0.5 + r)^2, not 2r."""
-    r = np.minimum(r, 0.5)
-    return 2 * r / (0.5 + r) ** 2
+def cover_solid(d: Array, r: Any) -> Array:
+    """The same for a line or disc of half width r pixels, also where that is below a pixel: the
+    edge here less the edge beyond, exact for a line along the pixel's side."""
+    d = np.maximum(d, -r)
+    return np.clip(d + 2 * r + 0.5, 0.0, 1.0) - np.clip(d + 0.5, 0.0, 1.0)
 
 
 def lay(image: Any, win: Win, part: Array, tone: Any) -> None:
@@ -246,7 +245,7 @@ def paint_ellipse(
     lean = q
     if ring > 0.0:
         lean, d = np.clip(d / ring, -1.0, 1.0), np.abs(d) - ring
-    part = cover(d / pixel) * thin((ring or min(a, b)) / pixel)
+    part = cover_solid(d / pixel, (ring or min(a, b)) / pixel)
     light, spot = 1.0, 0.0
     if lit > 0.0:
         gx, gy = gx / slope * lean * lit, gy / slope * lean * lit
@@ -288,10 +287,10 @@ def paint_polygon(
 def paint_blob(
     image: Any, win: Win, cam: Cam, x: float, y: float, a: float, b: float, turn: float, gain: float
 ) -> None:
-    """Multiply by 1 + gain exp(-q/2), q = (u/a)^2 + (v/b)^2: a soft shadow (gain < 0) or glow."""
+    """Multiply by 1 + gain exp(-q/2), q = (u/a)^2 + (v/b)^2: a soft shadow (gain < 0) or glow,
+    which may exceed 1 until the whole picture is clipped."""
     y0, y1, x0, x1, top, left = win
     u, v = _axes(win, cam, x, y, turn)
     e = np.exp(-0.5 * ((u / a) ** 2 + (v / b) ** 2)) - math.exp(-0.5 * BLOB_REACH**2)
     under = image[y0 - top : y1 - top, x0 - left : x1 - left]
     under *= 1.0 + gain * np.maximum(e, 0.0)
-    np.minimum(under, 1.0, out=under)

@@ -7,13 +7,13 @@ instant, white = 1, which fidelity is measured against.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
 
-__all__ = ["AnalyticScene", "AnalyticSource", "Source"]
+__all__ = ["AnalyticScene", "AnalyticSource", "Source", "spread_points"]
 
 
 class Source(Protocol):
@@ -30,7 +30,6 @@ class Source(Protocol):
     def step(self, given: None, block: Block) -> Light: ...
     def truth(self, ps: int) -> Plane: ...
     def points(self) -> list[tuple[int, int, str]]: ...
-    def moving(self, start: float, stop: float) -> Box: ...
 
 
 class AnalyticScene(Protocol):
@@ -106,24 +105,13 @@ class AnalyticSource:
     def points(self) -> list[tuple[int, int, str]]:
         return self._scene.points()
 
-    def moving(self, start: float, stop: float) -> Box:
-        return self._scene.moving(start, stop)
-
 
 def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, str]]:
     """Pixels spread over a plane, for scenes that name none: low-discrepancy (R2) sequence."""
     height, width = shape
     g = 1.32471795724474602596  # plastic number: its powers space the points evenly
-    return [
-        (int(height * ((0.5 + i / g) % 1)), int(width * ((0.5 + i / g**2) % 1)), f"pixel {i + 1}")
+    places = [
+        (int(height * ((0.5 + i / g) % 1)), int(width * ((0.5 + i / g**2) % 1)))
         for i in range(1, n + 1)
     ]
-
-
-def changed_box(one: Any, two: Any, share: float = 0.05) -> Box:
-    """Box around the pixels that differ by more than `share` of white; all where none does."""
-    different = np.abs(one - two) > share
-    rows, columns = np.flatnonzero(different.any(axis=1)), np.flatnonzero(different.any(axis=0))
-    if rows.size == 0:
-        return (0, one.shape[0], 0, one.shape[1])
-    return (int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
+    return [(row, column, f"row {row}, column {column}") for row, column in places]

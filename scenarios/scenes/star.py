@@ -14,12 +14,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cosim import Box, Plane
 from scenarios.scenes.canvas import (
-    Box,
     Canvas,
     Item,
     Layer,
-    Plane,
     View,
     check_instant,
     check_number,
@@ -160,9 +159,13 @@ class Star:
             )
         check_number("phase", self.phase, -1.0, 1.0, "revolutions")
 
+    @property
+    def _view(self) -> View:
+        return View(self.shape, 1.0)
+
     def reflectance(self, t: float) -> Plane:
         """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, _canvas(self).view.whole)
+        return _canvas(self).patch(t, self._view.whole)
 
     def patch(self, t: float, box: Box) -> Plane:
         """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
@@ -184,7 +187,7 @@ class Star:
 
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label)."""
-        view = _canvas(self).view
+        view = self._view
         ring = 0.5 * (RING_IN + RING_OUT)
         at = {
             "paper": (0.0, -0.475),
@@ -222,7 +225,7 @@ def _canvas(star: Star) -> Canvas:
 
     speed = star.speed() / min(star.shape)
     return Canvas(
-        View(star.shape, 1.0),
+        star._view,
         (Layer(tuple(still)), Layer(items=disc, speed=speed, reach=extent)),
     )
 

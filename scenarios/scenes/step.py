@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim import Block, Box, Light, Piece, Plane, seconds_to_ps
+from cosim import Block, Light, Piece, Plane, seconds_to_ps
 
 __all__ = ["StepSource"]
 
@@ -13,10 +13,17 @@ BARS = 8
 
 class StepSource:
     """Bar b of 8 reflects (b + 1)/8 of the light, which jumps from `before` to `after` (shares of
-    `illuminance` lux) at `at` seconds. The jump may fall inside a latch cycle."""
+    `illuminance` lux) at `at` seconds. The jump may fall inside a latch cycle. stop: the run's end,
+    picoseconds."""
 
     def __init__(
-        self, shape: tuple[int, int], illuminance: float, before: float, after: float, at: float
+        self,
+        shape: tuple[int, int],
+        illuminance: float,
+        before: float,
+        after: float,
+        at: float,
+        stop: int,
     ) -> None:
         self.shape = shape
         bars = (np.arange(shape[1]) * BARS // shape[1] + 1) / BARS
@@ -30,6 +37,8 @@ class StepSource:
         self._light = Light(tuple(pieces))
         self.notes = [f"the light jumps at {at * 1e3:g} ms, constant before and after"]
         self.degraded: list[str] = []
+        if self._at >= stop:
+            self.degraded.append("the run ends before the light jumps: lengthen duration")
 
     def step(self, given: None, block: Block) -> Light:
         return self._light
@@ -40,6 +49,3 @@ class StepSource:
     def points(self) -> list[tuple[int, int, str]]:
         height, width = self.shape
         return [(height // 2, (2 * b + 1) * width // (2 * BARS), f"bar {b + 1}") for b in range(BARS)]
-
-    def moving(self, start: float, stop: float) -> Box:
-        return (0, self.shape[0], 0, self.shape[1])

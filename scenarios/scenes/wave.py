@@ -9,19 +9,19 @@ any instant.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from cosim import Box, Plane
 from scenarios.scenes.bodies import polyline
 from scenarios.scenes.canvas import (
-    Box,
     Canvas,
     Item,
     Layer,
-    Plane,
     View,
     blob,
     body,
@@ -143,9 +143,13 @@ class Wave:
         check_number("phase", self.phase, -TAU, TAU, "rad")
         check_number("field", self.field, 0.2, 5.0, "m")
 
+    @property
+    def _view(self) -> View:
+        return View(self.shape, self.field)
+
     def reflectance(self, t: float) -> Plane:
         """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, _canvas(self).view.whole)
+        return _canvas(self).patch(t, self._view.whole)
 
     def patch(self, t: float, box: Box) -> Plane:
         """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
@@ -158,7 +162,7 @@ class Wave:
     def speed(self) -> float:
         """Upper bound of any edge's speed, pixels per second: the chain's angular speeds, each at
         the greatest distance from its joint, all at their peaks at once."""
-        return self._speed() / _canvas(self).view.pixel
+        return self._speed() / self._view.pixel
 
     def _speed(self) -> float:
         """The same in metres per second."""
@@ -192,12 +196,12 @@ class Wave:
     def joints(self, t: float) -> tuple[tuple[float, float], ...]:
         """Shoulder, elbow, wrist and palm's centre at t as (row, column) coordinates; pixel (i, j)
         spans i to i + 1 and j to j + 1."""
-        view = _canvas(self).view
+        view = self._view
         return tuple(view.at(*p) for p in _chain(self, t))
 
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label), as the paper's figure 5 marks ten."""
-        view = _canvas(self).view
+        view = self._view
         middle = -self.phase / (TAU * self.rate) if self.rate else 0.0
         (x, y), hand = _chain(self, middle)[3], self.angles(middle)[2]
         dx, dy = _lean(hand, 0.35 * HAND)
@@ -227,7 +231,7 @@ def _canvas(wave: Wave) -> Canvas:
     (x, y), (dx, dy) = SHOULDER, SHADOW_AT
     reach = (x - length, y - length, x + length + dx, y + length + dy)
     return Canvas(
-        View(wave.shape, wave.field),
+        wave._view,
         (
             Layer(wall),
             Layer(items=lambda t: _arm_shadow(wave, t), speed=speed, reach=reach),
@@ -254,6 +258,13 @@ def _chain(wave: Wave, t: float) -> tuple[tuple[float, float], ...]:
     return tuple(at)
 
 
+def _palm(wrist: tuple[float, float], hand: float) -> Callable[[float, float], tuple[float, float]]:
+    """Points of a hand that leans by `hand` radians: from (across, up), in parts of its length and
+    counted from the wrist, to metres."""
+    (dx, dy), (ex, ey) = _lean(hand, HAND), _lean(hand + 0.5 * math.pi, HAND)
+    return lambda across, up: (wrist[0] + up * dx + across * ex, wrist[1] + up * dy + across * ey)
+
+
 def _rows(wave: Wave, t: float) -> tuple[list[Any], list[Any], list[Any]]:
     """Capsule rows of sleeve, forearm, and hand with fingers."""
     _, fore, hand, bend = wave.angles(t)
@@ -263,12 +274,7 @@ def _rows(wave: Wave, t: float) -> tuple[list[Any], list[Any], list[Any]]:
         dx, dy = _lean(fore, a * FOREARM)
         return elbow[0] + dx, elbow[1] + dy
 
-    def palm(across: float, up: float) -> tuple[float, float]:
-        """A point of the hand, in parts of its length, from the wrist."""
-        dx, dy = _lean(hand, up * HAND)
-        ex, ey = _lean(hand + 0.5 * math.pi, across * HAND)
-        return wrist[0] + dx + ex, wrist[1] + dy + ey
-
+    palm = _palm(wrist, hand)
     sleeve = [
         (*shoulder, *elbow, 0.056, 0.050),
         (*elbow, *along(0.17), 0.051, 0.047),
@@ -340,12 +346,7 @@ def _arm(wave: Wave, t: float) -> list[Item]:
 
 def _creases(wrist: tuple[float, float], hand: float) -> list[Item]:
     """Lines of the palm."""
-
-    def palm(across: float, up: float) -> tuple[float, float]:
-        dx, dy = _lean(hand, up * HAND)
-        ex, ey = _lean(hand + 0.5 * math.pi, across * HAND)
-        return wrist[0] + dx + ex, wrist[1] + dy + ey
-
+    palm = _palm(wrist, hand)
     lines = (
         ((-0.19, 0.40), (-0.08, 0.36), (0.0, 0.24), (0.0, 0.10)),
         ((-0.19, 0.41), (-0.05, 0.38), (0.08, 0.31), (0.16, 0.22)),

@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from cosim import Box, Plane
 from scenarios.scenes.bench import BOARD, bench, cradle_frame, fan_back, fan_front
 from scenarios.scenes.bodies import polyline
 from scenarios.scenes.canvas import (
-    Box,
     Canvas,
     Item,
     Layer,
-    Plane,
     View,
     blob,
     body,
@@ -123,9 +122,13 @@ class Workshop:
         check_number("swing", self.swing, 0.0, 0.6, "rad")
         check_number("field", self.field, 0.2, 5.0, "m")
 
+    @property
+    def _view(self) -> View:
+        return View(self.shape, self.field)
+
     def reflectance(self, t: float) -> Plane:
         """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, _canvas(self).view.whole)
+        return _canvas(self).patch(t, self._view.whole)
 
     def patch(self, t: float, box: Box) -> Plane:
         """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
@@ -137,7 +140,7 @@ class Workshop:
 
     def speed(self) -> float:
         """Upper bound of any edge's speed, pixels per second: the fastest of the parts."""
-        return max(self._speeds()) / _canvas(self).view.pixel
+        return max(self._speeds()) / self._view.pixel
 
     def _speeds(self) -> tuple[float, float, float, float]:
         """Of fan, disc, ball and cradle, metres per second."""
@@ -173,7 +176,7 @@ class Workshop:
 
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label)."""
-        view = _canvas(self).view
+        view = self._view
         at = {
             "lit wall": (-0.30, -0.26),
             "pegboard hole": (0.3501, -0.2501),
@@ -205,7 +208,7 @@ def _canvas(scene: Workshop) -> Canvas:
     hop = (BALL_X - 0.2, FLOOR - scene.bounce - 0.1, BALL_X + 0.2, FLOOR + 0.1)
     swing = (CRADLE[0] - long, CRADLE[1] - 0.01, CRADLE[0] + long, CRADLE[1] + long)
     return Canvas(
-        View(scene.shape, scene.field),
+        scene._view,
         (
             Layer((*bench(), *_card(), *fan_back())),
             Layer(items=blades, speed=fan, reach=square(*FAN, FAN_TIP)),
@@ -303,7 +306,7 @@ def _bead(x: float, y: float, angle: float) -> list[Item]:
         body(string, Surface(0.75, round=0.3)),
         ellipse(bx, by, BEAD, BEAD, 0.36, lit=1.0, shine=0.5),
         blob(bx, by + 0.45 * BEAD, 0.55 * BEAD, 0.16 * BEAD, -0.45),
-        blob(bx + 0.1 * BEAD, by + 0.75 * BEAD, 0.40 * BEAD, 0.08 * BEAD, 0.8),
+        blob(bx + 0.05 * BEAD, by + 0.74 * BEAD, 0.18 * BEAD, 0.06 * BEAD, 0.8),
         ellipse(bx - 0.34 * BEAD, by - 0.38 * BEAD, 0.16 * BEAD, 0.12 * BEAD, 0.97, turn=-0.7),
     ]
 

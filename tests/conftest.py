@@ -1,0 +1,33 @@
+"""What the whole suite shares: data beside the repository, an OpenCL device, hypothesis settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from cosim.errors import InputError
+from cosim.opencl import Device, open_device
+
+# Nothing here may fail because a machine is slow or busy.
+settings.register_profile("viform", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("viform")
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of recordings and clips that are too large for the repository."""
+    folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("needs shared/data beside the repository, which is not there")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def device() -> Device:
+    """The first OpenCL device."""
+    try:
+        return open_device()
+    except InputError as exc:
+        pytest.skip(str(exc))

@@ -1,0 +1,162 @@
+"""From light to charge: exact integrals, any knots, any split, with or without the changed box."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim import PS, Block, Clock, Light, Piece
+from cosim.opencl import open_device
+from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor.exposure import Exposure
+from sensor.pixel.fixed_point import LARGEST, ONE
+
+CLOCK = Clock(40_000)
+PERIOD = PS // 40_000
+SHAPE = (3, 5)
+
+
+def plane(seed: int, peak: float = 700.0) -> np.ndarray:
+    return (np.random.default_rng(seed).random(SHAPE) * peak).astype(np.float32)
+
+
+def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.ndarray:
+    """Charge of every cycle, (cycles, n) integers."""
+    rows = np.zeros((cycles, SHAPE[0] * SHAPE[1]), np.int64)
+    filled = np.zeros(cycles, int)
+    for span in exposure.spans(light, start, cycles):
+        for i in range(span.cycles):
+            slope = 0 if span.slope is None else span.slope * (span.elapsed + i)
+            rows[span.first + i] = span.charge + slope
+            filled[span.first + i] += 1
+    assert (filled == 1).all()
+    return rows
+
+
+def pieces(knots: list[int], jumps: bool) -> Light:
+    made = []
+    for n, (a, b) in enumerate(zip(knots, knots[1:], strict=False)):
+        first = plane(2 * n) if jumps or not made else made[-1].last
+        made.append(Piece(a, b, first, first if n % 3 == 2 else plane(2 * n + 1)))
+    return Light(tuple(made))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    inner=st.lists(st.integers(1, 20 * PERIOD - 1), max_size=8, unique=True),
+    jumps=st.booleans(),
+)
+def test_charge_of_every_cycle_is_the_integral_of_its_light(inner: list[int], jumps: bool) -> None:
+    light = pieces([0, *sorted(inner), 20 * PERIOD], jumps)
+    gain = 2.86e5
+    found = charges(Exposure(CLOCK, gain), light, 0, 20) / ONE
+    for cycle in range(20):
+        exact = light.integral(CLOCK.edge(cycle), CLOCK.edge(cycle + 1)).ravel() * gain
+        # A ramp's slope is truncated once and used for up to 20 cycles.
+        assert np.allclose(found[cycle], exact, rtol=1e-9, atol=40 / ONE)
+    assert (found >= 0).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    inner=st.lists(st.integers(1, 40 * PERIOD - 1), max_size=6, unique=True),
+    cuts=st.lists(st.integers(1, 39), max_size=5, unique=True),
+)
+def test_charges_do_not_depend_on_how_the_run_is_split(inner: list[int], cuts: list[int]) -> None:
+    light = pieces([0, *sorted(inner), 40 * PERIOD], True)
+    whole = charges(Exposure(CLOCK, 1e5), light, 0, 40)
+    edges = [0, *sorted(cuts), 40]
+    parts = [
+        charges(Exposure(CLOCK, 1e5), light, a, b - a) for a, b in zip(edges, edges[1:], strict=False)
+    ]
+    assert np.array_equal(np.concatenate(parts), whole)
+
+
+def test_a_knot_off_the_clock_mixes_its_cycle_exactly() -> None:
+    dark, bright = np.zeros(SHAPE, np.float32), np.full(SHAPE, 100, np.float32)
+    at = 7 * PERIOD + PERIOD // 4
+    light = Light((Piece(0, at, dark, dark), Piece(at, 20 * PERIOD, bright, bright)))
+    found = charges(Exposure(CLOCK, 40_000.0), light, 0, 20)[:, 0] / ONE
+    assert found[:7].tolist() == [0] * 7
+    assert found[7] == pytest.approx(75, abs=1e-9)
+    assert (found[8:] == 100).all()
+
+
+def test_the_changed_box_saves_work_and_changes_no_bit() -> None:
+    base = plane(1)
+    planes = [base]
+    boxes = [(0, 2, 1, 4), (1, 3, 0, 2), (0, 1, 0, 1)]
+    for n, (y0, y1, x0, x1) in enumerate(boxes):
+        moved = planes[-1].copy()
+        moved[y0:y1, x0:x1] = plane(10 + n)[y0:y1, x0:x1]
+        planes.append(moved)
+    knots = [0, 4 * PERIOD, 8 * PERIOD, 12 * PERIOD]
+
+    def light(hint: bool) -> Light:
+        return Light(
+            tuple(
+                Piece(knots[n], knots[n + 1], planes[n], planes[n + 1], boxes[n] if hint else None)
+                for n in range(3)
+            )
+        )
+
+    with_box = charges(Exposure(CLOCK, 3e4), light(True), 0, 12)
+    assert np.array_equal(with_box, charges(Exposure(CLOCK, 3e4), light(False), 0, 12))
+    assert len(np.unique(with_box[:, 0])) > 1
+
+
+def test_a_fade_to_black_never_goes_below_zero() -> None:
+    dark = np.zeros(SHAPE, np.float32)
+    for cycles in (3, 7, 64, 1600):
+        light = Light((Piece(0, cycles * PERIOD, plane(3, 1e6), dark),))
+        found = charges(Exposure(CLOCK, 1e6), light, 0, cycles)
+        assert (found >= 0).all() and found.any()
+
+
+def test_light_beyond_the_fixed_point_is_held_and_bad_light_refused() -> None:
+    much = np.full(SHAPE, 1e9, np.float32)
+    found = charges(Exposure(CLOCK, 1e6), Light((Piece(0, PERIOD * 4, much, much),)), 0, 4)
+    assert (found == LARGEST * ONE).all()
+    for bad in (-1.0, float("nan")):
+        level = np.full(SHAPE, bad, np.float32)
+        with pytest.raises(ValueError, match="light must be 0 or more"):
+            Exposure(CLOCK, 1.0).spans(Light((Piece(0, PERIOD, level, level),)), 0, 1)
+    with pytest.raises(ValueError, match="light must cover"):
+        Exposure(CLOCK, 1.0).spans(Light((Piece(0, PERIOD, much, much),)), 0, 2)
+
+
+def test_the_papers_example_is_3_5_ns() -> None:
+    # Huang 2022 section 4.3: 1e5 lux on 100 um2 at QE 0.7 fill 100 electrons in 3.5 ns.
+    setting = CameraSetting(CHIPS["spiketwo"], CLOCK, 100.0, 1)
+    seconds = 100 / (1e5 * setting.electrons_per_lux)
+    assert seconds == pytest.approx(3.5e-9, rel=0.01)
+    assert setting.rate(1e5) == pytest.approx(float(Fraction(1, 40_000)) / seconds)
+
+
+def test_rows_of_a_chip_simulated_alone_are_the_rows_of_the_whole() -> None:
+    setting = CameraSetting(CHIPS["spikeone"], CLOCK, 300.0, 4)
+    device = open_device()
+    level = (np.random.default_rng(2).random((250, 400)) * 60).astype(np.float32)
+    later = (np.random.default_rng(3).random((250, 400)) * 60).astype(np.float32)
+
+    def film(rows: slice) -> Light:
+        return Light((Piece(0, 100 * PERIOD, level[rows], later[rows]),))
+
+    whole = SpikeCamera(setting, device).step(film(slice(None)), Block(0, 100))
+    part = SpikeCamera(setting, None, rows=(101, 130)).step(film(slice(101, 130)), Block(0, 100))
+    assert np.array_equal(part.words, whole.words[:, 101:130])
+    assert 0.05 < np.bitwise_count(whole.words).sum() / (100 * 100_000) < 0.95
+    with pytest.raises(ValueError, match="light must fall on"):
+        SpikeCamera(setting, device).step(film(slice(0, 10)), Block(0, 100))
+
+
+def test_every_number_of_a_chip_says_where_it_is_from() -> None:
+    for chip in CHIPS.values():
+        said = chip.provenance()
+        assert set(said.values()) == {"published", "assumed"}
+        assert said["width"] == "published" and said["quantum_efficiency"] == "assumed"
+        assert chip.assumed <= set(said)
