@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import math
+import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,8 +13,19 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from cosim import Block, Checkpoint, Clock, InputError, Light, Plane, run_blocks, seconds_to_ps
+from cosim import (
+    Block,
+    Checkpoint,
+    Clock,
+    InputError,
+    Interrupted,
+    Light,
+    Plane,
+    run_blocks,
+    seconds_to_ps,
+)
 from cosim.files import Recorder, ZarrStream
 from cosim.files.whole import whole
 from cosim.lens import FASTEST_F_NUMBER, Lens
@@ -22,8 +35,8 @@ from scenarios.loading import to_toml
 from scenarios.png import write_linear_png
 from scenarios.result import Latency, Metric, Result, Throughput, dumps, viform_version
 from scenarios.scenes import Source, make_source
-from scenarios.schema import Scenario
-from sensor import CHIPS, CameraSetting, SpikeCamera, isi, tfi, tfp
+from scenarios.schema import ImageSection, Scenario
+from sensor import CHIPS, CameraSetting, SpikeCamera, interval_rate, isi, tfp
 
 __all__ = ["Finished", "Progress", "Shot", "choose_device", "output_folder", "run_scenario"]
 
@@ -36,14 +49,22 @@ class Progress(Protocol):
     def note(self, text: str) -> None: ...
 
 
+SLOWEST_F_NUMBER = 1000.0
+"""The largest that a scenario may give; a pinhole."""
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W) float32."""
+    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W) float32.
+
+    tau: cycles of the interval that holds the instant, (H, W) int64, 0 where there is none.
+    """
 
     cycle: int
     truth: Plane
     tfp: Plane
     tfi: Plane
+    tau: npt.NDArray[np.int64]
 
 
 @dataclass
@@ -60,6 +81,7 @@ class Finished:
     stream: ZarrStream
     shots: list[Shot]
     seconds: dict[str, float]
+    began: float
     notes: list[str] = field(default_factory=list)
 
 
@@ -72,37 +94,55 @@ def output_folder(name: str, out: Path | None, resume: bool) -> Path:
         while (Path("runs") / f"{name}-{n}").exists():
             n += 1
         return Path("runs") / f"{name}-{n}"
-    if out.exists() and not out.is_dir():
-        raise InputError("--out", "a folder", f"the file {out}", "choose another name")
-    if out.is_dir() and any(out.iterdir()) and not resume:
-        raise InputError("--out", "a new or empty folder", str(out), "choose another, or add --resume")
+    try:
+        if out.exists() and not out.is_dir():
+            raise InputError("--out", "a folder", f"the file {out}", "choose another name")
+        if out.is_dir() and any(out.iterdir()) and not resume:
+            raise InputError(
+                "--out", "a new or empty folder", str(out), "choose another, or add --resume"
+            )
+    except OSError as exc:
+        raise _bad_out(out, exc) from exc
     return out
+
+
+def _bad_out(out: Path, exc: OSError) -> InputError:
+    return InputError(
+        "--out", "a folder that can be written", f"{out} ({exc.strerror})", "choose another"
+    )
 
 
 def _lens(scenario: Scenario, setting: CameraSetting) -> Lens:
     """The scenario's lens; without an f-number the one that lets white fire at white_rate."""
-    section = scenario.sensor.lens
-    number = section.f_number
-    shape = {
-        "transmission": section.transmission,
-        "magnification": section.magnification,
-        "psf": section.psf,
-        "wavelength_nm": scenario.sensor.wavelength,
-    }
-    if number is None:
-        wide_open = Lens(FASTEST_F_NUMBER, **shape)
-        rate = setting.rate(scenario.scene.illuminance * wide_open.gain)
-        number = FASTEST_F_NUMBER * math.sqrt(rate / section.white_rate)
-        if number < FASTEST_F_NUMBER:
-            need = scenario.scene.illuminance * section.white_rate / rate if rate else math.inf
-            light = f"at least {need:.3g} lux" if rate else "more than 0 lux"
-            raise InputError(
-                "scene.illuminance",
-                f"{light} for white to fire at {section.white_rate:g} a cycle through any lens",
-                f"{scenario.scene.illuminance:g} lux",
-                "raise it, lower sensor.threshold, or give sensor.lens.f_number",
-            )
-    return Lens(min(number, 1e6), **shape)
+    section, lux = scenario.sensor.lens, scenario.scene.illuminance
+
+    def lens(f_number: float) -> Lens:
+        return Lens(
+            f_number,
+            section.transmission,
+            section.magnification,
+            section.psf,
+            scenario.sensor.wavelength,
+        )
+
+    if section.f_number is not None:
+        return lens(section.f_number)
+    widest = setting.rate(lux * lens(FASTEST_F_NUMBER).gain)
+    number = FASTEST_F_NUMBER * math.sqrt(widest / section.white_rate)
+    if FASTEST_F_NUMBER <= number <= SLOWEST_F_NUMBER:
+        return lens(number)
+    dark = number < FASTEST_F_NUMBER
+    end = FASTEST_F_NUMBER if dark else SLOWEST_F_NUMBER
+    need = lux * (end / number) ** 2 if number else math.inf
+    raise InputError(
+        "scene.illuminance",
+        f"at {'least' if dark else 'most'} {need:.3g} lux for white to fire at "
+        f"{section.white_rate:g} a cycle through a lens from f/{FASTEST_F_NUMBER:g} to "
+        f"f/{SLOWEST_F_NUMBER:g}",
+        f"{lux:g} lux",
+        f"{'raise' if dark else 'lower'} it, {'lower' if dark else 'raise'} sensor.threshold, "
+        "or give sensor.lens.f_number",
+    )
 
 
 def _setting(scenario: Scenario) -> CameraSetting:
@@ -119,7 +159,8 @@ def _setting(scenario: Scenario) -> CameraSetting:
 def _identity(scenario: Scenario) -> str:
     """Text that names a run's inputs: the scenario without what does not change its bits, the
     program's version, and the clip's content."""
-    text = to_toml(scenario) + viform_version()
+    same = {"title": "", "tolerance": 0.0, "image": ImageSection()}
+    text = to_toml(scenario.model_copy(update=same)) + viform_version()
     path = getattr(scenario.scene, "path", None)
     if path is not None and Path(path).is_file():
         with open(path, "rb") as file:
@@ -141,7 +182,7 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
     late = [n for n in at if n >= cycles]
     if late:
         raise InputError(
-            "image.at", f"cycles from 0 to {cycles - 1}", str(late[0]), "lengthen duration or drop it"
+            "image.at", f"cycles from 0 to {cycles - 1}", f"{late[0]}", "lengthen duration or drop it"
         )
     return list(at)
 
@@ -164,16 +205,13 @@ def choose_device(wanted: str | None) -> Device | None:
 def _shots(
     stream: ZarrStream, source: Source, instants: list[int], window: int, white_rate: float
 ) -> list[Shot]:
-    clock = stream.clock
-    return [
-        Shot(
-            cycle,
-            source.truth(clock.middle(cycle)),
-            to_white(tfp(stream, cycle, window), white_rate),
-            to_white(tfi(stream, cycle), white_rate),
-        )
-        for cycle in instants
-    ]
+    shots = []
+    for cycle in instants:
+        tau = isi(stream, cycle)
+        truth = source.truth(stream.clock.middle(cycle))
+        mean = to_white(tfp(stream, cycle, window), white_rate)
+        shots.append(Shot(cycle, truth, mean, to_white(interval_rate(tau), white_rate), tau))
+    return shots
 
 
 def _metrics(shots: list[Shot]) -> dict[str, Metric]:
@@ -186,13 +224,13 @@ def _metrics(shots: list[Shot]) -> dict[str, Metric]:
     return means
 
 
-def _interval_latency(stream: ZarrStream, instants: list[int]) -> list[Latency]:
+def _interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:
     """How long the interval that tells a pixel's light is: over pixels and instants."""
-    tau = np.concatenate([isi(stream, cycle).ravel() for cycle in instants])
+    tau = np.concatenate([shot.tau.ravel() for shot in shots])
     tau = tau[tau > 0]
     if tau.size == 0:
         return []
-    us = 1e6 / stream.clock.hz
+    us = 1e6 / clock.hz
     return [Latency("interval", float(tau.min() * us), float(np.median(tau) * us), float(tau.max() * us))]
 
 
@@ -204,6 +242,30 @@ def _spike_rate(stream: ZarrStream) -> float:
         for w in range(0, words, chunk)
     )
     return total / (stream.cycles * stream.shape[0] * stream.shape[1])
+
+
+def _lens_notes(scenario: Scenario, lens: Lens, white_rate: float) -> list[str]:
+    """What a user must know of the exposure."""
+    notes = []
+    if scenario.sensor.lens.f_number is None:
+        notes.append(
+            f"f/{lens.f_number:.3g} chosen so that white fires at {white_rate:.3g} a cycle"
+        )
+    if white_rate > 1:
+        notes.append(f"what reflects more than {1 / white_rate:.2g} of the light saturates")
+    return notes
+
+
+def _begin_folder(folder: Path, scenario: Scenario) -> None:
+    """Makes the run's folder; what an earlier run says of itself there goes."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise _bad_out(folder, exc) from exc
+    for name in ("result.json", "report.html"):
+        (folder / name).unlink(missing_ok=True)
+    with whole(folder / "scenario.toml") as part:
+        part.write_text(to_toml(scenario), encoding="utf-8")
 
 
 def run_scenario(
@@ -234,10 +296,6 @@ def run_scenario(
     opened = choose_device(device)
     camera = SpikeCamera(setting, opened)
 
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "result.json").unlink(missing_ok=True)
-    with whole(folder / "scenario.toml") as part:
-        part.write_text(to_toml(scenario))
     store = folder / "stream.zarr"
     recorder = Recorder(store, camera.shape, cycles, clock)
     stages: dict[str, Any] = {
@@ -247,64 +305,73 @@ def run_scenario(
         "recorder": recorder,
     }
     checkpoint = Checkpoint(folder / "checkpoint.npz", _identity(scenario))
-    notes = [
-        *([] if scenario.sensor.lens.f_number else [f"f/{lens.f_number:.3g} chosen so that white fires at {white_rate:.3g} a cycle"]),
-        *source.notes,
-    ]
-    for note in notes:
+    mend = f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
+    if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
+        raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
+    _begin_folder(folder, scenario)
+    notes = _lens_notes(scenario, lens, white_rate)
+    for note in [*notes, *source.notes]:
         progress.note(note)
     progress.start(f"{name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
-    seconds = run_blocks(
-        stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
-        mend=f"go on with the same command and --out {folder} --resume",
-    )  # fmt: skip
+    try:
+        seconds = run_blocks(
+            stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
+            mend=mend,
+        )  # fmt: skip
+        checkpoint.save(cycles, stages)
+    except OSError as exc:
+        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        raise InputError(
+            "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
+            f"make room, then {mend}",
+        ) from exc  # fmt: skip
 
-    progress.start("images and report", 3)
-    begin = time.perf_counter()
-    stream = ZarrStream(store)
-    shots = _shots(stream, source, instants, scenario.image.window, white_rate)
-    (folder / "images").mkdir(exist_ok=True)
-    files = ["scenario.toml", "stream.zarr"]
-    for shot in shots:
-        for method in ("truth", "tfp", "tfi"):
-            files.append(f"images/{method}-{shot.cycle:05d}.png")
-            write_linear_png(folder / files[-1], getattr(shot, method))
-    progress.advance(1)
-    spike_rate = _spike_rate(stream)
-    result = Result(
-        scenario=name,
-        outcome="degraded" if source.degraded else "ok",
-        seed=scenario.seed,
-        device=opened.name if opened is not None else "numba on this processor",
-        simulated_s=cycles / clock.hz,
-        tolerance=scenario.tolerance,
-        kept=[effect.name for effect in setting.effects],
-        metrics={
-            **_metrics(shots),
-            "spike_rate": Metric(spike_rate, "spikes/cycle"),
-            "white_rate": Metric(white_rate, "spikes/cycle"),
-            "f_number": Metric(lens.f_number, "1"),
-        },
-        latency=_interval_latency(stream, instants),
-    )
-    progress.advance(2)
-    seconds["images"] = time.perf_counter() - begin
-    pixel_cycles = cycles * chip.width * chip.height
-    if not resume:
-        result.throughput = [
-            Throughput("sensor", pixel_cycles / seconds["sensor"], "pixel-cycles/s"),
-            Throughput("recorder", recorder.bytes_written * 8 / seconds["recorder"], "bit/s"),
-        ]
-    for note in source.degraded:
-        progress.note(note)
-    result.files = [*files, *report(Finished(
-        result, scenario, folder, source, setting, lens, white_rate, stream, shots, seconds,
-        [*notes, *source.degraded],
-    )), "result.json"]  # fmt: skip
-    progress.advance(3)
-    checkpoint.path.unlink(missing_ok=True)
-    result.run_time_s = time.perf_counter() - began
-    with whole(folder / "result.json") as part:
-        part.write_text(dumps(result.document()) + "\n")
+    try:
+        progress.start("images and report", 3)
+        begin = time.perf_counter()
+        stream = ZarrStream(store)
+        shots = _shots(stream, source, instants, scenario.image.window, white_rate)
+        result = Result(
+            scenario=name,
+            outcome="degraded" if source.degraded else "ok",
+            seed=scenario.seed,
+            device=opened.name if opened is not None else "numba on this processor",
+            simulated_s=cycles / clock.hz,
+            tolerance=scenario.tolerance,
+            kept=[effect.name for effect in setting.effects],
+            metrics={
+                **_metrics(shots),
+                "spike_rate": Metric(_spike_rate(stream), "spikes/cycle"),
+                "white_rate": Metric(white_rate, "spikes/cycle"),
+                "f_number": Metric(lens.f_number, "1"),
+            },
+            latency=_interval_latency(clock, shots),
+            files=["scenario.toml", "stream.zarr"],
+        )
+        progress.advance(1)
+        result.files += _write_images(folder, shots)
+        progress.advance(2)
+        seconds["images"] = time.perf_counter() - begin
+        if not resume:
+            rate = cycles * chip.width * chip.height / seconds["sensor"]
+            bits = recorder.bytes_written * 8 / seconds["recorder"]
+            result.throughput = [
+                Throughput("sensor", rate, "pixel-cycles/s"),
+                Throughput("recorder", bits, "bit/s"),
+            ]
+        for note in source.degraded:
+            progress.note(note)
+        result.files += report(Finished(
+            result, scenario, folder, source, setting, lens, white_rate, stream, shots, seconds,
+            began, [*notes, *source.notes, *source.degraded],
+        ))  # fmt: skip
+        result.files.append("result.json")
+        progress.advance(3)
+        checkpoint.remove()
+        result.run_time_s = time.perf_counter() - began
+        with whole(folder / "result.json") as part:
+            part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
+    except KeyboardInterrupt:
+        raise Interrupted(cycles, cycles, mend) from None
     return result, folder
-

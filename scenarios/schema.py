@@ -115,7 +115,7 @@ class StarScene(Section):
     illuminance: Illuminance
     spokes: Annotated[int, Field(ge=2, le=360)] = 36
     rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
-        default=25.0, description="revolutions a second"
+        default=4.0, description="revolutions a second"
     )
 
 

@@ -13,6 +13,7 @@ __all__ = [
     "Chip",
     "SpikeCamera",
     "interval_image",
+    "interval_rate",
     "isi",
     "make_pixels",
     "tau_image",

@@ -82,19 +82,19 @@ class Exposure:
         first = self._level(piece.first, piece)
         charge, slope = first, None
         if not piece.constant:
-            change = self._level(piece.last, piece) - first
+            plane = piece.first.shape
+            y0, y1, x0, x1 = piece.changed or (0, plane[0], 0, plane[1])
+            last = self._level(piece.last, piece)
+            change = last.reshape(plane)[y0:y1, x0:x1] - first.reshape(plane)[y0:y1, x0:x1]
             cycles = float(clock.position(piece.stop) - clock.position(piece.start))
             begun = float(origin - clock.position(piece.start))
-            slope = np.zeros(first.shape, np.int64)
-            where: tuple[slice, ...] = (slice(None), slice(None))
-            if piece.changed is not None:
-                y0, y1, x0, x1 = piece.changed
-                where = (slice(y0, y1), slice(x0, x1))
-            plane = piece.first.shape
-            moving = change.reshape(plane)[where] * (_SHRINK / cycles)
-            slope.reshape(plane)[where] = moving.astype(np.int64)  # truncates towards zero
+            step = change * (_SHRINK / cycles)
             charge = first.copy()
-            charge.reshape(plane)[where] += (moving * (begun + 0.5)).astype(np.int64)
+            # astype truncates towards zero, so a falling light never passes below it
+            charge.reshape(plane)[y0:y1, x0:x1] += (step * (begun + 0.5)).astype(np.int64)
+            if stop - origin > 1:
+                slope = np.zeros(first.shape, np.int64)
+                slope.reshape(plane)[y0:y1, x0:x1] = step.astype(np.int64)
         course = _Course(piece, origin, stop, charge, slope)
         self._courses = [*self._courses[-3:], course]
         return course

@@ -28,7 +28,7 @@ def make_source(
     if isinstance(scene, FilmScene):
         from scenarios.scenes.workshop import Workshop
 
-        return AnalyticSource(Workshop(shape), scene.illuminance, clock)
+        return AnalyticSource(Workshop(shape, fan=12.0, disc=8.0), scene.illuminance, clock)
     if isinstance(scene, StarScene):
         from scenarios.scenes.star import Star
 

@@ -45,9 +45,10 @@ class AnalyticScene(Protocol):
     def points(self) -> list[tuple[int, int, str]]: ...
 
 
-MOTION_STEP = 0.5
+MOTION_STEP = 1.0
 """Pixels that an edge may move between two instants at which an analytic scene is drawn; in
-between, its light runs linearly."""
+between, its light runs linearly. An edge then brings every pixel it passes the right light in all,
+at the right time to half this step."""
 
 
 class AnalyticSource:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cosim.viform import WORD, SpikeStream, Words, words_for
 from sensor.reconstruct.playback import check_cycle
 
-__all__ = ["interval_image", "isi", "spike_cycles", "tau_image", "tfi"]
+__all__ = ["interval_image", "interval_rate", "isi", "spike_cycles", "tau_image", "tfi"]
 
 _NONE = -1
 Cycles = npt.NDArray[np.int64]
@@ -104,7 +104,11 @@ def isi(stream: SpikeStream, at: int) -> Cycles:
 
 def tfi(stream: SpikeStream, at: int) -> npt.NDArray[np.float32]:
     """1/ISI at cycle `at`: (H, W) float32, spikes a cycle; 0 where a pixel has no interval."""
-    tau = isi(stream, at)
+    return interval_rate(isi(stream, at))
+
+
+def interval_rate(tau: Cycles) -> npt.NDArray[np.float32]:
+    """Spikes a cycle of intervals of `tau` cycles; 0 where there is none."""
     return np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32)
 
 

@@ -1,0 +1,178 @@
+"""Finding a device, saying so when there is none, compiling once, and caches that can be written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim import InputError
+from cosim.opencl import INSTALL, Device, cache_folder, open_device, probe
+
+SOURCE = """
+kernel void add(global int *x) { x[get_global_id(0)] += STEP; }
+kernel void multiply(global int *x) { x[get_global_id(0)] *= STEP; }
+"""
+
+
+@pytest.fixture
+def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """No variable names a cache; temporary files go below the folder that is returned."""
+    for name in ("VIFORM_CACHE", "XDG_CACHE_HOME", "POCL_CACHE_DIR", "HOME"):
+        monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile
+        monkeypatch.delenv(name)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_a_device_is_found_by_any_part_of_its_name(device: Device) -> None:
+    platform, _, name = device.name.partition(": ")
+    assert open_device(platform.upper()).name.startswith(platform)
+    assert open_device(name.lower()[-8:]).name.endswith(name[-8:])
+
+
+def test_a_device_named_wrongly_is_one_line_that_names_the_right_ones(device: Device) -> None:
+    with pytest.raises(InputError) as refused:
+        open_device("abacus")
+    text = str(refused.value)
+    assert text.startswith("the OpenCL device must be one that this machine has, not 'abacus'; ")
+    assert device.name in text
+    assert "numba" in text
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize("how", ["empty", "error"])
+def test_no_device_is_one_line_with_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    cl = pytest.importorskip("pyopencl")
+
+    def none() -> list[object]:
+        if how == "error":
+            raise cl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+        return []
+
+    monkeypatch.setattr(cl, "get_platforms", none)
+    with pytest.raises(InputError) as refused:
+        open_device()
+    assert str(refused.value) == (
+        "the OpenCL device must be one that this machine has, not none at all; "
+        f"install one ({INSTALL}) or pass --device numba"
+    )
+
+
+def test_without_sys_nothing_is_opened_that_would_abort(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cosim.opencl._PROBE", "import os; os.abort()")
+    monkeypatch.setattr(os.path, "isdir", lambda path: False)
+    with pytest.raises(InputError, match="/sys is not mounted"):
+        open_device()
+
+
+@pytest.mark.parametrize(
+    "child",
+    [
+        "import os; os.abort()",
+        "import sys; sys.exit(3)",
+        "raise ImportError('libOpenCL.so.1')",
+        "print('[{')",
+        "",
+    ],
+)
+def test_probe_finds_nothing_when_the_child_dies(
+    monkeypatch: pytest.MonkeyPatch, child: str
+) -> None:
+    monkeypatch.setattr("cosim.opencl._PROBE", child)
+    assert probe() == []
+
+
+def test_probe_finds_nothing_when_the_child_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hang(command: list[str], timeout: float, **_: object) -> None:
+        raise subprocess.TimeoutExpired(command, timeout)
+
+    monkeypatch.setattr(subprocess, "run", hang)
+    assert probe() == []
+
+
+def test_probe_tells_what_the_child_found(device: Device) -> None:
+    found = probe()
+    assert device.name in [f"{d['platform']}: {d['device']}" for d in found]
+    assert all(d["units"] >= 1 and d["version"].startswith("OpenCL") for d in found)
+
+
+def test_a_program_is_compiled_once_for_each_source_and_options(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyopencl as cl
+
+    built: list[str] = []
+    program = cl.Program
+
+    def counted(context: object, source: str) -> object:
+        built.append(source)
+        return program(context, source)
+
+    monkeypatch.setattr(cl, "Program", counted)
+    fresh = Device(device.handle, device.name)
+    values = np.arange(5, dtype=np.int32)
+    buffer = fresh.upload(values)
+    for name, step in (("add", 3), ("multiply", 3), ("add", 3), ("add", 10)):
+        fresh.kernel(SOURCE, name, (f"-DSTEP={step}",))(fresh.queue, (5,), None, buffer)
+    assert built == [SOURCE, SOURCE]
+    fresh.kernel(SOURCE + "\n", "add", ("-DSTEP=3",))
+    assert len(built) == 3
+    fresh.finish()
+    out = fresh.download(buffer, np.empty_like(values))
+    np.testing.assert_array_equal(out, (values + 3) * 3 + 3 + 10)
+
+
+def test_the_cache_is_the_first_folder_that_can_be_written(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fallback = homeless / f"viform-{os.getuid()}"
+    assert cache_folder() == fallback
+    assert fallback.is_dir()
+    for name, folder in (
+        ("HOME", homeless / "home/.cache/viform"),
+        ("XDG_CACHE_HOME", homeless / "xdg/viform"),
+        ("VIFORM_CACHE", homeless / "mine"),
+    ):
+        top = folder.relative_to(homeless).parts[0]
+        monkeypatch.setenv(name, str(homeless / top))
+        assert cache_folder() == folder
+        assert folder.is_dir()
+
+
+def test_a_cache_that_cannot_be_written_is_passed_over(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (homeless / "file").touch()  # no folder can be made below a file, not even by root
+    monkeypatch.setenv("HOME", str(homeless / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setenv("VIFORM_CACHE", str(homeless / "file"))
+    assert cache_folder() == homeless / f"viform-{os.getuid()}"
+    # The temporary one is taken only when it is the user's own.
+    other = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: other)
+    (homeless / f"viform-{other}").mkdir()
+    found = cache_folder()
+    assert found.parent == homeless
+    assert found.name not in ("file", f"viform-{other}", f"viform-{other - 1}")
+    assert found.is_dir()
+
+
+def test_the_cache_stays_where_it_is_once_found(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(homeless))
+    monkeypatch.setattr("cosim.opencl._PROBE", "import os, json; print(json.dumps([dict(os.environ)]))")
+    folder = homeless / ".cache/viform"
+    for _ in range(2):
+        (variables,) = probe()
+        assert variables["POCL_CACHE_DIR"] == str(folder / "pocl")
+        assert cache_folder() == folder
+    assert (folder / "pocl").is_dir()
+    assert not (folder / "viform").exists()
