@@ -63,7 +63,9 @@ def _ceiling(device: Device, n: int) -> float:
     source = (files("sensor.pixel") / "ceiling.cl").read_text()
     kernel = device.kernel(source, "ceiling", ("-cl-std=CL1.2",))
     padded, n_words = -(-n // 16) * 16, words_for(CYCLES)
-    phase, add = (device.upload(np.arange(padded, dtype=np.uint32) * k) for k in (2654435761, 40503))
+    phase, add = (
+        device.upload(np.arange(padded, dtype=np.uint32) * k) for k in (2654435761, 40503)
+    )
     words = device.upload(np.zeros((n_words, padded), np.uint32))
 
     def call() -> None:
@@ -81,9 +83,7 @@ def _rates(n: int) -> npt.NDArray[np.float64]:
 def _exact(device: Device | None, n: int, *, noise: bool, ramp: bool) -> float:
     """Pixel-cycles a second of the exact tier, words brought back to the host."""
     effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
-    pixels = make_pixels(
-        ExactModel(THRESHOLD, 1, effects), np.arange(n, dtype=np.uint32), device
-    )
+    pixels = make_pixels(ExactModel(THRESHOLD, 1, effects), np.arange(n, dtype=np.uint32), device)
     charge = to_fixed(_rates(n) * THRESHOLD)
     slope = charge // (2 * CYCLES) if ramp else None
     spans = [Span(0, CYCLES, charge, slope)]
@@ -113,7 +113,11 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     chip = CHIPS["spiketwo"]
     n = chip.width * chip.height
     rows = []
-    for name, noise, ramp in (("static", False, False), ("ramp", False, True), ("noise", True, False)):
+    for name, noise, ramp in (
+        ("static", False, False),
+        ("ramp", False, True),
+        ("noise", True, False),
+    ):
         value = _exact(device, n, noise=noise, ramp=ramp)
         plain = _plain(n, noise=noise, ramp=ramp)
         rows.append(

@@ -11,7 +11,12 @@ BEGAN = time.perf_counter()
 
 def main() -> None:
     """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted."""
-    sys.exit(_main(sys.argv[1:]))
+    try:
+        code = _main(sys.argv[1:] or ["--help"])
+    except KeyboardInterrupt:  # before a command has begun
+        print("viform: interrupted", file=sys.stderr)
+        code = 130
+    sys.exit(code)
 
 
 def _main(arguments: list[str]) -> int:

@@ -29,7 +29,8 @@ from sensor.pixel.model import ExactModel, Span
 from sensor.pixel.plain import PlainPixels
 model, n = ExactModel(100.0, 1, tuple(EFFECTS.values())), np.arange(64, dtype=np.uint32)
 spans = [Span(0, 64, np.arange(64) * 2**40)]
-same = PlainPixels(model, n).expose(spans, 64) == KernelPixels(model, n, open_device()).expose(spans, 64)
+plain, kernel = PlainPixels(model, n), KernelPixels(model, n, open_device())
+same = plain.expose(spans, 64) == kernel.expose(spans, 64)
 print("agree" if same.all() else "differ")
 """
 
@@ -87,19 +88,24 @@ def _kernel() -> Check:
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with plain numpy on every bit")
     last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
-    return Check("kernel", False, child.stdout.strip() or last, "mend opencl first, else report this")
+    return Check(
+        "kernel", False, child.stdout.strip() or last, "mend opencl first, else report this"
+    )
 
 
 def _cache() -> Check:
     folder = cache_folder()
-    return Check("cache", os.access(folder, os.W_OK), str(folder), "set VIFORM_CACHE to a folder you own")
+    return Check(
+        "cache", os.access(folder, os.W_OK), str(folder), "set VIFORM_CACHE to a folder you own"
+    )
 
 
 def _memory() -> Check:
     import psutil
 
     memory = psutil.virtual_memory()
-    found = f"{memory.available / _GIB:.1f} of {memory.total / _GIB:.1f} GiB free, {os.cpu_count()} cores"
+    free, total = memory.available / _GIB, memory.total / _GIB
+    found = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
     mend = f"free some memory: a megapixel run wants {_MEMORY_GIB} GiB"
     return Check("memory", memory.available >= _MEMORY_GIB * _GIB, found, mend, needed=False)
 
@@ -107,7 +113,9 @@ def _memory() -> Check:
 def _disk() -> Check:
     free = shutil.disk_usage(".").free
     mend = f"free some disk: 64 ms of light take about 0.2 GiB, {_DISK_GIB} GiB is comfortable"
-    return Check("disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", mend, needed=False)
+    return Check(
+        "disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", mend, needed=False
+    )
 
 
 def _folder() -> Check:

@@ -4,17 +4,41 @@ good the simulation is."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from cosim import Plane
+from cosim import Clock, Plane, SpikeStream
+from scenarios.result import Latency, Metric
+from scenarios.scenes import Source
+from sensor import interval_rate, isi, tfp
 
-__all__ = ["psnr", "ssim", "to_white"]
+__all__ = [
+    "Shot", "interval_latency", "judge", "psnr", "spike_rate", "ssim", "take_shots", "to_white",
+]  # fmt: skip
+
+LEAST_RATE = 1e-30
+"""Spikes a cycle below which white counts as this much: smaller numbers leave float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W) float32.
+
+    tau: cycles of the interval that holds the instant, (H, W) int64, 0 where there is none.
+    """
+
+    cycle: int
+    truth: Plane
+    tfp: Plane
+    tfi: Plane
+    tau: npt.NDArray[np.int64]
 
 
 def to_white(rate: Plane, white_rate: float) -> Plane:
     """Linear estimate of reflectance: spikes a cycle, scaled so that white = 1, in [0, 1]."""
-    return np.clip(rate / np.float32(white_rate), 0, 1)
+    return np.clip(rate / np.float32(max(white_rate, LEAST_RATE)), 0, 1)
 
 
 def psnr(image: Plane, truth: Plane) -> float:
@@ -40,3 +64,47 @@ def ssim(image: Plane, truth: Plane) -> float:
             use_sample_covariance=False,
         )
     )
+
+
+def take_shots(
+    stream: SpikeStream, source: Source, instants: list[int], window: int, white_rate: float
+) -> list[Shot]:
+    """What the images of these cycles show, and what was there in the middle of each cycle."""
+    shots = []
+    for cycle in instants:
+        tau = isi(stream, cycle)
+        truth = source.truth(stream.clock.middle(cycle))
+        mean = to_white(tfp(stream, cycle, window), white_rate)
+        shots.append(Shot(cycle, truth, mean, to_white(interval_rate(tau), white_rate), tau))
+    return shots
+
+
+def judge(shots: list[Shot]) -> dict[str, Metric]:
+    """PSNR and SSIM of both methods, mean over the instants."""
+    means = {}
+    for method in ("tfp", "tfi"):
+        pairs = [(getattr(shot, method), shot.truth) for shot in shots]
+        means[f"{method}_psnr"] = Metric(float(np.mean([psnr(*pair) for pair in pairs])), "dB")
+        means[f"{method}_ssim"] = Metric(float(np.mean([ssim(*pair) for pair in pairs])), "1")
+    return means
+
+
+def interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:
+    """How long the interval that tells a pixel's light is: over pixels and instants."""
+    tau = np.concatenate([shot.tau.ravel() for shot in shots])
+    tau = tau[tau > 0]
+    if tau.size == 0:
+        return []
+    us = 1e6 / clock.hz
+    least, median, most = (float(x * us) for x in (tau.min(), np.median(tau), tau.max()))
+    return [Latency("interval", least, median, most)]
+
+
+def spike_rate(stream: SpikeStream) -> float:
+    """Spikes a pixel and cycle, over the whole stream."""
+    chunk, words = 2, -(-stream.cycles // 32)
+    total = sum(
+        int(np.bitwise_count(stream.read_words(w, w + chunk)).sum(dtype=np.int64))
+        for w in range(0, words, chunk)
+    )
+    return total / (stream.cycles * stream.shape[0] * stream.shape[1])

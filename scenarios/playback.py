@@ -39,19 +39,27 @@ def write_clip(
     """
     import av
 
-    for name, value in (("--every", every), ("--rate", rate), ("--scale", scale)):
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(name, "above 0", f"{value:g}", "leave it out for the default")
+    for name, value, least, most in (
+        ("--every", every, 1, math.inf),
+        ("--rate", rate, 0.1, 1000),
+        ("--scale", scale, 1e-30, 1e30),
+    ):
+        if not least <= value <= most:
+            must = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
+            raise InputError(name, must, f"{value:g}", "leave it out for the default")
     instants = range(0, stream.cycles, every)
     reduce = -(-max(stream.shape) // largest) if largest else 1
     height, width = (n // reduce // 2 * 2 for n in stream.shape)
     if not height or not width:
-        raise InputError("the stream", "at least 2x2 pixels for a clip", str(stream.shape), "use viform image")
+        size = f"{stream.shape[1]}x{stream.shape[0]}"
+        raise InputError("the stream", "at least 2x2 pixels for a clip", size, "use viform image")
     codec = _CODECS.get(path.suffix.lower(), "libx264")
+    white = np.float32(scale)
     progress.start(path.name, len(instants))
-    with whole(path) as part:
-        with av.open(str(part), "w", format=_container(path)) as container:
-            video = container.add_stream(codec, rate=Fraction(repr(rate)).limit_denominator(1000))
+    try:
+        with whole(path) as part, av.open(str(part), "w", format=_container(path)) as container:
+            speed = Fraction(repr(float(rate))).limit_denominator(1001)
+            video: Any = container.add_stream(codec, rate=speed)
             video.width, video.height = width, height
             video.pix_fmt = "rgb8" if codec == "gif" else "yuv420p"
             if codec == "libx264":
@@ -60,10 +68,13 @@ def write_clip(
                 rates = tfp(stream, cycle, window)[: height * reduce, : width * reduce]
                 if reduce > 1:
                     rates = rates.reshape(height, reduce, width, reduce).mean(axis=(1, 3))
-                frame = av.VideoFrame.from_ndarray(for_display(rates / np.float32(scale)), format="gray")
+                frame = av.VideoFrame.from_ndarray(for_display(rates / white), format="gray")
                 container.mux(video.encode(frame))
                 progress.advance(n + 1)
             container.mux(video.encode(None))
+    except av.FFmpegError as exc:
+        given = f"{width}x{height} ({exc.strerror})"
+        raise InputError("the clip", f"of a size that {codec} takes", given, "use .npz") from exc
 
 
 def _container(path: Path) -> str:

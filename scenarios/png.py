@@ -17,7 +17,7 @@ Grey = npt.NDArray[np.uint8]
 
 
 def to_linear_bytes(x: Plane, scale: float = 1.0) -> Grey:
-    """round(255 clip(x/scale, 0, 1)) as (H, W) uint8; halves round to even."""
+    """round(255 clip(x/scale, 0, 1)) as (H, W) uint8; halves round to even. scale: above 0."""
     return np.rint(255 * np.clip(x.astype(np.float64) / scale, 0, 1)).astype(np.uint8)
 
 
@@ -49,7 +49,8 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90
 def write_png(path: Path, image: Grey) -> None:
     """Writes an 8-bit grey PNG, whole or not at all."""
     if path.suffix.lower() != ".png":
-        raise InputError("--out", "a name ending in .png", str(path), f"try {path.with_suffix('.png')}")
+        named = path.with_suffix(".png")
+        raise InputError("--out", "a name ending in .png", str(path), f"try {named}")
     with whole(path) as part:
         part.write_bytes(encode(image))
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import math
 import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
-
-import numpy as np
-import numpy.typing as npt
 
 from cosim import (
     Block,
@@ -22,23 +18,23 @@ from cosim import (
     InputError,
     Interrupted,
     Light,
-    Plane,
     run_blocks,
     seconds_to_ps,
 )
 from cosim.files import Recorder, ZarrStream
 from cosim.files.whole import whole
-from cosim.lens import FASTEST_F_NUMBER, Lens
+from cosim.lens import Lens
 from cosim.opencl import Device, open_device
-from scenarios.fidelity import psnr, ssim, to_white
+from scenarios.exposure import choose_lens, lens_notes
+from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.loading import to_toml
 from scenarios.png import write_linear_png
-from scenarios.result import Latency, Metric, Result, Throughput, dumps, viform_version
+from scenarios.result import Metric, Result, Throughput, dumps, viform_version
 from scenarios.scenes import Source, make_source
 from scenarios.schema import ImageSection, Scenario
-from sensor import CHIPS, CameraSetting, SpikeCamera, interval_rate, isi, tfp
+from sensor import CHIPS, CameraSetting, SpikeCamera
 
-__all__ = ["Finished", "Progress", "Shot", "choose_device", "output_folder", "run_scenario"]
+__all__ = ["Finished", "Progress", "choose_device", "output_folder", "run_scenario"]
 
 
 class Progress(Protocol):
@@ -47,24 +43,6 @@ class Progress(Protocol):
     def start(self, what: str, total: int) -> None: ...
     def advance(self, done: int) -> None: ...
     def note(self, text: str) -> None: ...
-
-
-SLOWEST_F_NUMBER = 1000.0
-"""The largest that a scenario may give; a pinhole."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W) float32.
-
-    tau: cycles of the interval that holds the instant, (H, W) int64, 0 where there is none.
-    """
-
-    cycle: int
-    truth: Plane
-    tfp: Plane
-    tfi: Plane
-    tau: npt.NDArray[np.int64]
 
 
 @dataclass
@@ -89,7 +67,7 @@ def output_folder(name: str, out: Path | None, resume: bool) -> Path:
     """The folder of a run: `out`, else the first free runs/<name>-<n>."""
     if out is None:
         if resume:
-            raise InputError("--resume", "given with --out", "alone", "say --out and the run's folder")
+            raise InputError("--resume", "given with --out", "alone", "add --out and the folder")
         n = 1
         while (Path("runs") / f"{name}-{n}").exists():
             n += 1
@@ -109,39 +87,6 @@ def output_folder(name: str, out: Path | None, resume: bool) -> Path:
 def _bad_out(out: Path, exc: OSError) -> InputError:
     return InputError(
         "--out", "a folder that can be written", f"{out} ({exc.strerror})", "choose another"
-    )
-
-
-def _lens(scenario: Scenario, setting: CameraSetting) -> Lens:
-    """The scenario's lens; without an f-number the one that lets white fire at white_rate."""
-    section, lux = scenario.sensor.lens, scenario.scene.illuminance
-
-    def lens(f_number: float) -> Lens:
-        return Lens(
-            f_number,
-            section.transmission,
-            section.magnification,
-            section.psf,
-            scenario.sensor.wavelength,
-        )
-
-    if section.f_number is not None:
-        return lens(section.f_number)
-    widest = setting.rate(lux * lens(FASTEST_F_NUMBER).gain)
-    number = FASTEST_F_NUMBER * math.sqrt(widest / section.white_rate)
-    if FASTEST_F_NUMBER <= number <= SLOWEST_F_NUMBER:
-        return lens(number)
-    dark = number < FASTEST_F_NUMBER
-    end = FASTEST_F_NUMBER if dark else SLOWEST_F_NUMBER
-    need = lux * (end / number) ** 2 if number else math.inf
-    raise InputError(
-        "scene.illuminance",
-        f"at {'least' if dark else 'most'} {need:.3g} lux for white to fire at "
-        f"{section.white_rate:g} a cycle through a lens from f/{FASTEST_F_NUMBER:g} to "
-        f"f/{SLOWEST_F_NUMBER:g}",
-        f"{lux:g} lux",
-        f"{'raise' if dark else 'lower'} it, {'lower' if dark else 'raise'} sensor.threshold, "
-        "or give sensor.lens.f_number",
     )
 
 
@@ -182,7 +127,7 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
     late = [n for n in at if n >= cycles]
     if late:
         raise InputError(
-            "image.at", f"cycles from 0 to {cycles - 1}", f"{late[0]}", "lengthen duration or drop it"
+            "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
         )
     return list(at)
 
@@ -202,60 +147,6 @@ def choose_device(wanted: str | None) -> Device | None:
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
-def _shots(
-    stream: ZarrStream, source: Source, instants: list[int], window: int, white_rate: float
-) -> list[Shot]:
-    shots = []
-    for cycle in instants:
-        tau = isi(stream, cycle)
-        truth = source.truth(stream.clock.middle(cycle))
-        mean = to_white(tfp(stream, cycle, window), white_rate)
-        shots.append(Shot(cycle, truth, mean, to_white(interval_rate(tau), white_rate), tau))
-    return shots
-
-
-def _metrics(shots: list[Shot]) -> dict[str, Metric]:
-    """PSNR and SSIM of both methods, mean over the instants."""
-    means = {}
-    for method in ("tfp", "tfi"):
-        pairs = [(getattr(shot, method), shot.truth) for shot in shots]
-        means[f"{method}_psnr"] = Metric(float(np.mean([psnr(*pair) for pair in pairs])), "dB")
-        means[f"{method}_ssim"] = Metric(float(np.mean([ssim(*pair) for pair in pairs])), "1")
-    return means
-
-
-def _interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:
-    """How long the interval that tells a pixel's light is: over pixels and instants."""
-    tau = np.concatenate([shot.tau.ravel() for shot in shots])
-    tau = tau[tau > 0]
-    if tau.size == 0:
-        return []
-    us = 1e6 / clock.hz
-    return [Latency("interval", float(tau.min() * us), float(np.median(tau) * us), float(tau.max() * us))]
-
-
-def _spike_rate(stream: ZarrStream) -> float:
-    """Spikes a pixel and cycle, over the whole stream."""
-    chunk, words = 2, -(-stream.cycles // 32)
-    total = sum(
-        int(np.bitwise_count(stream.read_words(w, w + chunk)).sum(dtype=np.int64))
-        for w in range(0, words, chunk)
-    )
-    return total / (stream.cycles * stream.shape[0] * stream.shape[1])
-
-
-def _lens_notes(scenario: Scenario, lens: Lens, white_rate: float) -> list[str]:
-    """What a user must know of the exposure."""
-    notes = []
-    if scenario.sensor.lens.f_number is None:
-        notes.append(
-            f"f/{lens.f_number:.3g} chosen so that white fires at {white_rate:.3g} a cycle"
-        )
-    if white_rate > 1:
-        notes.append(f"what reflects more than {1 / white_rate:.2g} of the light saturates")
-    return notes
-
-
 def _begin_folder(folder: Path, scenario: Scenario) -> None:
     """Makes the run's folder; what an earlier run says of itself there goes."""
     try:
@@ -266,6 +157,17 @@ def _begin_folder(folder: Path, scenario: Scenario) -> None:
         (folder / name).unlink(missing_ok=True)
     with whole(folder / "scenario.toml") as part:
         part.write_text(to_toml(scenario), encoding="utf-8")
+
+
+def _write_images(folder: Path, shots: list[Shot]) -> list[str]:
+    """The linear pictures of every instant, 8-bit grey; their names in the folder."""
+    (folder / "images").mkdir(exist_ok=True)
+    names = []
+    for shot in shots:
+        for method in ("truth", "tfp", "tfi"):
+            names.append(f"images/{method}-{shot.cycle:05d}.png")
+            write_linear_png(folder / names[-1], getattr(shot, method))
+    return names
 
 
 def run_scenario(
@@ -290,7 +192,7 @@ def run_scenario(
     chip, clock = setting.chip, setting.clock
     cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
     instants = _instants(scenario, cycles)
-    lens = _lens(scenario, setting)
+    lens = choose_lens(scenario, setting)
     white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
     source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
     opened = choose_device(device)
@@ -309,7 +211,7 @@ def run_scenario(
     if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
         raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
     _begin_folder(folder, scenario)
-    notes = _lens_notes(scenario, lens, white_rate)
+    notes = lens_notes(scenario, lens, white_rate)
     for note in [*notes, *source.notes]:
         progress.note(note)
     progress.start(f"{name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
@@ -331,7 +233,7 @@ def run_scenario(
         progress.start("images and report", 3)
         begin = time.perf_counter()
         stream = ZarrStream(store)
-        shots = _shots(stream, source, instants, scenario.image.window, white_rate)
+        shots = take_shots(stream, source, instants, scenario.image.window, white_rate)
         result = Result(
             scenario=name,
             outcome="degraded" if source.degraded else "ok",
@@ -341,12 +243,12 @@ def run_scenario(
             tolerance=scenario.tolerance,
             kept=[effect.name for effect in setting.effects],
             metrics={
-                **_metrics(shots),
-                "spike_rate": Metric(_spike_rate(stream), "spikes/cycle"),
+                **judge(shots),
+                "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
                 "white_rate": Metric(white_rate, "spikes/cycle"),
                 "f_number": Metric(lens.f_number, "1"),
             },
-            latency=_interval_latency(clock, shots),
+            latency=interval_latency(clock, shots),
             files=["scenario.toml", "stream.zarr"],
         )
         progress.advance(1)
@@ -368,10 +270,10 @@ def run_scenario(
         ))  # fmt: skip
         result.files.append("result.json")
         progress.advance(3)
-        checkpoint.remove()
         result.run_time_s = time.perf_counter() - began
         with whole(folder / "result.json") as part:
             part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
+        checkpoint.path.unlink(missing_ok=True)
     except KeyboardInterrupt:
         raise Interrupted(cycles, cycles, mend) from None
     return result, folder

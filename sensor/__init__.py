@@ -3,7 +3,7 @@
 from sensor.camera import CameraSetting, SpikeCamera, make_pixels
 from sensor.chips import CHIPS, Chip
 from sensor.effects import EFFECTS
-from sensor.reconstruct import METHODS, isi, interval_image, tau_image, tfi, tfp
+from sensor.reconstruct import METHODS, interval_image, interval_rate, isi, tau_image, tfi, tfp
 
 __all__ = [
     "CHIPS",

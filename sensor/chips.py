@@ -39,7 +39,7 @@ class Chip:
         return photons_per_lux * self.pixel_area * self.quantum_efficiency
 
     def provenance(self) -> dict[str, str]:
-        """"published" or "assumed" for every number."""
+        """ "published" or "assumed" for every number."""
         named = [f.name for f in fields(self) if f.name not in ("name", "title", "assumed")]
         return {n: "assumed" if n in self.assumed else "published" for n in named}
 
@@ -49,9 +49,7 @@ _ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
 CHIPS = {
     c.name: c
     for c in (
-        Chip(
-            "spiketwo", "SpikeTwo (2021)", 1000, 1000, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED
-        ),
+        Chip("spiketwo", "SpikeTwo (2021)", 1000, 1000, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
         # The paper prints 450 x 200 "= 100 000"; every public recording of the chip is 400 x 250.
         Chip("spikeone", "SpikeOne (2017)", 400, 250, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
     )

@@ -133,9 +133,7 @@ class Exposure:
                 continue
             course = self._course(piece)
             until = min(course.stop, stop)
-            spans.append(
-                Span(c - start, until - c, course.charge, course.slope, c - course.origin)
-            )
+            spans.append(Span(c - start, until - c, course.charge, course.slope, c - course.origin))
             c = until
         return spans
 

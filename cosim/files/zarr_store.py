@@ -57,7 +57,7 @@ class ZarrStream:
             raise _bad(
                 path,
                 "one that was interrupted",
-                f"finish it: viform run --resume --out {path.parent}",
+                f"finish it: viform run {path.parent} --resume --out {path.parent}",
             )
         shape_ok = words.ndim == 3 and words.shape[0] == words_for(self.cycles)
         if words.dtype != np.uint32 or not shape_ok or 0 in words.shape:

@@ -28,4 +28,5 @@ app.command("convert")(_convert)
 app.command("bench")(_bench)
 app.command("doctor")(_doctor)
 # Everything after `test` goes to pytest as it is.
-app.command("test", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(_test)
+_PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
+app.command("test", context_settings=_PASS_ON)(_test)

@@ -25,7 +25,9 @@ def bench(
     from scenarios.run import choose_device
 
     if part is not None and part not in PARTS:
-        raise InputError("the part", f"one of {', '.join(PARTS)}", repr(part), "leave it out for all")
+        raise InputError(
+            "the part", f"one of {', '.join(PARTS)}", repr(part), "leave it out for all"
+        )
     document = measure(choose_device(device), [part] if part else list(PARTS))
     if json:
         print_document(document)
@@ -34,7 +36,8 @@ def bench(
     print(document["device"])
     if ceiling["value"] is not None:
         print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
-    print(f"{'':<16} {'tier':<7} {'':>9} {'':<15} {'x real time':>11} {'x ceiling':>10} {'x plain':>8}")
+    names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
+    print(f"{'':<16} {'tier':<7} {'':>9} {'':<15} {names}")
     for row in document["rows"]:
         share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
         print(

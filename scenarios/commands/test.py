@@ -41,7 +41,9 @@ def test(context: typer.Context, json: Json = False) -> None:
 
     root = Path(__file__).resolve().parents[2]
     if not (root / "tests").is_dir():
-        raise InputError("viform test", "run from a clone", "from an installed copy", "clone the project")
+        raise InputError(
+            "viform test", "run from a clone", "from an installed copy", "clone the project"
+        )
     extra = list(context.args)
     began = time.perf_counter()
     # With --json standard output belongs to the document.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cosim import SpikeStream
 from sensor.reconstruct.intervals import spike_cycles
 
-__all__ = ["interval_figure"]
+__all__ = ["interval_figure", "overview_figure"]
 
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
@@ -50,7 +50,15 @@ def interval_figure(
         top = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3) * 1.15
         ax.set_ylim(0, top)
         ax.set_yticks([0, top / 1.15], ["0", f"{top / 1.15:.2g}"], fontsize=7, color=INK)
-        ax.set_ylabel(f"{n}  {label}", rotation=0, ha="right", va="center", fontsize=8.5, labelpad=26, color=INK)
+        ax.set_ylabel(
+            f"{n}  {label}",
+            rotation=0,
+            ha="right",
+            va="center",
+            fontsize=8.5,
+            labelpad=26,
+            color=INK,
+        )
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(color=LINE, labelcolor=INK)
@@ -62,4 +70,24 @@ def interval_figure(
     )  # fmt: skip
     figure.tight_layout(h_pad=0.15)
     figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
+    """Pictures side by side under their names: the run at a glance."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    height, width = panels[0][1].shape
+    figure, axes = plt.subplots(
+        1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False
+    )
+    for (name, image), ax in zip(panels, axes[0], strict=True):
+        ax.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="antialiased")
+        ax.set_title(name, fontsize=10, color=INK)
+        ax.axis("off")
+    figure.tight_layout(pad=0.3, w_pad=0.4)
+    figure.savefig(path, dpi=130)
     plt.close(figure)

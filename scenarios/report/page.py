@@ -13,10 +13,11 @@ import numpy as np
 
 from cosim import Plane, Summary
 from cosim.files.whole import whole
+from scenarios.fidelity import Shot
 from scenarios.loading import to_toml
 from scenarios.playback import write_clip
 from scenarios.png import encode, for_display, write_png
-from scenarios.report.figures import interval_figure
+from scenarios.report.figures import interval_figure, overview_figure
 from scenarios.report.pictures import (
     WINDOWS,
     accumulation,
@@ -25,7 +26,7 @@ from scenarios.report.pictures import (
     enlarge,
     mark_pixels,
 )
-from scenarios.run import Finished, Shot
+from scenarios.run import Finished
 from sensor import tau_image
 
 __all__ = ["write_report"]
@@ -58,6 +59,7 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 def _cards(run: Finished) -> str:
     result = run.result
+
     def metric(name: str, digits: str) -> str:
         value = result.metrics[name].value
         return "exact" if value is None or not np.isfinite(value) else format(value, digits)
@@ -71,10 +73,14 @@ def _cards(run: Finished) -> str:
         ("", f"{metric('tfi_psnr', '.1f')} dB", f"TFI against the truth, SSIM {metric('tfi_ssim', '.3f')}"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
     ]  # fmt: skip
-    return '<div class="cards">' + "".join(
-        f'<div class="card {css}"><b>{html.escape(big)}</b><span class="soft">{html.escape(small)}</span></div>'
-        for css, big, small in cards
-    ) + "</div>"
+    return (
+        '<div class="cards">'
+        + "".join(
+            f'<div class="card {css}"><b>{html.escape(big)}</b><span class="soft">{html.escape(small)}</span></div>'
+            for css, big, small in cards
+        )
+        + "</div>"
+    )
 
 
 def _instants(run: Finished) -> str:
@@ -86,7 +92,9 @@ def _instants(run: Finished) -> str:
         "curve. The linear pictures are in <code>images/</code>.</p>",
     ]
     for shot in run.shots:
-        parts.append(f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>')
+        parts.append(
+            f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
+        )
         triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
         pictures = "".join(_figure(for_display(plane), name) for name, plane in triple)
         parts.append(f'<div class="grid by3">{pictures}</div>')
@@ -97,7 +105,11 @@ def _accumulation(run: Finished) -> str:
     fitting = [w for w in WINDOWS if w <= run.stream.cycles]
     ms = 1e3 / run.stream.clock.hz
     pictures = "".join(
-        _figure(accumulation(run.stream, w, run.white_rate), f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms", exact=w < 10)
+        _figure(
+            accumulation(run.stream, w, run.white_rate),
+            f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms",
+            exact=w < 10,
+        )
         for w in fitting
     )
     return (
@@ -111,7 +123,9 @@ def _long_and_instant(run: Finished, shot: Shot) -> str:
     cycles = min(800, run.stream.cycles)
     pair = _figure(
         accumulation(run.stream, cycles, run.white_rate), f"first {cycles} cycles accumulated"
-    ) + _figure(tau_image(run.stream, shot.cycle), f"255 − τ at cycle {shot.cycle}, one interval a pixel")
+    ) + _figure(
+        tau_image(run.stream, shot.cycle), f"255 − τ at cycle {shot.cycle}, one interval a pixel"
+    )
     return (
         "<h2>Long exposure and one instant</h2><p>The same stream twice: as a conventional exposure "
         "sees it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
@@ -178,7 +192,9 @@ def _intervals(run: Finished, shot: Shot) -> str:
         run.stream, points, truth, [s.cycle for s in run.shots], figures / "intervals.png"
     )
     write_png(figures / "pixels.png", mark_pixels(for_display(shot.tfp), points))
-    marked = _figure(mark_pixels(for_display(shot.tfp), points), f"the pixels, on TFP at cycle {shot.cycle}")
+    marked = _figure(
+        mark_pixels(for_display(shot.tfp), points), f"the pixels, on TFP at cycle {shot.cycle}"
+    )
     source = _data((figures / "intervals.png").read_bytes(), "image/png")
     return (
         "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
@@ -216,7 +232,8 @@ def _physics(run: Finished) -> str:
         for e in setting.effects
     ]
     return (
-        "<h2>The machine</h2>" + _table(["what", "value", "from"], numbers)
+        "<h2>The machine</h2>"
+        + _table(["what", "value", "from"], numbers)
         + "<h2>What was kept and what was left out</h2><p>Nothing was left out. The third column "
         "bounds what leaving the effect out could have changed in a pixel's spike rate over the "
         "image window, at the darkest pixel of the images.</p>"
@@ -229,8 +246,8 @@ def _time(run: Finished) -> str:
     rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     rows.append(["peak memory", f"{peak:.2f} GiB"])
-    return (
-        f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + _table(["stage", "took"], rows)
+    return f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + _table(
+        ["stage", "took"], rows
     )
 
 
@@ -249,10 +266,24 @@ def _again(run: Finished) -> str:
     )
 
 
+def _overview(run: Finished, shot: Shot) -> None:
+    """figures/overview.png: the truth, both estimates and a long accumulation."""
+    cycles = min(800, run.stream.cycles)
+    ms = 1e3 / run.stream.clock.hz
+    panels = [
+        (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
+        (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
+        ("TFI, one interval", for_display(shot.tfi)),
+        (f"{cycles * ms:.3g} ms accumulated", accumulation(run.stream, cycles, run.white_rate)),
+    ]
+    overview_figure(panels, run.folder / "figures" / "overview.png")
+
+
 def write_report(run: Finished) -> list[str]:
     """Writes figures and report.html into the run's folder; their names."""
     (run.folder / "figures").mkdir(exist_ok=True)
     middle = run.shots[len(run.shots) // 2]
+    _overview(run, middle)
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
     caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
     body = [
@@ -280,4 +311,10 @@ def write_report(run: Finished) -> list[str]:
     )
     with whole(run.folder / "report.html") as part:
         Path(part).write_text(page, encoding="utf-8")
-    return ["figures/intervals.png", "figures/pixels.png", "playback.mp4", "report.html"]
+    return [
+        "figures/overview.png",
+        "figures/intervals.png",
+        "figures/pixels.png",
+        "playback.mp4",
+        "report.html",
+    ]

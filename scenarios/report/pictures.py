@@ -83,8 +83,19 @@ def mark_pixels(image: Grey, points: list[tuple[int, int, str]]) -> npt.NDArray[
         gap = radius + 4 * thick
         x = column + gap if column + gap + wide < width else column - gap - wide
         anchor = (x, min(max(row + high // 2, high), height - 1))
-        cv2.putText(canvas, text, anchor, cv2.FONT_HERSHEY_SIMPLEX, size, (20, 20, 20), 3 * thick, cv2.LINE_AA)
-        cv2.putText(canvas, text, anchor, cv2.FONT_HERSHEY_SIMPLEX, size, (60, 200, 255), thick, cv2.LINE_AA)
+        cv2.putText(
+            canvas,
+            text,
+            anchor,
+            cv2.FONT_HERSHEY_SIMPLEX,
+            size,
+            (20, 20, 20),
+            3 * thick,
+            cv2.LINE_AA,
+        )
+        cv2.putText(
+            canvas, text, anchor, cv2.FONT_HERSHEY_SIMPLEX, size, (60, 200, 255), thick, cv2.LINE_AA
+        )
     return np.asarray(canvas, np.uint8)
 
 

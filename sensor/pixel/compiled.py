@@ -20,7 +20,7 @@ _LOW = np.uint64(0xFFFFFFFF)
 _STREAM = np.uint64(SHOT_NOISE.stream)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _random_word(pixel, block, slot, seed):  # type: ignore[no-untyped-def]
     """Word `slot` of Philox4x32-10 at counter (pixel, block high, block low, 0)."""
     c0, c1, c2, c3 = pixel, block >> np.uint64(32), block & _LOW, np.uint64(0)
@@ -41,7 +41,7 @@ def _random_word(pixel, block, slot, seed):  # type: ignore[no-untyped-def]
     return c3
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
     """Threshold of spike k (the lookup of interval.py)."""
     word = np.int64(_random_word(pixel, k >> np.uint64(2), k & np.uint64(3), seed))
@@ -58,9 +58,11 @@ def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
     return low + (((table[min(index + 1, table.size - 1)] - low) * fraction) >> 16)
 
 
-@njit(cache=True, parallel=True)  # type: ignore[untyped-decorator]
-def _expose(deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, seed,
-            first, cycles, words):  # type: ignore[no-untyped-def]  # fmt: skip
+@njit(cache=True, parallel=True)
+def _expose(  # type: ignore[no-untyped-def]
+    deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, seed,
+    first, cycles, words,
+):  # fmt: skip
     for p in prange(deficit.size):
         d, k, pixel = deficit[p], spikes[p], np.uint64(pixels[p])
         add, step = charge[p], np.int64(0)

@@ -64,7 +64,9 @@ class ExactModel:
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < LARGEST:
-            raise ValueError(f"threshold must be above 0 and below {LARGEST} e, not {self.threshold:g} e")
+            raise ValueError(
+                f"threshold must be above 0 and below {LARGEST} e, not {self.threshold:g} e"
+            )
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed must be 0 to {2**32 - 1}, not {self.seed}")
 

@@ -16,7 +16,9 @@ def check_cycle(stream: SpikeStream, at: int) -> None:
     """Raises InputError unless the stream holds cycle `at`."""
     if not 0 <= at < stream.cycles:
         last = stream.cycles - 1
-        raise InputError("--at", f"a cycle from 0 to {last}", str(at), f"try --at {stream.cycles // 2}")
+        raise InputError(
+            "--at", f"a cycle from 0 to {last}", str(at), f"try --at {stream.cycles // 2}"
+        )
 
 
 def tfp(stream: SpikeStream, at: int, window: int = 41) -> npt.NDArray[np.float32]:
@@ -26,6 +28,8 @@ def tfp(stream: SpikeStream, at: int, window: int = 41) -> npt.NDArray[np.float3
     """
     check_cycle(stream, at)
     if window < 1 or window % 2 == 0:
-        raise InputError("--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}")
+        raise InputError(
+            "--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}"
+        )
     first, stop = max(at - window // 2, 0), min(at + window // 2 + 1, stream.cycles)
     return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)

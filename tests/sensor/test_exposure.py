@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -39,7 +40,7 @@ def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.nda
 
 def pieces(knots: list[int], jumps: bool) -> Light:
     made = []
-    for n, (a, b) in enumerate(zip(knots, knots[1:], strict=False)):
+    for n, (a, b) in enumerate(itertools.pairwise(knots)):
         first = plane(2 * n) if jumps or not made else made[-1].last
         made.append(Piece(a, b, first, first if n % 3 == 2 else plane(2 * n + 1)))
     return Light(tuple(made))
@@ -70,9 +71,7 @@ def test_charges_do_not_depend_on_how_the_run_is_split(inner: list[int], cuts: l
     light = pieces([0, *sorted(inner), 40 * PERIOD], True)
     whole = charges(Exposure(CLOCK, 1e5), light, 0, 40)
     edges = [0, *sorted(cuts), 40]
-    parts = [
-        charges(Exposure(CLOCK, 1e5), light, a, b - a) for a, b in zip(edges, edges[1:], strict=False)
-    ]
+    parts = [charges(Exposure(CLOCK, 1e5), light, a, b - a) for a, b in itertools.pairwise(edges)]
     assert np.array_equal(np.concatenate(parts), whole)
 
 

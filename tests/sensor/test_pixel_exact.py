@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -40,7 +42,7 @@ def split(
     cuts: list[int], charge: npt.NDArray[np.int64], slope: npt.NDArray[np.int64] | None
 ) -> list[Span]:
     """The same course of light as several spans."""
-    return [Span(a, b - a, charge, slope, a) for a, b in zip(cuts, cuts[1:], strict=False)]
+    return [Span(a, b - a, charge, slope, a) for a, b in itertools.pairwise(cuts)]
 
 
 @pytest.mark.parametrize("ramp", [False, True])
@@ -181,7 +183,9 @@ class TestClosedForms:
         crossings = np.diff([0] + [g // model.q for g in gathered])
         assert np.array_equal(bits, np.minimum(crossings, 1))
 
-    def test_a_saturated_pixel_fires_in_every_cycle_and_a_dark_one_never(self, device: Device) -> None:
+    def test_a_saturated_pixel_fires_in_every_cycle_and_a_dark_one_never(
+        self, device: Device
+    ) -> None:
         for effects in (NOISELESS, ALL):
             model = ExactModel(100.0, 3, effects)
             pixels = KernelPixels(model, np.arange(32, dtype=np.uint32), device)

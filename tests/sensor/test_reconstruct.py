@@ -40,7 +40,9 @@ def test_intervals_follow_their_definition(planes: np.ndarray, pick: int) -> Non
         assert (begin[place], end[place]) == expected
     tau = isi(stream, at)
     assert np.array_equal(tau, end - begin)
-    assert np.array_equal(tfi(stream, at), np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32))
+    assert np.array_equal(
+        tfi(stream, at), np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32)
+    )
 
 
 @settings(max_examples=100, deadline=None)

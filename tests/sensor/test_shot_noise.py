@@ -41,7 +41,9 @@ def test_thresholds_are_gamma_q(q: float) -> None:
     assert abs(sample.var() - q) < 4.9 * spread
 
 
-@pytest.mark.parametrize(("q", "rsd"), [(1.0, 1.0), (100.0, 0.1), (1000.0, 0.0316), (10_000.0, 0.01)])
+@pytest.mark.parametrize(
+    ("q", "rsd"), [(1.0, 1.0), (100.0, 0.1), (1000.0, 0.0316), (10_000.0, 0.01)]
+)
 def test_relative_spread_is_one_over_root_q(q: float, rsd: float) -> None:
     sample = draws(q)
     spread = math.sqrt((0.5 + 1.5 / q) / N)  # of the relative standard deviation, relative
@@ -52,7 +54,9 @@ def test_relative_spread_is_one_over_root_q(q: float, rsd: float) -> None:
 @pytest.mark.parametrize("q", [0.3, 1.0, 7.5, 100.0, 30_000.0, 2e6])
 def test_the_table_follows_the_quantiles_down_to_both_tails(q: float) -> None:
     table = interval_table(q)
-    y = np.unique(np.concatenate([np.arange(300), np.geomspace(300, 2**31 - 1, 3000).astype(np.int64)]))
+    y = np.unique(
+        np.concatenate([np.arange(300), np.geomspace(300, 2**31 - 1, 3000).astype(np.int64)])
+    )
     for word, p, law in ((y, (y + 0.5) / 2**32, stats.gamma(q).cdf),
                          (2**32 - 1 - y, (y + 0.5) / 2**32, stats.gamma(q).sf)):  # fmt: skip
         value = threshold(table, word.astype(np.uint32)) / ONE
@@ -95,7 +99,9 @@ def test_window_counts_have_the_exact_law(q: float) -> None:
         pooled_observed[-2] += pooled_observed[-1]
         pooled_expected[-2] += pooled_expected[-1]
         pooled_observed, pooled_expected = pooled_observed[:-1], pooled_expected[:-1]
-    assert stats.chisquare(pooled_observed, pooled_expected * n / pooled_expected.sum()).pvalue > ALPHA
+    assert (
+        stats.chisquare(pooled_observed, pooled_expected * n / pooled_expected.sum()).pvalue > ALPHA
+    )
 
 
 def test_draws_of_pixels_spikes_seeds_and_effects_are_independent() -> None:
