@@ -30,7 +30,7 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
                     with archive.open(info) as member:
                         arrays[name] = np.lib.format.read_array(member, allow_pickle=False)
                         if member.read(1):  # at a member's end zipfile compares its checksum
-                            raise ValueError(f"{name} is longer than its array")
+                            raise ValueError(f"{info.filename} is longer than its array")
         except Exception as exc:  # zipfile, zlib and numpy raise a dozen types for damaged bytes
             raise ValueError(str(exc) or type(exc).__name__) from exc
     return arrays

@@ -22,9 +22,7 @@ FASTEST_F_NUMBER = 0.5
 """No lens in air is faster: the sine of its cone's half angle, 1/(2N), is at most 1."""
 
 
-def diffraction_mtf(
-    frequency: npt.NDArray[np.float64], cutoff: float
-) -> npt.NDArray[np.float64]:
+def diffraction_mtf(frequency: npt.NDArray[np.float64], cutoff: float) -> npt.NDArray[np.float64]:
     """MTF of a perfect lens with a round pupil, incoherent light.
 
     2/pi (acos v - v sqrt(1 - v^2)), v = frequency / cutoff, cutoff = 1/(wavelength N)

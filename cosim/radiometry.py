@@ -42,8 +42,8 @@ _V_NM: Final = np.arange(380, 790, 10)
 
 
 def luminous_efficiency(wavelength_nm: float) -> float:
-    """V(lambda), 1 at 555 nm; the table's logarithm is interpolated by a cubic spline, within 1 % of
-    the CIE's finer table, 4 % below 430 nm.
+    """V(lambda), 1 at 555 nm; the table's logarithm is interpolated by a cubic spline, which stays
+    within 1 % of the CIE's finer table, 4 % below 430 nm.
 
     Raises ValueError outside 380 to 780 nm, where lux says nothing about photons.
     """

@@ -22,32 +22,39 @@ LEAST_RATE = 1e-30
 """Spikes a cycle below which white counts as this much: smaller numbers leave float32."""
 
 
+Estimate = npt.NDArray[np.float64]
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W) float32.
+    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W).
 
     tau: cycles of the interval that holds the instant, (H, W) int64, 0 where there is none.
     """
 
     cycle: int
     truth: Plane
-    tfp: Plane
-    tfi: Plane
+    tfp: Estimate
+    tfi: Estimate
     tau: npt.NDArray[np.int64]
 
 
-def to_white(rate: Plane, white_rate: float) -> Plane:
-    """Linear estimate of reflectance: spikes a cycle, scaled so that white = 1, in [0, 1]."""
-    return np.clip(rate / np.float32(max(white_rate, LEAST_RATE)), 0, 1)
+def to_white(rate: Plane, white_rate: float) -> Estimate:
+    """Linear estimate of reflectance: spikes a cycle, scaled so that white = 1, in [0, 1].
+
+    In float64, so that a picture of it is the one `viform image --scale WHITE_RATE` makes: 1/2 a
+    cycle at 0.6 is 212.5 of 255, and float32 would fall to the other side of it.
+    """
+    return np.clip(rate.astype(np.float64) / max(white_rate, LEAST_RATE), 0, 1)
 
 
-def psnr(image: Plane, truth: Plane) -> float:
+def psnr(image: Estimate, truth: Plane) -> float:
     """Peak signal to noise ratio in dB, peak 1; infinite where they agree."""
     error = float(np.mean((image.astype(np.float64) - truth) ** 2))
     return -10 * math.log10(error) if error > 0 else math.inf
 
 
-def ssim(image: Plane, truth: Plane) -> float:
+def ssim(image: Estimate, truth: Plane) -> float:
     """Structural similarity with the constants and the 11 x 11 Gaussian window (sigma 1.5) of Wang
     et al., IEEE Trans. Image Process. 13:600, 2004; peak 1. NaN for images under 11 x 11."""
     if min(image.shape) < 11:

@@ -40,12 +40,17 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
         found = False
     if not found:
         raise InputError(
-            "the scenario", f"one of {', '.join(known)} or a TOML file", repr(name), "see `viform list`"
+            "the scenario",
+            f"one of {', '.join(known)} or a TOML file",
+            repr(name),
+            "see `viform list`",
         )
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
-        raise InputError("the scenario", "a TOML file", f"{path} ({exc})", "mend that place") from exc
+        raise InputError(
+            "the scenario", "a TOML file", f"{path} ({exc})", "mend that place"
+        ) from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
     return stem or "scenario", data, path.parent
 
@@ -65,13 +70,20 @@ def _set(data: dict[str, Any], assignment: str) -> None:
     key, equals, text = assignment.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
-        raise InputError("--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it")
+        raise InputError(
+            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it"
+        )
     node = data
     for i, name in enumerate(names[:-1]):
         inner = node.setdefault(name, {})
         if not isinstance(inner, dict):
             where = ".".join(names[: i + 1])
-            raise InputError(f"--set {key}", f"a key of a section, which {where} is", "below a value", f"set {where} itself")
+            raise InputError(
+                f"--set {key}",
+                f"a key of a section, which {where} is",
+                "below a value",
+                f"set {where} itself",
+            )
         node = inner
     node[names[-1]] = _value(text)
 
@@ -101,7 +113,9 @@ def load(
         try:
             place = str(Path(path).resolve())
         except (OSError, ValueError) as exc:  # a NUL in it, links in a circle
-            raise InputError("scene.path", "a file's name", f"{path!r} ({exc})", "check it") from exc
+            raise InputError(
+                "scene.path", "a file's name", f"{path!r} ({exc})", "check it"
+            ) from exc
         absolute = scenario.scene.model_copy(update={"path": place})
         scenario = scenario.model_copy(update={"scene": absolute})
     return short, scenario

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError, Plane
+from cosim import InputError
 from cosim.files.whole import whole
 
-__all__ = ["encode", "for_display", "to_linear_bytes", "write_linear_png", "write_png"]
+__all__ = ["Levels", "encode", "for_display", "to_linear_bytes", "write_linear_png", "write_png"]
 
 Grey = npt.NDArray[np.uint8]
+Levels = npt.NDArray[np.floating[Any]]
 
 
-def to_linear_bytes(x: Plane, scale: float = 1.0) -> Grey:
+def to_linear_bytes(x: Levels, scale: float = 1.0) -> Grey:
     """round(255 clip(x/scale, 0, 1)) as (H, W) uint8; halves round to even. scale: above 0."""
     return np.rint(255 * np.clip(x.astype(np.float64) / scale, 0, 1)).astype(np.uint8)
 
@@ -29,9 +31,9 @@ def _display_curve() -> Grey:
     return np.rint(255 * curve).astype(np.uint8)
 
 
-def for_display(x: Plane) -> Grey:
+def for_display(x: Levels) -> Grey:
     """Linear light, white = 1, through the sRGB curve as (H, W) uint8."""
-    level = np.rint(np.clip(x, 0, 1) * np.float32(65535)).astype(np.uint16)
+    level = np.rint(np.clip(x, 0.0, 1.0) * 65535.0).astype(np.uint16)
     return _display_curve()[level]
 
 
@@ -55,6 +57,6 @@ def write_png(path: Path, image: Grey) -> None:
         part.write_bytes(encode(image))
 
 
-def write_linear_png(path: Path, x: Plane) -> None:
+def write_linear_png(path: Path, x: Levels) -> None:
     """Writes linear light, white = 1, as 8-bit grey."""
     write_png(path, to_linear_bytes(x))

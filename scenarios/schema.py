@@ -7,6 +7,7 @@ whole as JSON Schema.
 from __future__ import annotations
 
 import difflib
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -43,6 +44,9 @@ class Quantity:
             number = parse_quantity(value, self.kind)
         except ValueError:
             raise ValueError(must) from None
+        for limit in (self.least, self.most):
+            if limit is not None and math.isclose(number, limit, rel_tol=1e-12):
+                number = limit  # 0.38 um is 380 nm but for a rounding
         for word, limit, fine in (
             ("above", self.above, self.above is None or number > self.above),
             ("at least", self.least, self.least is None or number >= self.least),
@@ -69,8 +73,8 @@ class Quantity:
 DAY = 86_400.0
 """Seconds; no run is longer (at 40 kHz it would be 3.5e9 cycles)."""
 
-# An electron is the least threshold; fixed point ends the rest. Outside the visible, lux say nothing
-# of photons.
+# An electron is the least threshold; fixed point sets the most. Outside the visible, lux say
+# nothing of photons.
 Time = Annotated[float, Quantity("time", least=0, most=DAY)]
 Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
 Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]
@@ -129,9 +133,7 @@ class StepScene(Section):
     at: Time = Field(default=0.032, description="instant of the step")
 
 
-SceneSection = Annotated[
-    FilmScene | WaveScene | StarScene | StepScene, Field(discriminator="kind")
-]
+SceneSection = Annotated[FilmScene | WaveScene | StarScene | StepScene, Field(discriminator="kind")]
 
 
 class LensSection(Section):

@@ -1,4 +1,4 @@
-"""What the whole suite shares: data beside the repository, an OpenCL device, hypothesis settings."""
+"""What the whole suite shares: recordings, an OpenCL device, settings of hypothesis."""
 
 from __future__ import annotations
 

@@ -21,18 +21,19 @@ def whole(path: Path) -> Iterator[Path]:
     Raises InputError where the system refuses to write, and where `path` is a folder of the user's
     own: only a Zarr store is replaced.
     """
-    if path.is_dir() and not (path / "zarr.json").is_file():
-        raise InputError(f"{path}", "a new name", "a folder that is there", "choose another name")
-    if not path.parent.is_dir():
-        raise InputError(
-            f"{path}", "in a folder that exists", f"in {path.parent}", f"mkdir -p {path.parent}"
-        )
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        yield part
-        if path.is_dir() and part.is_dir():
-            shutil.rmtree(path)
-        os.replace(part, path)
+        _check(path)
+        try:
+            yield part
+            if path.is_dir() and part.is_dir():
+                shutil.rmtree(path)
+            os.replace(part, path)
+        finally:
+            if part.is_dir():
+                shutil.rmtree(part)
+            else:
+                part.unlink(missing_ok=True)
     except OSError as exc:
         raise InputError(
             f"{path}",
@@ -40,8 +41,12 @@ def whole(path: Path) -> Iterator[Path]:
             f"refused ({exc.strerror or exc})",
             "choose another name, or make room",
         ) from exc
-    finally:
-        if part.is_dir():
-            shutil.rmtree(part)
-        else:
-            part.unlink(missing_ok=True)
+
+
+def _check(path: Path) -> None:
+    if path.is_dir() and not (path / "zarr.json").is_file():
+        raise InputError(f"{path}", "a new name", "a folder that is there", "choose another name")
+    if not path.parent.is_dir():
+        raise InputError(
+            f"{path}", "in a folder that exists", f"in {path.parent}", f"mkdir -p {path.parent}"
+        )

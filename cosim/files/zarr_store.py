@@ -74,7 +74,8 @@ class ZarrStream:
 
     def _chunk(self, n: int) -> Words:
         if self._kept is None or self._kept[0] != n:
-            if not (self._path / "words" / self._words.metadata.encode_chunk_key((n, 0, 0))).exists():
+            key = self._words.metadata.encode_chunk_key((n, 0, 0))
+            if not (self._path / "words" / key).is_file():
                 raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
             try:
                 words = cast(Words, self._words[n * _CHUNK : (n + 1) * _CHUNK])
@@ -93,7 +94,9 @@ class ZarrStream:
             self._chunk(n)[max(first - n * _CHUNK, 0) : stop - n * _CHUNK]
             for n in range(first // _CHUNK, -(-stop // _CHUNK))
         ]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate([np.empty((0, *self.shape), np.uint32), *parts])
 
 
 class Recorder:

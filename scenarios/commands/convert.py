@@ -13,7 +13,9 @@ __all__ = ["convert"]
 
 
 def convert(
-    source: Annotated[Path, typer.Argument(metavar="IN", help=".dat, .npz, .zarr or a run's folder")],
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help=".dat, .npz, .zarr or a run's folder")
+    ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help=".dat, .npz, .zarr, or a clip (.mp4)")],
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     window: Annotated[int, typer.Option(help="of a clip: cycles of each tfp image, odd")] = 41,
@@ -38,7 +40,9 @@ def convert(
     progress = make_progress()
     try:
         if out.suffix.lower() in CLIPS:
-            write_clip(opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress)
+            write_clip(
+                opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress
+            )
         else:
             write_stream(opened, out)
     finally:

@@ -16,7 +16,9 @@ def image(
     stream: Annotated[Path, typer.Argument(help=".dat, .npz, .zarr, or the folder of a run")],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
-    method: Annotated[str, typer.Option(help="tfp, tfi, or tau (255 - tau, without scale)")] = "tfp",
+    method: Annotated[
+        str, typer.Option(help="tfp, tfi, or tau (255 - tau, without scale)")
+    ] = "tfp",
     window: Annotated[int, typer.Option(help="cycles of a tfp, odd")] = 41,
     scale: Annotated[float, typer.Option(help="rate that becomes white")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
@@ -33,7 +35,9 @@ def image(
     if method not in METHODS:
         raise InputError("--method", f"one of {', '.join(METHODS)}", repr(method), "choose one")
     if not (math.isfinite(scale) and scale > 0):
-        raise InputError("--scale", "a number above 0", f"{scale:g}", "white of a run is its white_rate")
+        raise InputError(
+            "--scale", "a number above 0", f"{scale:g}", "white of a run is its white_rate"
+        )
     opened = open_stream(stream, size_option(size))
     if method == "tau":
         grey = tau_image(opened, at)

@@ -9,7 +9,14 @@ import typer
 
 from scenarios.result import dumps
 
-__all__ = ["Json", "SilentProgress", "TerminalProgress", "make_progress", "print_document", "size_option"]
+__all__ = [
+    "Json",
+    "SilentProgress",
+    "TerminalProgress",
+    "make_progress",
+    "print_document",
+    "size_option",
+]
 
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on standard output")]
 

@@ -50,24 +50,18 @@ def interval_figure(
         top = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3) * 1.15
         ax.set_ylim(0, top)
         ax.set_yticks([0, top / 1.15], ["0", f"{top / 1.15:.2g}"], fontsize=7, color=INK)
-        ax.set_ylabel(
-            f"{n}  {label}",
-            rotation=0,
-            ha="right",
-            va="center",
-            fontsize=8.5,
-            labelpad=26,
-            color=INK,
-        )
+        ax.set_ylabel(f"{n}  {label}", rotation=0, ha="right", va="center", fontsize=8.5, color=INK)
+        ax.yaxis.set_label_coords(-0.04, 0.5)
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(color=LINE, labelcolor=INK)
     axes[-1, 0].set_xlim(0, stream.cycles * ms)
     axes[-1, 0].set_xlabel("time (ms); grey lines: the instants shown above", fontsize=9, color=INK)
-    figure.suptitle(
+    axes[0, 0].set_title(
         "1/ISI of single pixels, spikes a cycle (bars), and the true light (line)",
-        fontsize=10, color=INK, y=0.995,
-    )  # fmt: skip
+        fontsize=10,
+        color=INK,
+    )
     figure.tight_layout(h_pad=0.15)
     figure.savefig(path, dpi=110)
     plt.close(figure)
@@ -89,5 +83,5 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
         ax.set_title(name, fontsize=10, color=INK)
         ax.axis("off")
     figure.tight_layout(pad=0.3, w_pad=0.4)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
     plt.close(figure)

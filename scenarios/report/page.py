@@ -5,18 +5,20 @@ from __future__ import annotations
 import base64
 import html
 import resource
+import shlex
+import time
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim import Plane, Summary
+from cosim import Summary
 from cosim.files.whole import whole
-from scenarios.fidelity import Shot
+from scenarios.fidelity import LEAST_RATE, Shot
 from scenarios.loading import to_toml
 from scenarios.playback import write_clip
-from scenarios.png import encode, for_display, write_png
+from scenarios.png import Levels, encode, for_display, to_linear_bytes, write_png
 from scenarios.report.figures import interval_figure, overview_figure
 from scenarios.report.pictures import (
     WINDOWS,
@@ -32,6 +34,8 @@ from sensor import tau_image
 __all__ = ["write_report"]
 
 _CLIP_FRAMES = 75
+_LONG = 800
+"""Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
 
 
 def _data(content: bytes, kind: str) -> str:
@@ -64,23 +68,26 @@ def _cards(run: Finished) -> str:
         value = result.metrics[name].value
         return "exact" if value is None or not np.isfinite(value) else format(value, digits)
 
+    def fidelity(method: str) -> tuple[str, str, str]:
+        structure = metric(f"{method}_ssim", ".3f")
+        decibel = metric(f"{method}_psnr", ".1f")
+        return "", f"{decibel} dB", f"{method.upper()} against the truth, SSIM {structure}"
+
+    spent = time.perf_counter() - run.began
     cards = [
-        ("first", "not measured", "error against full physics: nothing was left out, and this tier "
-         "has not yet been held against the reference"),
-        ("first", f"{sum(run.seconds.values()):.1f} s", f"of work for {result.simulated_s * 1e3:.4g} ms of light"),
+        ("first", "unknown", "error against full physics: not measured yet"),
+        ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("first", str(len(result.left_out)), "effects left out"),
-        ("", f"{metric('tfp_psnr', '.1f')} dB", f"TFP against the truth, SSIM {metric('tfp_ssim', '.3f')}"),
-        ("", f"{metric('tfi_psnr', '.1f')} dB", f"TFI against the truth, SSIM {metric('tfi_ssim', '.3f')}"),
+        fidelity("tfp"),
+        fidelity("tfi"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
-    ]  # fmt: skip
-    return (
-        '<div class="cards">'
-        + "".join(
-            f'<div class="card {css}"><b>{html.escape(big)}</b><span class="soft">{html.escape(small)}</span></div>'
-            for css, big, small in cards
-        )
-        + "</div>"
+    ]
+    texts = (
+        f'<div class="card {css}"><b>{html.escape(big)}</b>'
+        f'<span class="soft">{html.escape(small)}</span></div>'
+        for css, big, small in cards
     )
+    return f'<div class="cards">{"".join(texts)}</div>'
 
 
 def _instants(run: Finished) -> str:
@@ -119,29 +126,42 @@ def _accumulation(run: Finished) -> str:
     )
 
 
+def _around(run: Finished, shot: Shot) -> tuple[int, int]:
+    """A long exposure with the instant in its middle: its first cycle and its cycles."""
+    cycles = min(_LONG, run.stream.cycles)
+    return min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles), cycles
+
+
 def _long_and_instant(run: Finished, shot: Shot) -> str:
-    cycles = min(800, run.stream.cycles)
-    pair = _figure(
-        accumulation(run.stream, cycles, run.white_rate), f"first {cycles} cycles accumulated"
-    ) + _figure(
-        tau_image(run.stream, shot.cycle), f"255 − τ at cycle {shot.cycle}, one interval a pixel"
+    first, cycles = _around(run, shot)
+    tau = tau_image(run.stream, shot.cycle)
+    low, high = (int(x) for x in np.percentile(tau, (1, 99)))
+    spread = (tau - np.float32(low)) / np.float32(max(high - low, 1))
+    pictures = (
+        _figure(
+            accumulation(run.stream, cycles, run.white_rate, first),
+            f"cycles {first} to {first + cycles - 1} accumulated",
+        )
+        + _figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
+        + _figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
     )
     return (
-        "<h2>Long exposure and one instant</h2><p>The same stream twice: as a conventional exposure "
-        "sees it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
-        f'<div class="grid by2">{pair}</div>'
+        "<h2>Long exposure and one instant</h2><p>The same stream as a conventional exposure sees "
+        "it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
+        f'<div class="grid by3">{pictures}</div>'
     )
 
 
 def _moving_part(run: Finished, shot: Shot) -> str:
-    first, last = run.shots[0].truth, run.shots[-1].truth
-    side = max(64, min(run.stream.shape) // 4)
-    box = busiest_box(first, last, side)
-    if float(np.abs(last - first).max()) < 0.02:
-        return "<h2>The moving part</h2><p>Nothing moves between the first and last image of this run.</p>"
-    cycles = min(800, run.stream.cycles)
+    title = "<h2>The moving part</h2>"
+    truths = np.stack([each.truth for each in run.shots])
+    change = truths.max(axis=0) - truths.min(axis=0)
+    if float(change.max()) < 0.02:
+        return f"{title}<p>Nothing moves from image to image of this run.</p>"
+    box = busiest_box(change, max(64, min(run.stream.shape) // 4))
+    first, cycles = _around(run, shot)
 
-    def part(plane: Plane) -> Any:
+    def part(plane: Levels) -> Any:
         return enlarge(crop(for_display(plane), box))
 
     pictures = "".join(
@@ -150,14 +170,14 @@ def _moving_part(run: Finished, shot: Shot) -> str:
             _figure(part(shot.tfp), "TFP", exact=True),
             _figure(part(shot.tfi), "TFI", exact=True),
             _figure(
-                enlarge(crop(accumulation(run.stream, cycles, run.white_rate), box)),
-                f"first {cycles} cycles accumulated", exact=True,
+                enlarge(crop(accumulation(run.stream, cycles, run.white_rate, first), box)),
+                f"cycles {first} to {first + cycles - 1} accumulated", exact=True,
             ),
         )
     )  # fmt: skip
     return (
-        f"<h2>The moving part</h2><p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: "
-        "the square in which the truth changes most between the first and the last image.</p>"
+        f"{title}<p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
+        "which the truth changes most from image to image.</p>"
         f'<div class="grid by4">{pictures}</div>'
     )
 
@@ -168,13 +188,13 @@ def _playback(run: Finished) -> str:
     every = max(1, run.stream.cycles // _CLIP_FRAMES)
     path = run.folder / "playback.mp4"
     write_clip(
-        run.stream, path, window=run.scenario.image.window, every=every, scale=run.white_rate,
-        rate=25.0, progress=SilentProgress(), largest=640,
+        run.stream, path, window=run.scenario.image.window, every=every,
+        scale=max(run.white_rate, LEAST_RATE), rate=25.0, progress=SilentProgress(), largest=640,
     )  # fmt: skip
     slower = 25.0 * every / run.stream.clock.hz
     return (
-        f"<h2>Playback</h2><p>TFP every {every} cycles, {1 / slower:.0f} times slower than life "
-        "(<code>playback.mp4</code>).</p>"
+        f"<h2>Playback</h2><p>TFP every {f'{every} cycles' if every > 1 else 'cycle'}, "
+        f"{1 / slower:.0f} times slower than life (<code>playback.mp4</code>).</p>"
         f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
         f'src="{_data(path.read_bytes(), "video/mp4")}"></video></figure>'
     )
@@ -217,8 +237,9 @@ def _physics(run: Finished) -> str:
         ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
         ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
         ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
-        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, m {run.lens.magnification:g}, "
-         f"PSF {run.lens.psf}", "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
+        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
+         f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
+         "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
         ["white on the sensor", f"{scenario.scene.illuminance * run.lens.gain:.3g} lux, "
          f"{run.white_rate:.3g} spikes a cycle", "computed"],
     ]  # fmt: skip
@@ -254,13 +275,13 @@ def _time(run: Finished) -> str:
 def _again(run: Finished) -> str:
     shot = run.shots[len(run.shots) // 2]
     lines = [
-        f"viform image {run.folder} --at {shot.cycle} --method tfp --window {run.scenario.image.window} "
-        f"--scale {run.white_rate:.6g} --out a.png",
-        f"viform run {run.folder / 'scenario.toml'}",
+        f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
+        f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png",
+        f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
     ]
     return (
-        "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, the "
-        "second the whole run: the same bits on any device.</p>"
+        "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, "
+        "the second the whole run: the same bits on any device.</p>"
         f"<pre>{html.escape(chr(10).join(lines))}</pre>"
         f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
     )
@@ -268,13 +289,14 @@ def _again(run: Finished) -> str:
 
 def _overview(run: Finished, shot: Shot) -> None:
     """figures/overview.png: the truth, both estimates and a long accumulation."""
-    cycles = min(800, run.stream.cycles)
+    first, cycles = _around(run, shot)
     ms = 1e3 / run.stream.clock.hz
+    long = accumulation(run.stream, cycles, run.white_rate, first)
     panels = [
         (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
         (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
         ("TFI, one interval", for_display(shot.tfi)),
-        (f"{cycles * ms:.3g} ms accumulated", accumulation(run.stream, cycles, run.white_rate)),
+        (f"{cycles * ms:.3g} ms around it accumulated", long),
     ]
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
@@ -288,15 +310,16 @@ def write_report(run: Finished) -> list[str]:
     caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
     body = [
         f"<h1>{html.escape(run.scenario.title)}</h1>",
-        f'<p class="soft">{html.escape(run.setting.chip.title)}, {run.setting.clock.hz / 1e3:g} kHz, '
-        f"{run.stream.cycles} cycles, seed {run.result.seed}, viform {run.result.version}.{caveat}</p>",
+        f'<p class="soft">{html.escape(run.setting.chip.title)}, '
+        f"{run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles, "
+        f"seed {run.result.seed}, viform {run.result.version}.{caveat}</p>",
         f"<ul>{notes}</ul>",
         _cards(run),
         _playback(run),
         _instants(run),
         _moving_part(run, middle),
         _accumulation(run),
-        _long_and_instant(run, run.shots[-1]),
+        _long_and_instant(run, middle),
         _intervals(run, middle),
         _physics(run),
         _time(run),

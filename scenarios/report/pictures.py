@@ -7,45 +7,31 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Box, Plane, SpikeStream
+from cosim import Box, Plane, SpikeStream
 from cosim.viform import count_spikes
 from scenarios.png import for_display
 
-__all__ = ["WINDOWS", "accumulation", "crop", "enlarge", "mark_pixels", "moving_box"]
+__all__ = ["WINDOWS", "accumulation", "busiest_box", "crop", "enlarge", "mark_pixels"]
 
 WINDOWS = (1, 2, 5, 50, 200, 800)
 """Cycles that Huang 2022, figure 3 accumulates."""
 Grey = npt.NDArray[np.uint8]
 
 
-def accumulation(stream: SpikeStream, window: int, white_rate: float) -> Grey:
-    """Spikes of the first `window` cycles, as a display shows them: (H, W) uint8.
+def accumulation(stream: SpikeStream, window: int, white_rate: float, first: int = 0) -> Grey:
+    """Spikes of `window` cycles from cycle `first` on, as a display shows them: (H, W) uint8.
 
     White is what white gives in that many cycles on average, and at least one spike, so that a
     single cycle shows its spikes as white points.
     """
-    count = count_spikes(stream, 0, window).astype(np.float32)
+    count = count_spikes(stream, first, first + window).astype(np.float32)
     return for_display(count / max(1.0, window * white_rate))
 
 
-def moving_box(box: Box, shape: tuple[int, int], least: int = 160) -> Box:
-    """A near-square box around the part that moves, inside the plane, at least `least` pixels."""
-    height, width = shape
-    rows, columns = box[1] - box[0], box[3] - box[2]
-    side = min(max(rows, columns, least), height, width)
-
-    def place(low: int, high: int, size: int) -> int:
-        return int(min(max((low + high - side) // 2, 0), size - side))
-
-    y, x = place(box[0], box[1], height), place(box[2], box[3], width)
-    return (y, y + side, x, x + side)
-
-
-def busiest_box(before: Plane, after: Plane, side: int) -> Box:
-    """The square where two planes differ most in sum."""
+def busiest_box(change: Plane, side: int) -> Box:
+    """The square of `side` pixels, or what fits, with the largest sum."""
     import cv2
 
-    change = np.abs(after - before)
     height, width = change.shape
     side = min(side, height, width)
     sums = cv2.boxFilter(change, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
@@ -67,38 +53,24 @@ def enlarge(image: Grey, least: int = 360) -> Grey:
 
 
 def mark_pixels(image: Grey, points: list[tuple[int, int, str]]) -> npt.NDArray[np.uint8]:
-    """The image in colour with numbered circles at (row, column)."""
+    """The image in colour, small ones enlarged, with numbered circles at (row, column)."""
     import cv2
 
-    height, width = image.shape
+    large = enlarge(image, 800)
+    times, (height, width) = large.shape[1] // image.shape[1], large.shape
     unit = max(height, width) / 1000
-    canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    radius, thick = round(9 * unit), max(1, round(2 * unit))
+    font, size, dark, light = cv2.FONT_HERSHEY_SIMPLEX, 0.8 * unit, (30, 30, 30), (60, 200, 255)
+    canvas = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
     for n, (row, column, _) in enumerate(points, 1):
-        place = (column, row)
-        radius, thick = max(2, round(9 * unit)), max(1, round(2 * unit))
-        cv2.circle(canvas, place, radius + thick, (20, 20, 20), thick, cv2.LINE_AA)
-        cv2.circle(canvas, place, radius, (60, 200, 255), thick, cv2.LINE_AA)
-        size, text = 0.9 * unit, str(n)
-        (wide, high), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, thick)
-        gap = radius + 4 * thick
-        x = column + gap if column + gap + wide < width else column - gap - wide
-        anchor = (x, min(max(row + high // 2, high), height - 1))
-        cv2.putText(
-            canvas,
-            text,
-            anchor,
-            cv2.FONT_HERSHEY_SIMPLEX,
-            size,
-            (20, 20, 20),
-            3 * thick,
-            cv2.LINE_AA,
-        )
-        cv2.putText(
-            canvas, text, anchor, cv2.FONT_HERSHEY_SIMPLEX, size, (60, 200, 255), thick, cv2.LINE_AA
-        )
+        y, x = (row * times + times // 2, column * times + times // 2)
+        cv2.circle(canvas, (x, y), radius + thick, dark, thick, cv2.LINE_AA)
+        cv2.circle(canvas, (x, y), radius, light, thick, cv2.LINE_AA)
+        (wide, high), _ = cv2.getTextSize(str(n), font, size, thick)
+        gap = radius + 3 * thick
+        left = x + gap if x + gap + wide + thick < width else x - gap - wide
+        base = min(max(y + high // 2, high + thick), height - thick - 1)
+        corners = (left - thick, base - high - thick), (left + wide + thick, base + thick)
+        cv2.rectangle(canvas, *corners, dark, cv2.FILLED)
+        cv2.putText(canvas, str(n), (left, base), font, size, light, thick, cv2.LINE_AA)
     return np.asarray(canvas, np.uint8)
-
-
-def seconds(ps: int) -> float:
-    """Picoseconds as seconds."""
-    return ps / PS

@@ -13,9 +13,7 @@ from scenarios.schema import FilmScene, SceneSection, StarScene, StepScene
 __all__ = ["make_source"]
 
 
-def make_source(
-    scene: SceneSection, shape: tuple[int, int], clock: Clock, cycles: int
-) -> Source:
+def make_source(scene: SceneSection, shape: tuple[int, int], clock: Clock, cycles: int) -> Source:
     """The scene on a (height, width) grid for a run of so many cycles."""
     if isinstance(scene, StepScene):
         stop = clock.edge(cycles)

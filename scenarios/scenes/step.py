@@ -48,4 +48,6 @@ class StepSource:
 
     def points(self) -> list[tuple[int, int, str]]:
         height, width = self.shape
-        return [(height // 2, (2 * b + 1) * width // (2 * BARS), f"bar {b + 1}") for b in range(BARS)]
+        return [
+            (height // 2, (2 * b + 1) * width // (2 * BARS), f"bar {b + 1}") for b in range(BARS)
+        ]

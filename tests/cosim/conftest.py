@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from cosim import Clock, Viform
 
+CLOCK = Clock(40_000)
+
 
 @pytest.fixture(scope="session")
 def random_stream() -> Callable[..., Viform]:
@@ -19,7 +21,7 @@ def random_stream() -> Callable[..., Viform]:
         cycles: int = 75,
         shape: tuple[int, int] = (3, 8),
         seed: int = 1,
-        clock: Clock = Clock(40_000),
+        clock: Clock = CLOCK,
         start: int = 0,
     ) -> Viform:
         planes = np.random.default_rng(seed).random((cycles, *shape)) < 0.4

@@ -1,4 +1,4 @@
-"""Finding a device, saying so when there is none, compiling once, and caches that can be written."""
+"""Finding a device, saying when there is none, compiling once, caches that can be written."""
 
 from __future__ import annotations
 
@@ -168,7 +168,8 @@ def test_the_cache_stays_where_it_is_once_found(
     homeless: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(homeless))
-    monkeypatch.setattr("cosim.opencl._PROBE", "import os, json; print(json.dumps([dict(os.environ)]))")
+    child = "import os, json; print(json.dumps([dict(os.environ)]))"
+    monkeypatch.setattr("cosim.opencl._PROBE", child)
     folder = homeless / ".cache/viform"
     for _ in range(2):
         (variables,) = probe()

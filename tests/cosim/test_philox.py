@@ -26,8 +26,10 @@ OURS = """
 kernel void ours(global const uint *c, global uint *out, uint k0, uint k1)
 {
     const size_t n = get_global_size(0), i = get_global_id(0);
-    ulong16 w0 = convert_ulong16(vload16(i, c)), w1 = convert_ulong16(vload16(i + n, c));
-    ulong16 w2 = convert_ulong16(vload16(i + 2 * n, c)), w3 = convert_ulong16(vload16(i + 3 * n, c));
+    ulong16 w0 = convert_ulong16(vload16(i, c));
+    ulong16 w1 = convert_ulong16(vload16(i + n, c));
+    ulong16 w2 = convert_ulong16(vload16(i + 2 * n, c));
+    ulong16 w3 = convert_ulong16(vload16(i + 3 * n, c));
     philox16(&w0, &w1, &w2, &w3, k0, k1);
     vstore16(convert_uint16(w0), i, out);
     vstore16(convert_uint16(w1), i + n, out);

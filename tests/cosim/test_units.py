@@ -1,4 +1,4 @@
-"""Quantities as text: what each kind takes, what it refuses, and that nothing is lost on the way."""
+"""Quantities as text: what each kind takes, what it refuses, and that nothing is lost."""
 
 from __future__ import annotations
 
@@ -120,11 +120,11 @@ def test_the_text_of_an_error_says_what_must_be_and_what_was_given() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "", " ", "40", "4e4", "Hz", "kHz 40", "nan Hz", "inf Hz", "-inf Hz", "1e999 Hz", "1e308 GHz",
-        "40 kHz 3", "40 kHz 3 Hz", "4 0 Hz", "40,5 Hz", "1_000 Hz", "0x10 Hz", "40 kkHz", "40 khz!",
-        "40 Hz; 3", "40 Hz\n40 Hz", "40 Hz + 1 Hz", "40 (Hz)", "4" * 400 + " Hz", "40 Hz**2",
-        "40 Hz^1^1", "40 1/1/Hz", "40 %", "40 ☃", "40 k\u200bHz", "\u0664\u0660 kHz", "40 \x00Hz", "40 __",
-        "٤٠ kHz", "４０ kHz", "40 None", "40 Hz[0]", "40 Hz()", "40 .Hz", "40 Hz.real",
+        "", " ", "40", "4e4", "Hz", "kHz 40", "nan Hz", "inf Hz", "-inf Hz", "1e999 Hz",
+        "1e308 GHz", "40 kHz 3", "40 kHz 3 Hz", "4 0 Hz", "40,5 Hz", "1_000 Hz", "0x10 Hz", "40 kkHz",
+        "40 khz!", "40 Hz; 3", "40 Hz\n40 Hz", "40 Hz + 1 Hz", "40 (Hz)", "4" * 400 + " Hz", "40 Hz**2",
+        "40 Hz^1^1", "40 1/1/Hz", "40 %", "40 ☃", "40 k\u200bHz", "\u0664\u0660 kHz",
+        "\uff14\uff10 kHz", "40 \x00Hz", "40 __", "40 None", "40 Hz[0]", "40 Hz()", "40 .Hz", "40 Hz.real",
     ],
 )  # fmt: skip
 def test_text_that_is_no_quantity_is_refused(text: str) -> None:
@@ -134,18 +134,29 @@ def test_text_that_is_no_quantity_is_refused(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["1 Hz*9**9**9**9", "1 9^9^9^9*Hz", "1 Hz⁹⁹⁹⁹⁹⁹⁹⁹⁹", "1 " + "(" * 10**5, "1 " + "Hz " * 10**5 + "!",
-     "1" + " " * 10**5 + "!", "1 a" + " /" * 10**5],
-)  # fmt: skip
+    [
+        "1 Hz*9**9**9**9",
+        "1 9^9^9^9*Hz",
+        "1 Hz⁹⁹⁹⁹⁹⁹⁹⁹⁹",
+        "1 " + "(" * 10**5,
+        "1 " + "Hz " * 10**5 + "!",
+        "1" + " " * 10**5 + "!",
+        "1 a" + " /" * 10**5,
+    ],
+    ids=range(7),
+)
 def test_text_that_would_keep_a_parser_busy_is_refused_at_once(text: str) -> None:
     with pytest.raises(ValueError, match="must be a frequency"):
         parse_quantity(text, KINDS["frequency"])
 
 
-@given(st.text("mskHzluxegCbit µ²⁻·/*^()[]019.-+_%\u0664☃\u2028\x00", max_size=12), st.sampled_from(list(KINDS.values())))
+@given(
+    st.text("mskHzluxegCbit µ²⁻·/*^()[]019.-+_%\u0664☃\u2028\x00", max_size=12),
+    st.sampled_from(list(KINDS.values())),
+)
 def test_any_text_is_read_or_refused(text: str, kind) -> None:
     for candidate in (text, "1 " + text):
         try:
             assert isinstance(parse_quantity(candidate, kind), float)
         except ValueError as exc:
-            assert str(exc).startswith(f"must be {kind}, not ")  # noqa: PT017
+            assert str(exc).startswith(f"must be {kind}, not ")

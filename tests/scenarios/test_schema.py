@@ -1,0 +1,300 @@
+"""The scenario schema: what it refuses and how it says so, what it exports, what it keeps."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim import InputError
+from scenarios.loading import shipped, to_toml
+from scenarios.schema import Scenario, export, validate
+
+GOOD: dict[str, Any] = {
+    "title": "A clip",
+    "duration": "64 ms",
+    "scene": {"kind": "film", "illuminance": "700 lux"},
+    "sensor": {"clock": "40 kHz", "threshold": "1000 e"},
+}
+
+TIME, CLOCK = "a time such as '64 ms'", "a frequency such as '40 kHz'"
+LUX, CHARGE = "an illuminance such as '700 lux'", "a charge such as '1000 e'"
+NM = "a wavelength such as '555 nm'"
+SCHEMA = "see `viform list --schema`"
+
+
+def changed(key: str, value: object) -> dict[str, Any]:
+    """GOOD with one key set, or taken out where the value is None."""
+    data = copy.deepcopy(GOOD)
+    *sections, last = key.split(".")
+    node = data
+    for section in sections:
+        node = node.setdefault(section, {})
+    if value is None:
+        del node[last]
+    else:
+        node[last] = value
+    return data
+
+
+def message(data: dict[str, Any]) -> str:
+    with pytest.raises(InputError) as caught:
+        validate(data)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "must"),
+    [
+        ("sensor.clock", "40 lux", CLOCK),
+        ("sensor.clock", "40 bit/s", CLOCK),
+        ("sensor.clock", "40", CLOCK),
+        ("sensor.clock", "kHz", CLOCK),
+        ("sensor.clock", "", CLOCK),
+        ("sensor.clock", 40000, CLOCK),
+        ("sensor.clock", True, CLOCK),
+        ("sensor.clock", "0 Hz", f"{CLOCK} and above 0 Hz"),
+        ("sensor.clock", "2 GHz", f"{CLOCK} and at most 1e+09 Hz"),
+        ("sensor.threshold", "-5 e", f"{CHARGE} and at least 1 e"),
+        ("sensor.threshold", "0.5 e", f"{CHARGE} and at least 1 e"),
+        ("sensor.threshold", "1000 V", CHARGE),
+        ("sensor.wavelength", "900 nm", f"{NM} and at most 780 nm"),
+        ("sensor.wavelength", "555", NM),
+        ("scene.illuminance", "700 cd/m2", LUX),
+        ("scene.illuminance", "700 cd/m^2", LUX),
+        ("scene.illuminance", "700 W/m^2", LUX),
+        ("scene.illuminance", "0 lux", f"{LUX} and above 0 lux"),
+        ("scene.illuminance", "1e300 lux", f"{LUX} and at most 1e+09 lux"),
+        ("scene.start", "-1 ms", f"{TIME} and at least 0 s"),
+        ("scene.start", "1 yr", TIME),
+        ("duration", "5 px", TIME),
+        ("duration", "nan s", TIME),
+        ("duration", "inf s", TIME),
+        ("duration", "1e999 s", TIME),
+        ("duration", math.nan, TIME),
+        ("duration", "0 s", f"{TIME} and above 0 s"),
+        ("duration", "1e300 s", f"{TIME} and at most 86400 s"),
+    ],
+)
+def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(key, value, must):
+    example = must.split("'")[1]
+    expected = f"{key} must be {must}, not {value!r}; write --set {key}='{example}'"
+    assert message(changed(key, value)) == expected
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("tolerance", math.nan, f"tolerance must be a finite number, not nan; {SCHEMA}"),
+        ("tolerance", math.inf, f"tolerance must be a finite number, not inf; {SCHEMA}"),
+        ("tolerance", "much", f"tolerance must be a number, not 'much'; {SCHEMA}"),
+        ("tolerance", -1e-3, f"tolerance must be at least 0, not -0.001; {SCHEMA}"),
+        ("tolerance", 2, f"tolerance must be at most 1, not 2; {SCHEMA}"),
+        ("seed", -1, f"seed must be at least 0, not -1; {SCHEMA}"),
+        ("seed", 2**32, f"seed must be below 4294967296, not 4294967296; {SCHEMA}"),
+        ("seed", 1.5, f"seed must be a whole number, not 1.5; {SCHEMA}"),
+        ("seed", "one", f"seed must be a whole number, not 'one'; {SCHEMA}"),
+        ("title", 5, "title must be text, not 5; write --set title='A clip at 40 kHz'"),
+        ("title", None, "title must be given, not absent; write --set title='A clip at 40 kHz'"),
+        ("duration", None, "duration must be given, not absent; write --set duration='64 ms'"),
+        ("sensor.threshold", None,
+         "sensor.threshold must be given, not absent; write --set sensor.threshold='1000 e'"),
+        ("scene.illuminance", None,
+         "scene.illuminance must be given, not absent; write --set scene.illuminance='700 lux'"),
+        ("scene.kind", None, "scene.kind must be given, not absent; write --set scene.kind='film'"),
+        ("scene", None, f"scene must be given, not absent; {SCHEMA}"),
+        ("sensor", None, f"sensor must be given, not absent; {SCHEMA}"),
+        ("scene", "film", f"scene must be a section, not 'film'; {SCHEMA}"),
+        ("sensor", 7, f"sensor must be a section, not 7; {SCHEMA}"),
+        ("sensor.lens", [1], f"sensor.lens must be a section, not [1]; {SCHEMA}"),
+        ("scene.kind", "fil",
+         "scene.kind must be one of 'film', 'wave', 'star', 'step', not 'fil'; choose one"),
+        ("sensor.chip", "spikethree",
+         "sensor.chip must be 'spiketwo' or 'spikeone', not 'spikethree'; "
+         "write --set sensor.chip='spiketwo'"),
+        ("sensor.lens.f_number", 0.1,
+         f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),
+        ("sensor.lens.white_rate", 0, f"sensor.lens.white_rate must be above 0, not 0; {SCHEMA}"),
+        ("image.at", 3, f"image.at must be a list such as [100, 200], not 3; {SCHEMA}"),
+        ("image.at", [1, -2], f"image.at.1 must be at least 0, not -2; {SCHEMA}"),
+        ("image.window", 0, f"image.window must be at least 1, not 0; {SCHEMA}"),
+        ("sensor.treshold", "5 e",
+         "sensor.treshold must be one of chip, clock, threshold, wavelength, lens, not an unknown "
+         "key; did you mean sensor.threshold?"),
+        ("scene.ilumminance", "5 lux",
+         "scene.ilumminance must be one of kind, path, start, frame_rate, illuminance, not an "
+         "unknown key; did you mean scene.illuminance?"),
+        ("sensor.lens.fnumber", 2,
+         "sensor.lens.fnumber must be one of f_number, white_rate, transmission, magnification, "
+         "psf, not an unknown key; did you mean sensor.lens.f_number?"),
+        ("dispaly", {},
+         "dispaly must be one of title, duration, tolerance, seed, scene, sensor, image, not an "
+         "unknown key; remove it"),
+    ],
+)  # fmt: skip
+def test_every_other_wrong_input_is_one_line_with_the_mend(key, value, expected):
+    assert message(changed(key, value)) == expected
+
+
+def test_a_key_of_another_kind_of_scene_is_refused():
+    said = message(changed("scene", {"kind": "star", "illuminance": "1 lux", "path": "a.mp4"}))
+    assert said.startswith("scene.path must be one of kind, illuminance, spokes, rotation, not")
+
+
+def test_a_long_wrong_value_is_not_repeated_whole():
+    assert len(message(changed("title", list(range(10_000))))) < 200
+    assert "thousands of digits" in message(changed("title", 10**5000))
+
+
+def test_defaults_are_those_of_the_design():
+    scenario = validate(GOOD)
+    assert (scenario.seed, scenario.tolerance, scenario.image.window) == (1, 1e-3, 41)
+    assert (scenario.sensor.chip, scenario.sensor.lens.white_rate) == ("spiketwo", 0.6)
+    assert scenario.sensor.lens.f_number is None
+    assert scenario.duration == 0.064
+    assert scenario.sensor.clock == 40_000
+
+
+def test_a_scenario_is_frozen():
+    with pytest.raises(ValueError, match="frozen"):
+        validate(GOOD).seed = 2
+
+
+# JSON Schema (draft 2020-12), as far as the export goes.
+
+TYPES = {
+    "string": str, "array": list, "object": dict, "null": type(None), "boolean": bool,
+    "integer": int, "number": (int, float),
+}  # fmt: skip
+LIMITS = {
+    "minimum": lambda x, limit: x >= limit,
+    "maximum": lambda x, limit: x <= limit,
+    "exclusiveMinimum": lambda x, limit: x > limit,
+    "exclusiveMaximum": lambda x, limit: x < limit,
+}
+SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discriminator"}
+
+
+def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
+    """Places where data breaks the schema."""
+    known = {"$ref", "type", "properties", "required", "additionalProperties", "oneOf", "anyOf"}
+    known |= {"const", "enum", "items", *LIMITS, *SAID_ONLY}
+    assert set(node) <= known, f"a keyword that this check does not know: {set(node) - known}"
+    if "$ref" in node:
+        root, defs, name = node["$ref"].split("/")
+        assert (root, defs) == ("#", "$defs")
+        yield from faults(export()["$defs"][name], data, at)
+    if "type" in node and (
+        not isinstance(data, TYPES[node["type"]])
+        or (isinstance(data, bool) and node["type"] != "boolean")
+    ):
+        yield f"{at} is no {node['type']}"
+        return
+    if "const" in node and data != node["const"]:
+        yield f"{at} is not {node['const']}"
+    if "enum" in node and data not in node["enum"]:
+        yield f"{at} is not of {node['enum']}"
+    for word, holds in LIMITS.items():
+        if word in node and not holds(data, node[word]):
+            yield f"{at} breaks {word}"
+    for word, fits in (("oneOf", lambda n: n == 1), ("anyOf", lambda n: n >= 1)):
+        if word in node and not fits(sum(not [*faults(n, data, at)] for n in node[word])):
+            yield f"{at} fits not {word}"
+    if isinstance(data, list) and "items" in node:
+        for i, item in enumerate(data):
+            yield from faults(node["items"], item, f"{at}.{i}")
+    if isinstance(data, dict):
+        properties = node.get("properties", {})
+        for key, value in data.items():
+            if key in properties:
+                yield from faults(properties[key], value, f"{at}.{key}")
+            elif node.get("additionalProperties") is False:
+                yield f"{at}.{key} is unknown"
+        yield from (f"{at}.{key} is absent" for key in set(node.get("required", ())) - set(data))
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_a_shipped_scenario_fits_the_exported_json_schema(name):
+    assert [*faults(export(), tomllib.loads(shipped()[name]))] == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("dispaly", {}), ("sensor.treshold", "5 e"), ("duration", None), ("duration", 5),
+        ("scene.kind", "fil"), ("sensor.chip", "spikethree"), ("tolerance", 2), ("seed", 1.5),
+        ("image.at", [1, -2]), ("image.window", 0), ("scene", "film"), ("sensor.lens.psf", "x"),
+    ],
+)  # fmt: skip
+def test_the_exported_json_schema_refuses_what_the_program_refuses(key, value):
+    assert [*faults(export(), GOOD)] == []
+    assert [*faults(export(), changed(key, value))] != []
+    message(changed(key, value))
+
+
+def test_the_json_schema_says_of_every_quantity_how_to_write_it():
+    sensor = export()["$defs"]["SensorSection"]["properties"]
+    assert sensor["clock"]["type"] == "string"
+    assert sensor["clock"]["examples"] == ["40 kHz"]
+    assert json.loads(json.dumps(export(), allow_nan=False)) == export()
+
+
+def quantity(unit: str, least: float, most: float) -> st.SearchStrategy[str]:
+    return st.floats(least, most).map(lambda x: f"{x!r} {unit}")
+
+
+SCENES = st.one_of(
+    st.fixed_dictionaries(
+        {"kind": st.just("film"), "illuminance": quantity("klx", 1e-3, 1e5)},
+        optional={
+            "path": st.text(st.characters(codec="utf-8"), max_size=20),
+            "start": quantity("min", 0, 60),
+            "frame_rate": quantity("Hz", 1e-3, 1e5),
+        },
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("star"), "illuminance": quantity("lux", 1, 1e6)},
+        optional={"spokes": st.integers(2, 360), "rotation": quantity("1/s", 0, 1000)},
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("step"), "illuminance": quantity("lm/m^2", 1, 1e6)},
+        optional={"before": st.floats(0, 1), "at": quantity("us", 0, 1e6)},
+    ),
+)
+SCENARIOS = st.fixed_dictionaries(
+    {
+        "title": st.text(st.characters(codec="utf-8"), max_size=30),
+        "duration": quantity("ms", 1e-6, 1e6),
+        "scene": SCENES,
+        "sensor": st.fixed_dictionaries(
+            {"threshold": quantity("e", 1, 2e6)},
+            optional={
+                "clock": quantity("MHz", 1e-6, 100),
+                "wavelength": quantity("um", 0.38, 0.78),
+                "lens": st.fixed_dictionaries({}, optional={"f_number": st.floats(0.5, 1000)}),
+            },
+        ),
+    },
+    optional={
+        "tolerance": st.floats(0, 1),
+        "image": st.fixed_dictionaries({"at": st.lists(st.integers(0, 10**6), max_size=3)}),
+    },
+)
+
+
+@given(SCENARIOS)
+def test_a_scenario_written_as_toml_reads_back_the_same(data):
+    scenario = validate(data)
+    again = validate(tomllib.loads(to_toml(scenario)))
+    assert again == scenario
+    assert isinstance(again, Scenario)
+    assert to_toml(again) == to_toml(scenario)
