@@ -11,6 +11,10 @@ import numpy.typing as npt
 
 __all__ = ["load_arrays"]
 
+_ENTRY = 46
+"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). With a damaged
+length one entry swallows the next, which zipfile does not notice."""
+
 
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """The arrays of an `.npz` by name.
@@ -27,6 +31,8 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
                     name = info.filename.removesuffix(".npy")
                     if name == info.filename:
                         raise ValueError(f"{name} is no array")
+                    if len(info.comment) + len(info.extra) >= _ENTRY:
+                        raise ValueError(f"{info.filename} may hide another member")
                     with archive.open(info) as member:
                         arrays[name] = np.lib.format.read_array(member, allow_pickle=False)
                         if member.read(1):  # at a member's end zipfile compares its checksum

@@ -12,6 +12,8 @@ from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure", "overview_figure"]
 
+PANEL = 416
+"""Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
@@ -69,6 +71,7 @@ def interval_figure(
 
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
     """Pictures side by side under their names: the run at a glance."""
+    import cv2
     import matplotlib
 
     matplotlib.use("Agg")
@@ -79,7 +82,9 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
         1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False
     )
     for (name, image), ax in zip(panels, axes[0], strict=True):
-        ax.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="antialiased")
+        side = (PANEL, max(1, round(PANEL * height / width)))
+        small = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if width > PANEL else image
+        ax.imshow(small, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         ax.set_title(name, fontsize=10, color=INK)
         ax.axis("off")
     figure.tight_layout(pad=0.3, w_pad=0.4)

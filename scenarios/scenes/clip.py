@@ -27,9 +27,14 @@ _POWER = {4: 2.2, 5: 2.8, 8: 1.0}
 _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
 
-def _curve(code: int) -> npt.NDArray[np.float32]:
-    """Linear light of each 16-bit code value, white = 1."""
-    v = np.arange(65536) / 65535
+# Code values of white. FFmpeg's 16-bit RGB is exact from RGB and grey, but from YUV it has white
+# at 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is right to a code.
+_WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
+
+
+def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
+    """Linear light of each code value up to the full scale, white = 1."""
+    v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
     if code in _POWER:
         return (v ** _POWER[code]).astype(np.float32)
     # IEC 61966-2-1, sRGB to linear
@@ -52,7 +57,7 @@ class Clip:
         self._next = 0
         self._latest: tuple[int, Any] | None = None
         self._kept: dict[int, Plane] = {}
-        self._curves: dict[int, npt.NDArray[np.float32]] = {}
+        self._curves: dict[tuple[int, int], npt.NDArray[np.float32]] = {}
         self.ended = False
         self.rate = Fraction(0)
         self.count = 0
@@ -79,7 +84,7 @@ class Clip:
             if not self._path.is_file():
                 raise self._bad("not a file" if self._path.exists() else "no such file")
             container = av.open(str(self._path))
-            if not container.streams.video:
+            if not container.streams.video or container.format.name == "tty":  # text as a film
                 container.close()
                 raise self._bad("no picture in it")
             stream = container.streams.video[0]
@@ -136,10 +141,14 @@ class Clip:
         code = int(frame.color_trc or 2)
         if code not in _POWER and code not in _AS_SRGB:
             self._note(f"transfer characteristics {code} (H.273) are taken as sRGB")
-        if code not in self._curves:
-            self._curves[code] = _curve(code)
-        rgb = frame.to_ndarray(format="rgb48le")
-        luminance: npt.NDArray[np.float32] = self._curves[code][rgb] @ _LUMINANCE
+        parts = frame.format.components
+        deep = max(part.bits for part in parts) > 8
+        grey_or_rgb = len(parts) < 3 or frame.format.is_rgb
+        white = (_WHITE_16 if grey_or_rgb else _WHITE_16_FROM_YUV) if deep else _WHITE_8
+        if (code, white) not in self._curves:
+            self._curves[code, white] = _curve(code, white)
+        rgb = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
+        luminance: npt.NDArray[np.float32] = self._curves[code, white][rgb] @ _LUMINANCE
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
         height, width = luminance.shape
         wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width

@@ -1,0 +1,290 @@
+"""The command line: exit codes, one line for bad input and nothing left behind, one document with
+--json, interrupting and going on."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cosim.files import open_stream
+from scenarios.loading import load, shipped
+from scenarios.schema import export
+
+PROGRAM = Path(sys.executable).with_name("viform")
+SET_SMALL = ("--set", "sensor.chip=spikeone", "--set", "duration=2.5 ms", "--set", "image.at=[50]")
+STEP = ("run", "step", *SET_SMALL, "--set", "scene.at=1.26 ms")
+
+
+def program(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """The installed command in a process of its own."""
+    command = [str(PROGRAM), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def words(folder: Path) -> np.ndarray:
+    stream = open_stream(folder)
+    return stream.read_words(0, -(-stream.cycles // 32))
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "film", "--set", "sensor.clock=40 lux"],
+         "sensor.clock must be a frequency such as '40 kHz', not '40 lux'; "
+         "write --set sensor.clock='40 kHz'"),
+        (["run", "film", "--set", "sensor.threshold=-5 e"],
+         "sensor.threshold must be a charge such as '1000 e' and at least 1 e, not '-5 e'; "
+         "write --set sensor.threshold='1000 e'"),
+        (["run", "film", "--set", "sensor.treshold=5 e"],
+         "sensor.treshold must be one of chip, clock, threshold, wavelength, lens, not an unknown "
+         "key; did you mean sensor.threshold?"),
+        (["run", "film", "--set", "title"],
+         "--set must be KEY=VALUE such as sensor.clock='20 kHz', not 'title'; add it"),
+        (["run", "film", "--tolerance", "inf"],
+         "tolerance must be a finite number, not inf; see `viform list --schema`"),
+        (["run", "film", "--seed", "-1"],
+         "seed must be at least 0, not -1; see `viform list --schema`"),
+        (["run", "nosuch"],
+         f"the scenario must be one of {', '.join(shipped())} or a TOML file, not 'nosuch'; "
+         "see `viform list`"),
+        (["run", "film", "--resume"],
+         "--resume must be given with --out, not alone; add --out and the folder"),
+        (["run", "film", "--set", "image.window=40"], "image.window must be odd, not 40; set 41"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_leaves_nothing(
+    refused, tmp_path, monkeypatch, arguments, expected
+):
+    monkeypatch.chdir(tmp_path)
+    assert refused(*arguments, *(SET_SMALL if arguments[:2] == ["run", "film"] else ())) == expected
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "start"),
+    [
+        (["run", "film", "--bogus"], "No such option: --bogus"),
+        (["bogus"], "No such command 'bogus'; see `viform --help`"),
+        (["runn"], "No such command 'runn'. Did you mean 'run'?; see `viform --help`"),
+        (["run", "film", "--seed", "x"], "Invalid value for '--seed'"),
+        (["run", "film", "star"], "Got unexpected extra argument"),
+        (["image", "a.dat", "--out", "a.png"], "Missing option '--at'; see `viform image --help`"),
+        (["image"], "Missing argument"),
+        (["--bogus"], "No such option: --bogus"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_that_leads_to_the_help(refused, arguments, start):
+    line = refused(*arguments)
+    assert line.startswith(start)
+    assert line.endswith("--help`")
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: path.write_bytes(np.random.default_rng(1).bytes(20_000)),
+        lambda path: path.touch(),
+        lambda path: path.write_text("this is no clip"),
+        lambda path: path.mkdir(),
+        lambda path: None,
+    ],
+    ids=["random bytes", "empty", "text", "a folder", "missing"],
+)
+def test_a_clip_that_is_none_is_refused_and_leaves_nothing(refused, tmp_path, monkeypatch, write):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "clip.mp4")
+    before = sorted(tmp_path.iterdir())
+    line = refused("run", "film", "--set", "scene.path=clip.mp4", "--json")
+    assert line.startswith("scene.path must be a clip or image that can be decoded, not ")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "folder", [Path("/proc/nope"), Path("x" * 300), Path(os.devnull) / "a", Path(os.devnull)]
+)
+def test_a_folder_that_cannot_be_made_is_refused(refused, folder):
+    line = refused(*STEP, "--out", folder)
+    assert line.startswith("--out must be a folder")
+
+
+def test_a_folder_with_something_in_it_is_refused_and_stays_as_it_is(refused, step_run):
+    before = {path: path.stat().st_mtime_ns for path in step_run.folder.rglob("*")}
+    assert refused(*STEP, "--out", step_run.folder) == (
+        f"--out must be a new or empty folder, not {step_run.folder}; choose another, or add "
+        "--resume"
+    )
+    assert {path: path.stat().st_mtime_ns for path in step_run.folder.rglob("*")} == before
+
+
+def test_without_opencl_a_run_says_what_to_install(tmp_path):
+    (tmp_path / "vendors").mkdir()
+    environment = {**os.environ, "OCL_ICD_VENDORS": str(tmp_path / "vendors")}
+    done = program(*STEP, "--out", "run", cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "viform: the OpenCL device must be one that this machine has, not none at all; install one "
+        "(apt-get install pocl-opencl-icd ocl-icd-libopencl1) or pass --device numba\n"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["vendors"]
+
+
+def test_a_device_that_is_not_here_is_refused_with_those_that_are(refused, device, tmp_path):
+    line = refused(*STEP, "--device", "nosuch", "--out", tmp_path / "run")
+    assert line.startswith("the OpenCL device must be one that this machine has, not 'nosuch'; ")
+    assert device.name in line
+    assert line.endswith("; or numba")
+
+
+# Good input.
+
+
+def test_without_a_command_the_help_is_shown():
+    done = program()
+    assert done.returncode == 0
+    assert "run" in done.stdout and "convert" in done.stdout
+    assert done.stderr == ""
+
+
+def test_list_names_what_ships(viform):
+    code, out, err = viform("list")
+    assert (code, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()] == list(shipped())
+    document = json.loads(viform("list", "--json").out)
+    assert [row["name"] for row in document["scenarios"]] == list(shipped())
+    assert json.loads(viform("list", "--schema").out) == export()
+
+
+def test_json_prints_the_bytes_of_result_json_and_nothing_else(viform, tmp_path):
+    code, out, err = viform("run", "--json", *STEP[1:], "--out", tmp_path / "run")
+    assert code == 0
+    assert out == (tmp_path / "run" / "result.json").read_text(encoding="utf-8")
+    assert json.loads(out)["scenario"] == "step"
+    assert err.startswith("viform: f/1.37 chosen so that white fires at 0.6 a cycle\n")
+    assert not (tmp_path / "run" / "checkpoint.npz").exists()
+
+
+def test_without_json_a_run_says_its_figures_and_where_the_report_is(viform, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = viform(*STEP)
+    assert code == 0
+    lines = dict(line.split(maxsplit=1) for line in out.splitlines())
+    assert lines["outcome"] == "ok"
+    assert lines["report"] == "runs/step-1/report.html"
+    assert lines["tfp_psnr"].endswith(" dB")
+    assert (tmp_path / lines["report"]).is_file()
+
+
+def test_resume_without_a_checkpoint_starts_afresh(viform, tmp_path, step_run):
+    folder = tmp_path / "run"
+    shutil.copytree(step_run.folder, folder)
+    (folder / "result.json").write_text("old")
+    assert viform(*STEP, "--out", folder, "--resume").code == 0
+    assert json.loads((folder / "result.json").read_text())["outcome"] == "ok"
+    np.testing.assert_array_equal(words(folder), words(step_run.folder))
+
+
+# Interrupting.
+
+LONG = (
+    "run", "film", "--set", "sensor.chip=spikeone", "--set", "duration=40 ms", "--set",
+    "image.at=[800]", "--device", "numba",
+)  # fmt: skip
+"""1600 cycles: 25 blocks, long enough for a signal to come between two of them."""
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory, make_clip: Callable[..., Path]) -> Path:
+    frames = np.random.default_rng(1).integers(0, 256, (50, 250, 400), np.uint8)
+    return make_clip(tmp_path_factory.mktemp("clip") / "noise.mkv", frames, 1000)
+
+
+def test_an_interrupted_run_goes_on_to_the_same_stream(refused, viform, film, clip, tmp_path):
+    folder = tmp_path / "run"
+    command = [*LONG, "--set", f"scene.path={clip}", "--out", str(folder)]
+    child = subprocess.Popen(
+        [PROGRAM, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    chunk = folder / "stream.zarr" / "words" / "c" / "0"
+    until = time.monotonic() + 60
+    while not chunk.exists() and child.poll() is None and time.monotonic() < until:
+        time.sleep(0.005)
+    child.send_signal(signal.SIGINT)
+    out, err = child.communicate(timeout=60)
+    assert child.returncode == 130, err
+    assert out == ""
+    last = err.splitlines()[-1]
+    assert last.startswith("viform: interrupted after ")
+    assert last.endswith(f"of 1600 cycles; go on with the same command and --out {folder} --resume")
+    assert "Traceback" not in err
+
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "checkpoint.npz", "scenario.toml", "stream.zarr",
+    ]  # fmt: skip
+    line = refused("image", folder, "--at", 1, "--out", tmp_path / "a.png")
+    assert "not one that was interrupted; finish it: viform run " in line
+    assert line.endswith(f"--resume --out {folder}")
+    assert not (tmp_path / "a.png").exists()
+
+    # A run with other inputs may not go on from here, and leaves everything as it is.
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    line = refused(*command, "--resume", "--seed", 2)
+    assert line.startswith("the checkpoint must be one of this same scenario, not one of another;")
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+    code, out, _ = viform(*command, "--resume", "--json", "--set", "title=changed since")
+    assert code == 0
+    assert json.loads(out)["throughput"] == []
+    assert load(str(folder))[1].title == "changed since"
+    _, whole = film(
+        "film", tmp_path / "whole", "duration=40 ms", "image.at=[800]", f"scene.path={clip}"
+    )
+    np.testing.assert_array_equal(words(folder), words(whole))
+    assert not (folder / "checkpoint.npz").exists()
+
+
+def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp_path):
+    folder = tmp_path / "run"
+
+    def stop(run: Any) -> list[str]:
+        raise KeyboardInterrupt
+
+    from cosim import Interrupted
+
+    with pytest.raises(Interrupted, match=r"interrupted after 100 of 100 cycles; go on with"):
+        film("step", folder, "scene.at=1.26 ms", report=stop)
+    assert not (folder / "result.json").exists()
+    chunks = {path: path.stat().st_mtime_ns for path in (folder / "stream.zarr").rglob("*")}
+    result, _ = film("step", folder, "scene.at=1.26 ms", resume=True)
+    assert result.outcome == "ok"
+    assert {p: p.stat().st_mtime_ns for p in (folder / "stream.zarr").rglob("*")} == chunks
+    np.testing.assert_array_equal(words(folder), words(step_run.folder))
+
+
+def test_going_on_without_the_stream_is_refused(film, refused, tmp_path):
+    folder = tmp_path / "run"
+
+    def stop(run: Any) -> list[str]:
+        raise KeyboardInterrupt
+
+    from cosim import Interrupted
+
+    with pytest.raises(Interrupted):
+        film("step", folder, "scene.at=1.26 ms", report=stop)
+    shutil.rmtree(folder / "stream.zarr")
+    assert refused(*STEP, "--out", folder, "--resume") == (
+        "--resume must be given with the run's stream.zarr, not without; leave it out"
+    )
