@@ -17,7 +17,8 @@ from cosim.viform import Viform
 from sensor.chips import Chip
 from sensor.effects import EFFECTS
 from sensor.exposure import Exposure
-from sensor.pixel.model import ExactModel, ExactPixels, PixelState
+from sensor.pattern import DevicePattern
+from sensor.pixel.model import ExactModel, ExactPixels, PixelState, Reset
 
 __all__ = ["CameraSetting", "SpikeCamera", "make_pixels"]
 
@@ -25,7 +26,9 @@ __all__ = ["CameraSetting", "SpikeCamera", "make_pixels"]
 @dataclass(frozen=True)
 class CameraSetting:
     """chip: preset. clock: of the latches. threshold: electrons. seed: of the run, below 2^32.
-    wavelength_nm: at which lux are counted as photons. effects: those kept."""
+    wavelength_nm: at which lux are counted as photons. effects: those kept. pattern: of the device,
+    None for a perfect one. threshold_noise: electrons. reset: rule. dead_time: seconds after each
+    spike in which light is lost, at most a cycle."""
 
     chip: Chip
     clock: Clock
@@ -33,6 +36,10 @@ class CameraSetting:
     seed: int
     wavelength_nm: float = 555.0
     effects: tuple[Effect, ...] = tuple(EFFECTS.values())
+    pattern: DevicePattern | None = None
+    threshold_noise: float = 0.0
+    reset: Reset = "residual"
+    dead_time: float = 0.0
 
     @property
     def electrons_per_lux(self) -> float:
@@ -45,7 +52,14 @@ class CameraSetting:
 
     @property
     def model(self) -> ExactModel:
-        return ExactModel(self.threshold, self.seed, self.effects)
+        return ExactModel(
+            self.threshold,
+            self.seed,
+            self.effects,
+            self.threshold_noise,
+            self.reset,
+            self.dead_time * self.clock.hz,
+        )
 
 
 def make_pixels(
@@ -78,8 +92,9 @@ class SpikeCamera:
         first, stop = rows or (0, chip.height)
         self.shape = (stop - first, chip.width)
         self._clock = setting.clock
-        self._exposure = Exposure(setting.clock, setting.electrons_per_lux)
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
+        pattern = None if setting.pattern is None else setting.pattern.at(numbers)
+        self._exposure = Exposure(setting.clock, setting.electrons_per_lux, pattern)
         self._pixels = make_pixels(setting.model, numbers, device)
 
     def step(self, light: Light, block: Block) -> Viform:

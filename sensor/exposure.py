@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import Clock
-from cosim.light import Light, Piece, Plane
-from sensor.pixel.fixed_point import ONE, Charge, to_fixed
+from cosim.light import Box, Light, Piece, Plane
+from sensor.pattern import FixedPattern
+from sensor.pixel.fixed_point import Charge, to_fixed
 from sensor.pixel.model import Span
 
 __all__ = ["Exposure"]
@@ -39,13 +40,21 @@ class _Course:
 class Exposure:
     """Integrates light on the pixels of one plane.
 
-    gain: photoelectrons a second for a unit of light. A pixel that gets more than LARGEST
+    gain: photoelectrons a second for a unit of light. pattern: of these pixels. A pixel that gets more than LARGEST
     electrons a cycle is held at that (it fires in every cycle either way).
     """
 
-    def __init__(self, clock: Clock, gain: float) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        gain: float,
+        pattern: FixedPattern | None = None,
+    ) -> None:
         self._clock = clock
         self._per_cycle = gain * float(clock.period)
+        self._pattern = (
+            None if pattern is None else (pattern.gain, pattern.dark * float(clock.period))
+        )
         self._levels: list[tuple[Plane, Charge]] = []
         self._courses: list[_Course] = []
 
@@ -58,17 +67,24 @@ class Exposure:
         if box is not None and plane is piece.last:
             y0, y1, x0, x1 = box
             charge = self._level(piece.first, piece).reshape(plane.shape).copy()
-            charge[y0:y1, x0:x1] = self._fixed(plane[y0:y1, x0:x1])
+            charge[y0:y1, x0:x1] = self._fixed(plane, box)
             charge = charge.ravel()
         else:
-            charge = self._fixed(plane).ravel()
+            charge = self._fixed(plane, (0, plane.shape[0], 0, plane.shape[1])).ravel()
         self._levels = [*self._levels[-2:], (plane, charge)]
         return charge
 
-    def _fixed(self, plane: Plane) -> Charge:
-        if not (plane >= 0).all():
-            raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
-        return to_fixed(plane.astype(np.float64) * self._per_cycle)
+    def _fixed(self, plane: Plane, box: Box) -> Charge:
+        """Charge a cycle within a box of a steady plane, fixed pattern and dark current in it."""
+        y0, y1, x0, x1 = box
+        light = plane[y0:y1, x0:x1]
+        if not (light >= 0).all():
+            raise ValueError(f"light must be 0 or more, not {float(light.min()):g}")
+        electrons = light.astype(np.float64) * self._per_cycle
+        if self._pattern is not None:
+            gain, dark = (m.reshape(plane.shape)[y0:y1, x0:x1] for m in self._pattern)
+            electrons = electrons * gain + dark
+        return to_fixed(electrons)
 
     def _course(self, piece: Piece) -> _Course:
         for course in self._courses:
@@ -136,8 +152,3 @@ class Exposure:
             spans.append(Span(c - start, until - c, course.charge, course.slope, c - course.origin))
             c = until
         return spans
-
-
-def electrons(charge: Charge) -> npt.NDArray[np.float64]:
-    """Q24.40 as electrons."""
-    return charge / float(ONE)

@@ -1,7 +1,8 @@
 """Random initial charge: a run starts in the middle of every pixel's first interval.
 
 Without it all pixels of one brightness fire together for ever. The charge is uniform over the
-first threshold, the stationary law of a pixel under constant light.
+threshold of the interval that the run starts in, which is drawn weighted by its length (see
+`ExactModel.initial`): together the stationary law of a pixel under constant light.
 """
 
 from __future__ import annotations

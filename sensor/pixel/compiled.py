@@ -12,11 +12,12 @@ from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.interval import KNOTS, MANTISSA_BITS
-from sensor.pixel.model import JUMP, ExactModel, PixelState, Span
+from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 
 __all__ = ["CompiledPixels"]
 
 _LOW = np.uint64(0xFFFFFFFF)
+_RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _STREAM = np.uint64(SHOT_NOISE.stream)
 
 
@@ -60,7 +61,7 @@ def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, parallel=True)
 def _expose(  # type: ignore[no-untyped-def]
-    deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, seed,
+    deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, reset, dead, seed,
     first, cycles, words,
 ):  # fmt: skip
     for p in prange(deficit.size):
@@ -72,16 +73,20 @@ def _expose(  # type: ignore[no-untyped-def]
         for c in range(first, first + cycles):
             d -= add
             if d < 0:
+                lost = (add >> 16) * dead
                 words[c >> 5, p] |= np.uint32(1 << (c & 31))
                 k += np.uint64(1)
-                d += _threshold(table, k, pixel, seed) if noisy else q
-                while d < 0:
+                fresh = (_threshold(table, k, pixel, seed) if noisy else q) + lost
+                d = fresh - 1 if reset == 1 else d + fresh
+                if reset == 2:
+                    d = max(d, DEEPEST)
+                while reset == 0 and d < 0:
                     if d < -room:
-                        whole = -d // q - JUMP
-                        d += whole * q
+                        whole = max(-d // (q + lost) - JUMP, 0)
+                        d += whole * (q + lost)
                         k += np.uint64(whole)
                     k += np.uint64(1)
-                    d += _threshold(table, k, pixel, seed) if noisy else q
+                    d += (_threshold(table, k, pixel, seed) if noisy else q) + lost
             add += step
         deficit[p], spikes[p] = d, k
 
@@ -102,7 +107,8 @@ class CompiledPixels:
             _expose(
                 state.deficit, state.spikes, self._pixels, span.charge,
                 span.slope if ramp else span.charge, ramp, span.elapsed, self._table, model.noisy,
-                model.q, model.room, np.uint64(model.seed), span.first, span.cycles, words,
+                model.q, model.room, _RULE[model.reset], model.dead, np.uint64(model.seed),
+                span.first, span.cycles, words,
             )  # fmt: skip
         return words
 

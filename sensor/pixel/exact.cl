@@ -4,6 +4,8 @@
 // threshold: a tie fires). The program is the fragments of its effects, then this text. Hooks:
 //   SHOT_NOISE   a fragment defines draw_batch, batch_word, threshold, next_threshold
 //   RAMP         increments change by `slope` a cycle
+//   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual
+//   DEAD_TIME    each spike costs `dead` / 2^16 of a cycle's light
 // Words are laid out (word, pixel). A launch covers cycles first .. first + n - 1 of its words.
 
 #ifdef SHOT_NOISE
@@ -13,6 +15,31 @@
 #define NOISE_PARAMETERS
 #define NOISE_ARGUMENTS
 #endif
+
+// Charge that dead time costs at a spike, where the light of its cycle is `add`.
+#ifdef DEAD_TIME
+#define LOST(add) (((add) >> 16) * dead)
+#define DEAD_PARAMETER , const long16 add, const long dead
+#define DEAD_ARGUMENTS(add) , add, dead
+#else
+#define LOST(add) ((long16)(0))
+#define DEAD_PARAMETER
+#define DEAD_ARGUMENTS(add)
+#endif
+
+// Starts the next interval where `fired` is set; `d` is the deficit after the cycle's light.
+#ifdef RESET_HARD
+#define START(d, fired, threshold, add) select(d, (threshold) - 1 + LOST(add), fired)
+#else
+#define START(d, fired, threshold, add) ((d) + ((fired) & ((threshold) + LOST(add))))
+#endif
+
+#if !defined(RAMP) && !defined(DEAD_TIME) && !defined(RESET_HARD) && !defined(RESET_SUBTRACT)
+#define WHOLE_FIRST
+#endif
+
+// The charge that stays is bounded where a rule lets it pile up.
+#define DEEPEST (-(1L << 61))
 
 // Whether any lane is negative; any() tests the lanes one by one on PoCL.
 inline int some(const long16 x)
@@ -26,23 +53,25 @@ inline int some(const long16 x)
 // More than one threshold crossed in a cycle: the charge beyond each is kept (residual rule) and
 // the latch sees one flag. Where more than ROOM thresholds are due (`room` = ROOM q, held at the
 // largest long), all but JUMP or so come off at once, at the mean.
-inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long room NOISE_PARAMETERS)
+inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long room DEAD_PARAMETER
+                   NOISE_PARAMETERS)
 {
     long16 d = *deficit;
     ulong16 k = *spikes;
     while (some(d)) {
         const long16 deep = d < -room;
         if (some(deep)) {
-            const long16 n = deep & (-d / q - JUMP);
-            d += n * q;
+            const long16 whole = LOST(add) + q;
+            const long16 n = max(deep & (-d / whole - JUMP), (long16)(0));
+            d += n * whole;
             k += as_ulong16(n);
         }
         const long16 fired = d >> 63;
         k -= as_ulong16(fired);
 #ifdef SHOT_NOISE
-        d += fired & next_threshold(k NOISE_ARGUMENTS);
+        d += fired & (LOST(add) + next_threshold(k NOISE_ARGUMENTS));
 #else
-        d += fired & q;
+        d += fired & (LOST(add) + q);
 #endif
     }
     *deficit = d;
@@ -53,8 +82,8 @@ inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long ro
 // From spike to spike: `begin` to `stop` (at most 64) of one pair of words. The number of cycles
 // to the next spike is estimated in float and corrected in integers, so that no rounding shows.
 inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add, const long16 slope,
-                             const long begin, const long stop, const long q, const long room
-                             NOISE_PARAMETERS)
+                             const long begin, const long stop, const long q, const long room,
+                             const long dead NOISE_PARAMETERS)
 {
     long16 d = *deficit, at = begin;
     ulong16 k = *spikes, bits = 0;
@@ -74,11 +103,11 @@ inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add,
         const float16 square = b * b + 2.0f * s * charge;
         const float16 root = 2.0f * charge / fmax(b + sqrt(fmax(square, 0.0f)), 1.0f);
         const float16 most = convert_float16(left);
-        const float16 guess = select(fmin(root, most), most, square < 0.0f);
+        const float16 guess = fmax(select(fmin(root, most), most, square < 0.0f), 0.0f);
         long16 n = convert_long16(convert_int16(guess));
         long16 rest = d - n * now - slope * ((n * (n - 1)) >> 1);
-        while (some(rest)) {
-            const long16 over = rest >> 63;
+        while (some(rest & (n > 0))) {
+            const long16 over = (rest >> 63) & (n > 0);
             n += over;
             rest += over & (slope * n + now);
         }
@@ -92,10 +121,10 @@ inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add,
         }
         const long16 last = now + slope * n;
 #else
-        const float16 guess = fmin(convert_float16(d) * reciprocal, convert_float16(left));
+        const float16 guess = fmax(fmin(convert_float16(d) * reciprocal, convert_float16(left)), 0.0f);
         long16 n = convert_long16(convert_int16(guess));
         long16 rest = d - n * add;
-        const long16 over = rest >> 63;
+        const long16 over = (rest >> 63) & (n > 0);
         n += over;
         rest += over & add;
         const long16 go = (rest >= add) & (n < left);
@@ -117,11 +146,15 @@ inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add,
             used = 0;
         }
         // A lane that did not fire is at its end and draws no more: the others keep in step.
-        d += fired & threshold(batch_word(words, used++, slot), table);
+        d = START(d, fired, threshold(batch_word(words, used++, slot), table), last);
+#if defined(RESET_SUBTRACT)
+        d = max(d, (long16)(DEEPEST));
+#elif !defined(RESET_HARD)
         if (some(d)) {
-            settle(&d, &k, q, room NOISE_ARGUMENTS);
+            settle(&d, &k, q, room DEAD_ARGUMENTS(last) NOISE_ARGUMENTS);
             used = BATCH;
         }
+#endif
     }
     *deficit = d;
     *spikes = k;
@@ -133,7 +166,8 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
                      __global const uint *pixels, __global const long *charge,
                      __global const long *slopes, __global const long *table,
                      __global uint *words, const long q, const long room, const uint seed,
-                     const uint first, const uint n, const long elapsed)
+                     const uint first, const uint n, const long elapsed,
+                     const long dead)
 {
     const size_t g = get_global_id(0), stride = get_global_size(0);
     const uint end = first + n;
@@ -151,7 +185,8 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
                 (convert_ulong16(vload16(g, spikes_high)) << 32);
     for (uint c = first; c < end;) {
         const uint pair = c >> 6, begin = c & 63, stop = min(64u, end - (pair << 6));
-        const ulong16 bits = expose_window(&d, &k, add, slope, begin, stop, q, room NOISE_ARGUMENTS);
+        const ulong16 bits = expose_window(&d, &k, add, slope, begin, stop, q, room, dead
+                                           NOISE_ARGUMENTS);
         const size_t low = 2 * pair * stride + g, high = low + stride;
         if (begin < 32)
             vstore16((begin ? vload16(low, words) : (uint16)(0)) | convert_uint16(bits), low, words);
@@ -165,8 +200,9 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
     vstore16(convert_uint16(k >> 32), g, spikes_high);
 #else
     ulong16 k = 0;
-#ifndef RAMP
-    // Constant and noiseless: whole thresholds in an increment only say "fires in every cycle".
+#ifdef WHOLE_FIRST
+    // Constant, noiseless, residual carried: whole thresholds in an increment only say "fires in
+    // every cycle".
     const long16 whole = add / q;
     const uint16 always = convert_uint16(as_ulong16(whole > 0));
     add -= whole * q;
@@ -179,15 +215,19 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
             d -= add;
             const long16 fired = d >> 63;
             bits |= as_ulong16(fired) & (1ul << b);
-            d += fired & q;
-#ifdef RAMP
+            d = START(d, fired, (long16)(q), add);
+#if defined(RESET_SUBTRACT)
+            d = max(d, (long16)(DEEPEST));
+#elif !defined(WHOLE_FIRST) && !defined(RESET_HARD)
             if (some(d))
-                settle(&d, &k, q, room NOISE_ARGUMENTS);
+                settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
+#endif
+#ifdef RAMP
             add += slope;
 #endif
         }
         uint16 word = convert_uint16(bits);
-#ifndef RAMP
+#ifdef WHOLE_FIRST
         word |= always & (0xFFFFFFFFu >> (32 - (stop - begin)) << begin);
 #endif
         vstore16(word, w * stride + g, words);

@@ -35,19 +35,60 @@ def _knot_y() -> npt.NDArray[np.int64]:
     return np.concatenate([np.arange(_M), upper.ravel(), [1 << 31]])
 
 
-@lru_cache(maxsize=4)
-def interval_table(q: float) -> Charge:
-    """Quantiles of Gamma(q, 1) in Q24.40: (2 * KNOTS,) int64, lower side first.
+_NODES: Final = 321
+"""Nodes of the trapezoid rule over +-8 standard deviations, whose error for a smooth integrand
+falls faster than any power of their number."""
+_GRID: Final = 4001
 
-    q: threshold in electrons, > 0. Knot y stands for probability (y + 1/2) / 2^32 from its end.
-    Every entry is at least one unit, so no draw can make a pixel fire for ever.
+
+def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float64]:
+    """Quantiles at the knots, from either end, of Gamma(q) + Normal(0, sigma): (2 KNOTS,) electrons.
+
+    The law is the integral of one over the other's density, the narrower of the two being
+    integrated over; it is inverted on a grid of normal scores, where it is nearly straight.
+    """
+    from scipy.interpolate import PchipInterpolator
+    from scipy.special import gammainc, gammaincinv, ndtr, ndtri
+
+    p = (_knot_y() + 0.5) / 2.0**32
+    scores = np.concatenate([ndtri(p), -ndtri(p)])
+    if not shot:
+        return np.asarray(q + sigma * scores)
+    z = np.linspace(-8, 8, _NODES)
+    weights = np.exp(-z * z / 2)
+    weights /= weights.sum()
+    spread = 7 * np.hypot(np.sqrt(q), sigma) + 20
+    x = np.linspace(max(q - spread, -7 * sigma), q + spread, _GRID)
+    if sigma * sigma < q:
+        law = gammainc(q, np.maximum(x[:, None] - sigma * z, 0)) @ weights
+    else:
+        law = ndtr((x[:, None] - gammaincinv(q, ndtr(z))) / sigma) @ weights
+    inside = (law > 1e-12) & (law < 1 - 1e-12)
+    score = ndtri(law[inside])
+    rising = np.flatnonzero(np.diff(score, prepend=-np.inf) > 0)
+    return np.asarray(PchipInterpolator(score[rising], x[inside][rising])(scores))
+
+
+@lru_cache(maxsize=4)
+def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
+    """Quantiles of Gamma(q, 1), with Normal(0, sigma) added, in Q24.40: (2 * KNOTS,) int64, lower
+    side first.
+
+    q: threshold in electrons, > 0. sigma: threshold noise in electrons. shot: whether there is shot
+    noise at all. Knot y stands for probability (y + 1/2) / 2^32 from its end. Every entry is at
+    least one unit, so no draw can make a pixel fire for ever; a draw below zero, which threshold
+    noise of the size of Q can make, fires again at once.
     """
     from scipy.special import gammainccinv, gammaincinv
 
-    p = (_knot_y() + 0.5) / 2.0**32
-    # At Q = 2e6 scipy's inverses are off by up to 5e-4 of a tail's probability, and only beyond 4.5
-    # standard deviations, where its incomplete gamma function changes method; elsewhere by 1e-12.
-    electrons = np.concatenate([gammaincinv(q, p), gammainccinv(q, p)])
+    if sigma > 0:
+        electrons = _noisy_quantiles(q, sigma, shot)
+    else:
+        p = (_knot_y() + 0.5) / 2.0**32
+        # At Q = 2e6 scipy's inverses are off by up to 5e-4 of a tail's probability, and only beyond
+        # 4.5 standard deviations, where its incomplete gamma function changes method; elsewhere by
+        # 1e-12.
+        electrons = np.concatenate([gammaincinv(q, p), gammainccinv(q, p)])
     table: Charge = np.maximum(np.rint(electrons * ONE), 1).astype(np.int64)
     step = np.abs(np.diff(table.reshape(2, KNOTS)[:, 2 * _M :])).max()
     if step >= 1 << 46:  # the product with a 16-bit fraction must stay below 2^62

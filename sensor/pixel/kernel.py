@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cosim.opencl import Device
 from cosim.viform import words_for
+from sensor.effects import SHOT_NOISE
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.interval import KNOTS, MANTISSA_BITS
 from sensor.pixel.model import JUMP, ROOM, ExactModel, PixelState, Span
@@ -57,7 +58,8 @@ class KernelPixels:
         return self._kernels[ramp]
 
     def _build(self, ramp: bool) -> Any:
-        effects = [e for e in self._model.effects if e.define]
+        # A threshold drawn for each spike is one fragment, whatever the noise that it stands for.
+        effects = [SHOT_NOISE] if self._model.noisy else []
         source = "".join(e.fragment() for e in effects)
         source += (files("sensor.pixel") / "exact.cl").read_text()
         defines = [f"-D{e.define} -D{e.define}_STREAM={e.stream}u" for e in effects]
@@ -65,6 +67,10 @@ class KernelPixels:
         defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}", "-cl-std=CL1.2"]
         if ramp:
             defines.append("-DRAMP")
+        if self._model.reset != "residual":
+            defines.append(f"-DRESET_{self._model.reset.upper()}")
+        if self._model.dead:
+            defines.append("-DDEAD_TIME")
         return self._device.kernel(source, "expose", tuple(" ".join(defines).split()))
 
     def _buffer(self, values: Charge) -> Any:
@@ -91,6 +97,7 @@ class KernelPixels:
                 self._buffer(span.charge), self._buffer(slope), self._table, words,
                 np.int64(model.q), np.int64(model.room), np.uint32(model.seed),
                 np.uint32(span.first), np.uint32(span.cycles), np.int64(span.elapsed),
+                np.int64(model.dead),
             )  # fmt: skip
         out = np.empty((n_words, self._padded), np.uint32)
         return self._device.download(words, out)[:, : self._n]

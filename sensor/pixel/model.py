@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,15 @@ from sensor.effects import INITIAL_CHARGE, SHOT_NOISE, first_thresholds, initial
 from sensor.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.pixel.interval import interval_table
 
-__all__ = ["JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Span"]
+__all__ = ["JUMP", "ROOM", "DEEPEST", "Reset", "ExactModel", "ExactPixels", "PixelState", "Span"]
 
+Reset = Literal["residual", "hard", "subtract"]
+"""`residual`: charge beyond the threshold stays. `hard`: back to zero at the readout of a spike.
+`subtract`: one threshold is taken off at most once a cycle, the rest piles up (to 2^21 e)."""
 ROOM: Final = 4
 """Thresholds due at once from which whole ones are taken off without a draw each."""
+DEEPEST: Final = -(1 << 61)
+"""Least deficit under `subtract`: charge piles up to 2^21 electrons beyond a threshold."""
 JUMP: Final = 2
 """How many of them are left to be drawn one by one."""
 
@@ -56,17 +61,29 @@ class ExactModel:
     """The exact pixel's setting.
 
     threshold: electrons, positive, below 2^21. seed: of the run, below 2^32. effects: those kept.
+    threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC, comparator).
+    reset: what becomes of the charge at a spike. dead_time: share of a cycle after each spike in
+    which light is lost, in [0, 1].
     """
 
     threshold: float
     seed: int
     effects: tuple[Effect, ...]
+    threshold_noise: float = 0.0
+    reset: Reset = "residual"
+    dead_time: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < LARGEST:
             raise ValueError(
                 f"threshold must be above 0 and below {LARGEST} e, not {self.threshold:g} e"
             )
+        if not 0 <= self.threshold_noise <= LARGEST / 64:
+            raise ValueError(
+                f"threshold noise must be 0 to {LARGEST // 64} e, not {self.threshold_noise:g} e"
+            )
+        if not 0 <= self.dead_time <= 1:
+            raise ValueError(f"dead time must be 0 to 1 cycle, not {self.dead_time:g}")
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed must be 0 to {2**32 - 1}, not {self.seed}")
 
@@ -81,19 +98,34 @@ class ExactModel:
         return min(ROOM * self.q, 2**63 - 1)
 
     @property
+    def dead(self) -> int:
+        """Dead time in 2^-16 of a cycle."""
+        return round(self.dead_time * 65536)
+
+    @property
     def noisy(self) -> bool:
-        return SHOT_NOISE in self.effects
+        """Whether each spike draws its threshold."""
+        return SHOT_NOISE in self.effects or self.threshold_noise > 0
 
     def table(self) -> Charge:
         """Quantiles that thresholds are drawn from."""
-        return interval_table(self.threshold)
+        return interval_table(self.threshold, self.threshold_noise, SHOT_NOISE in self.effects)
+
+    def _first_table(self) -> Charge:
+        """Quantiles of the interval that a run starts in: longer ones are met more often. Weighted
+        by its length Gamma(Q) is Gamma(Q + 1); the mean grows by variance / mean in any case."""
+        shot = SHOT_NOISE in self.effects
+        longer = self.threshold + shot + self.threshold_noise**2 / self.threshold
+        return interval_table(longer, self.threshold_noise, shot)
 
     def initial(self, pixels: npt.NDArray[np.uint32]) -> PixelState:
         """State of the pixels with these numbers before the first cycle."""
+        kept = INITIAL_CHARGE in self.effects
         first = np.full(pixels.shape, self.q, np.int64)
         if self.noisy:
-            first = first_thresholds(self.table(), pixels, self.seed)
-        kept = INITIAL_CHARGE in self.effects
+            first = first_thresholds(
+                self._first_table() if kept else self.table(), pixels, self.seed
+            )
         deficit = initial_deficit(first, pixels, self.seed) if kept else first - 1
         return PixelState(deficit, np.zeros(pixels.shape, np.uint64))
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cosim.viform import WORD, words_for
 from sensor.effects.shot_noise import thresholds
 from sensor.pixel.fixed_point import Charge
-from sensor.pixel.model import JUMP, ExactModel, PixelState, Span
+from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 
 __all__ = ["PlainPixels"]
 
@@ -22,29 +22,35 @@ class PlainPixels:
         self._model, self._pixels = model, pixels
         self._state = model.initial(pixels)
 
-    def _refill(self, due: npt.NDArray[np.bool_]) -> None:
-        """Starts the next interval of the pixels that are due."""
+    def _refill(self, due: npt.NDArray[np.bool_], charge: Charge) -> None:
+        """Starts the next interval of the pixels that are due; `charge` is their cycle's light."""
         state, model = self._state, self._model
         state.spikes[due] += np.uint64(1)
+        threshold: Charge | int = model.q
         if model.noisy:
-            state.deficit[due] += thresholds(
-                model.table(), state.spikes[due], self._pixels[due], model.seed
-            )
+            threshold = thresholds(model.table(), state.spikes[due], self._pixels[due], model.seed)
+        lost = (charge[due] >> 16) * model.dead
+        if model.reset == "hard":
+            state.deficit[due] = threshold - 1 + lost
         else:
-            state.deficit[due] += model.q
+            state.deficit[due] += threshold + lost
 
     def _cycle(self, charge: Charge) -> npt.NDArray[np.bool_]:
         """One cycle: which pixels reach a threshold in it."""
-        state, q = self._state, self._model.q
+        state, model = self._state, self._model
         state.deficit -= charge
         fired = state.deficit < 0
-        self._refill(fired)
+        self._refill(fired, charge)
+        if model.reset == "subtract":
+            np.maximum(state.deficit, DEEPEST, out=state.deficit)
+            return fired
         while (state.deficit < 0).any():
-            deep = state.deficit < -self._model.room
-            whole = -state.deficit[deep] // q - JUMP
-            state.deficit[deep] += whole * q
+            deep = state.deficit < -model.room
+            one = model.q + (charge[deep] >> 16) * model.dead
+            whole = np.maximum(-state.deficit[deep] // one - JUMP, 0)
+            state.deficit[deep] += whole * one
             state.spikes[deep] += whole.astype(np.uint64)
-            self._refill(state.deficit < 0)
+            self._refill(state.deficit < 0, charge)
         return fired
 
     def expose(self, spans: Sequence[Span], cycles: int) -> npt.NDArray[np.uint32]:

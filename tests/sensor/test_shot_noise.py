@@ -155,3 +155,17 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
     rounding = 0.25 * (q / (per_cycle * cycles)) ** 2
     assert bound.value**2 <= variance * 1.1
     assert variance <= (bound.value**2 + rounding) * 1.1
+
+
+@pytest.mark.parametrize("q", [1.0, 10.0, 1000.0])
+def test_a_run_starts_in_the_stationary_law(q: float) -> None:
+    # Then the mean count of any window is light / Q exactly, from the first cycle on. A uniform
+    # share of a plain Gamma(Q) threshold would give half an electron, 1/(2Q) spikes, too many.
+    n, cycles, light = 1_000_000, 4, 0.7 * q / 4
+    model = ExactModel(q, 13, tuple(EFFECTS.values()))
+    pixels = KernelPixels(model, np.arange(n, dtype=np.uint32), open_device())
+    charge = to_fixed(np.full(n, light))
+    pixels.expose([Span(0, cycles, charge)], cycles)
+    counts = pixels.state().spikes.astype(float)
+    expected = cycles * charge[0] / ONE / q
+    assert abs(counts.mean() - expected) < 4.9 * counts.std() / math.sqrt(n)
