@@ -40,8 +40,8 @@ class _Course:
 class Exposure:
     """Integrates light on the pixels of one plane.
 
-    gain: photoelectrons a second for a unit of light. pattern: of these pixels. A pixel that gets more than LARGEST
-    electrons a cycle is held at that (it fires in every cycle either way).
+    gain: photoelectrons a second for a unit of light. pattern: of these pixels. A pixel that gets
+    more than LARGEST electrons a cycle is held at that (it fires in every cycle either way).
     """
 
     def __init__(

@@ -42,7 +42,7 @@ _GRID: Final = 4001
 
 
 def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float64]:
-    """Quantiles at the knots, from either end, of Gamma(q) + Normal(0, sigma): (2 KNOTS,) electrons.
+    """Quantiles at the knots, from either end, of Gamma(q) + Normal(0, sigma), in electrons.
 
     The law is the integral of one over the other's density, the narrower of the two being
     integrated over; it is inverted on a grid of normal scores, where it is nearly straight.

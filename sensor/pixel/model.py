@@ -18,7 +18,7 @@ from sensor.effects import INITIAL_CHARGE, SHOT_NOISE, first_thresholds, initial
 from sensor.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.pixel.interval import interval_table
 
-__all__ = ["JUMP", "ROOM", "DEEPEST", "Reset", "ExactModel", "ExactPixels", "PixelState", "Span"]
+__all__ = ["DEEPEST", "JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Reset", "Span"]
 
 Reset = Literal["residual", "hard", "subtract"]
 """`residual`: charge beyond the threshold stays. `hard`: back to zero at the readout of a spike.

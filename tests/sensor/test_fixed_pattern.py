@@ -58,9 +58,9 @@ def test_the_forms_agree_under_every_reset_rule_and_dead_time(
 
 def test_reset_rules_differ_as_random_bits_on_the_light_show(device: Device) -> None:
     # On-off light, Q = 100, ON 1.4 Q, OFF b Q a cycle, one bit a cycle. Hard: ON fails when fewer
-    # than Q electrons come, OFF when Q or more do. Residual: no charge is lost, so the extra spikes
-    # are what the mean light exceeds one threshold a bit by: b/2 Q on average. Subtract: charge piles
-    # up until all of it has fired: (1.4 + b)/2 - 1/2.
+    # than Q electrons come, OFF when charge of OFF cycles adds up to Q. Residual: what is beyond Q
+    # in an ON cycle starts level, so OFF cycles fire once in Q / (b Q). Subtract: charge piles up
+    # until all of it has fired: (1.4 + b)/2 - 1/2.
     n, cycles, q = 4000, 400, 100.0
     bits = np.random.default_rng(4).integers(0, 2, (cycles, n))
     pixels = np.arange(n, dtype=np.uint32)

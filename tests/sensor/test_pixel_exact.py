@@ -1,4 +1,4 @@
-"""The exact tier: OpenCL, numba and plain numpy agree on every bit, for any tiling and any split."""
+"""The exact tier: OpenCL, numba and numpy agree on every bit, for any tiling and any split."""
 
 from __future__ import annotations
 
