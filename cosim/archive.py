@@ -12,8 +12,8 @@ import numpy.typing as npt
 __all__ = ["load_arrays"]
 
 _ENTRY = 46
-"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). With a damaged
-length one entry swallows the next, which zipfile does not notice."""
+"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). With a
+damaged length one entry swallows the next, which zipfile does not notice."""
 
 
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:

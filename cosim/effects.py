@@ -18,7 +18,7 @@ class Summary:
     """What bounds read of a scene, known before anything is simulated.
 
     darkest, brightest: photoelectrons a cycle. threshold: electrons. window: cycles over which a
-    rate is taken. cycles: duration. threshold_noise: electrons.
+    rate is taken. cycles: duration.
     """
 
     darkest: float
@@ -26,7 +26,6 @@ class Summary:
     threshold: float
     window: int
     cycles: int
-    threshold_noise: float = 0.0
 
 
 @dataclass(frozen=True)

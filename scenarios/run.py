@@ -32,7 +32,7 @@ from scenarios.png import write_linear_png
 from scenarios.result import Metric, Result, Throughput, dumps, viform_version
 from scenarios.scenes import Source, make_source
 from scenarios.schema import ImageSection, Scenario
-from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera, dark_current
 
 __all__ = ["Finished", "Progress", "choose_device", "output_folder", "run_scenario"]
 
@@ -91,13 +91,35 @@ def _bad_out(out: Path, exc: OSError) -> InputError:
 
 
 def _setting(scenario: Scenario) -> CameraSetting:
-    section = scenario.sensor
+    section, device = scenario.sensor, scenario.sensor.pattern
+    clock = Clock.from_hz(section.clock)
+    if section.dead_time > clock.period:
+        raise InputError(
+            "sensor.dead_time", f"at most a cycle, {float(clock.period):g} s",
+            f"{section.dead_time:g} s", "shorten it",
+        )  # fmt: skip
+    pattern = None
+    if device is not None:
+        pattern = DevicePattern(
+            prnu=device.prnu,
+            dark=dark_current(device.dark_current, device.temperature),
+            dsnu=device.dsnu,
+            threshold_fpn=device.threshold_fpn,
+            hot=device.hot_pixels,
+            hot_current=device.hot_current,
+            dead=device.dead_pixels,
+            device_seed=device.device_seed,
+        )
     return CameraSetting(
         CHIPS[section.chip],
-        Clock.from_hz(section.clock),
+        clock,
         section.threshold,
         scenario.seed,
         section.wavelength,
+        pattern=pattern,
+        threshold_noise=section.threshold_noise,
+        reset=section.reset,
+        dead_time=section.dead_time,
     )
 
 
@@ -246,7 +268,7 @@ def run_scenario(
             device=opened.name if opened is not None else "numba on this processor",
             simulated_s=cycles / clock.hz,
             tolerance=scenario.tolerance,
-            kept=[effect.name for effect in setting.effects],
+            kept=[effect.name for effect in setting.kept],
             metrics={
                 **judge(shots),
                 "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),

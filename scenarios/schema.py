@@ -81,7 +81,12 @@ Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]
 Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
 Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
 Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]
+Noise = Annotated[float, Quantity("charge", least=0, most=30_000)]
+Current = Annotated[float, Quantity("current", least=0, most=1e12)]
+Temperature = Annotated[float, Quantity("temperature", least=-150, most=150)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]
+Spread = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Section(BaseModel):
@@ -150,6 +155,21 @@ class LensSection(Section):
     psf: Literal["none", "airy"] = "none"
 
 
+class PatternSection(Section):
+    """What differs from pixel to pixel of one device and stays. Nothing of it is published for the
+    chips here: every size is the user's own."""
+
+    device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    prnu: Spread = Field(default=0.0, description="spread of the light's gain, relative")
+    threshold_fpn: Spread = Field(default=0.0, description="spread of the threshold, relative")
+    dark_current: Current = Field(default=0.0, description="mean, at 25 degC")
+    dsnu: Spread = Field(default=0.0, description="spread of the dark current, relative to it")
+    temperature: Temperature = Field(default=25.0, description="dark current doubles every 6.5 K")
+    hot_pixels: Share = Field(default=0.0, description="share of pixels")
+    hot_current: Current = Field(default=0.0, description="that a hot pixel has on top")
+    dead_pixels: Share = Field(default=0.0, description="share of pixels that see no light")
+
+
 class SensorSection(Section):
     """The chip and how it is run."""
 
@@ -157,7 +177,13 @@ class SensorSection(Section):
     clock: Frequency = 40e3
     threshold: Charge
     wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
+    reset: Literal["residual", "hard", "subtract"] = Field(
+        default="residual", description="what becomes of charge beyond the threshold at a spike"
+    )
+    threshold_noise: Noise = Field(default=0.0, description="standard deviation, of each spike")
+    dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
     lens: LensSection = LensSection()
+    pattern: PatternSection | None = None
 
 
 class ImageSection(Section):

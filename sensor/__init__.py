@@ -3,6 +3,7 @@
 from sensor.camera import CameraSetting, SpikeCamera, make_pixels
 from sensor.chips import CHIPS, Chip
 from sensor.effects import EFFECTS
+from sensor.pattern import DevicePattern, dark_current
 from sensor.reconstruct import METHODS, interval_image, interval_rate, isi, tau_image, tfi, tfp
 
 __all__ = [
@@ -11,7 +12,9 @@ __all__ = [
     "METHODS",
     "CameraSetting",
     "Chip",
+    "DevicePattern",
     "SpikeCamera",
+    "dark_current",
     "interval_image",
     "interval_rate",
     "isi",

@@ -15,7 +15,12 @@ from cosim.opencl import Device
 from cosim.radiometry import photons_per_lux
 from cosim.viform import Viform
 from sensor.chips import Chip
-from sensor.effects import EFFECTS
+from sensor.effects import (
+    EFFECTS,
+    dead_time_effect,
+    pattern_effects,
+    threshold_noise_effect,
+)
 from sensor.exposure import Exposure
 from sensor.pattern import DevicePattern
 from sensor.pixel.model import ExactModel, ExactPixels, PixelState, Reset
@@ -49,6 +54,20 @@ class CameraSetting:
     def rate(self, lux: float) -> float:
         """Spikes a cycle (more than 1 saturates) under `lux` on the pixel."""
         return lux * self.electrons_per_lux * float(self.clock.period) / self.threshold
+
+    @property
+    def kept(self) -> tuple[Effect, ...]:
+        """Every effect that acts in this setting."""
+        made = list(self.effects)
+        if self.reset != "residual":
+            made = [e for e in made if e is not EFFECTS["residual carried"]]
+        if self.threshold_noise > 0:
+            made.append(threshold_noise_effect(self.threshold_noise))
+        if self.dead_time > 0:
+            made.append(dead_time_effect(self.dead_time * self.clock.hz))
+        if self.pattern is not None:
+            made += pattern_effects(self.pattern, float(self.clock.period))
+        return tuple(made)
 
     @property
     def model(self) -> ExactModel:

@@ -250,7 +250,7 @@ def _physics(run: Finished) -> str:
     )
     effects = [
         [e.name, "kept", f"{e.bound(summary).value:.2g} ({e.bound(summary).kind})", e.source]
-        for e in setting.effects
+        for e in setting.kept
     ]
     return (
         "<h2>The machine</h2>"

@@ -1,17 +1,24 @@
 """The physical effects of the pixel, one file each."""
 
+from sensor.effects.dead_time import dead_time_effect
+from sensor.effects.fixed_pattern import pattern_effects
 from sensor.effects.initial_charge import INITIAL_CHARGE, initial_deficit
 from sensor.effects.residual import RESIDUAL
 from sensor.effects.shot_noise import SHOT_NOISE, first_thresholds
+from sensor.effects.threshold_noise import threshold_noise_effect
 
 __all__ = [
     "EFFECTS",
     "INITIAL_CHARGE",
     "RESIDUAL",
     "SHOT_NOISE",
+    "dead_time_effect",
     "first_thresholds",
     "initial_deficit",
+    "pattern_effects",
+    "threshold_noise_effect",
 ]
 
 EFFECTS = {e.name: e for e in (RESIDUAL, INITIAL_CHARGE, SHOT_NOISE)}
-"""Every effect by name, in the order reports print them."""
+"""The effects that every pixel has, by name, in the order reports print them; what a device adds
+of its own is made from its setting (`CameraSetting.kept`)."""

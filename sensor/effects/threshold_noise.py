@@ -10,7 +10,7 @@ import math
 
 from cosim.effects import Bound, Effect, Summary
 
-__all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "THRESHOLD_NOISE", "ktc_electrons"]
+__all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons", "threshold_noise_effect"]
 
 BOLTZMANN = 1.380649e-23
 """J/K, exact by definition of the SI (2019)."""
@@ -23,17 +23,14 @@ def ktc_electrons(farad: float, kelvin: float = 300.0) -> float:
     return math.sqrt(BOLTZMANN * kelvin * farad) / ELEMENTARY_CHARGE
 
 
-def _bound(scene: Summary) -> Bound:
-    # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
-    intervals = max(scene.darkest * scene.window / scene.threshold, 1e-300)
-    return Bound(scene.threshold_noise / scene.threshold / math.sqrt(intervals), "estimate")
+def threshold_noise_effect(sigma: float) -> Effect:
+    """sigma: standard deviation in electrons."""
 
+    def bound(scene: Summary) -> Bound:
+        # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
+        intervals = scene.darkest * scene.window / scene.threshold
+        spread = sigma / scene.threshold
+        return Bound(spread / math.sqrt(intervals) if intervals > 0 else math.inf, "estimate")
 
-THRESHOLD_NOISE = Effect(
-    name="threshold noise",
-    source="kTC: Johnson, Phys. Rev. 32:97, 1928; size: 0.5 to 1 % fits a public recording",
-    stream=1,
-    define="SHOT_NOISE",  # the same draw
-    fragment=str,
-    bound=_bound,
-)
+    source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
+    return Effect("threshold noise", source, 1, "", str, bound)
