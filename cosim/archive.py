@@ -12,8 +12,8 @@ import numpy.typing as npt
 __all__ = ["load_arrays"]
 
 _ENTRY = 46
-"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). With a
-damaged length one entry swallows the next, which zipfile does not notice."""
+"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). One whose
+comment has a damaged length swallows the next, which zipfile does not notice."""
 
 
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
@@ -27,11 +27,13 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     with path.open("rb") as file:
         try:
             with zipfile.ZipFile(file) as archive:
+                if not archive.infolist():
+                    raise ValueError("it holds no arrays")
                 for info in archive.infolist():
                     name = info.filename.removesuffix(".npy")
                     if name == info.filename:
                         raise ValueError(f"{name} is no array")
-                    if len(info.comment) + len(info.extra) >= _ENTRY:
+                    if len(info.comment) >= _ENTRY:
                         raise ValueError(f"{info.filename} may hide another member")
                     with archive.open(info) as member:
                         arrays[name] = np.lib.format.read_array(member, allow_pickle=False)

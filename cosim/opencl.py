@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 
-__all__ = ["INSTALL", "Device", "cache_folder", "open_device", "probe"]
+__all__ = ["INSTALL", "Device", "cache_folder", "open_device", "prepare_caches", "probe"]
 
 INSTALL = "apt-get install pocl-opencl-icd ocl-icd-libopencl1"
 """What makes an OpenCL device of the processor on Debian."""
@@ -53,8 +53,9 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="viform-"))
 
 
-def _prepare_environment() -> None:
-    """Point the caches of PoCL and pyopencl at a folder that can be written, here and in children.
+def prepare_caches() -> None:
+    """Point the caches of PoCL, pyopencl and Matplotlib at a folder that can be written, here and
+    in children; to be called before these are imported.
 
     VIFORM_CACHE holds on to it: looked for again, XDG_CACHE_HOME would lead one folder deeper.
     """
@@ -62,6 +63,7 @@ def _prepare_environment() -> None:
     os.environ["VIFORM_CACHE"] = str(folder)
     os.environ.setdefault("POCL_CACHE_DIR", str(folder / "pocl"))
     os.environ.setdefault("XDG_CACHE_HOME", str(folder))
+    os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
     Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
 
 
@@ -70,7 +72,7 @@ def probe() -> list[dict[str, Any]]:
 
     Each: platform, device, version, units. Empty when there is none, or the child died or hung.
     """
-    _prepare_environment()
+    prepare_caches()
     command = [sys.executable, "-c", _PROBE]
     try:
         child = subprocess.run(command, capture_output=True, text=True, timeout=60)
@@ -92,7 +94,7 @@ def open_device(wanted: str | None = None) -> Device:
 
     Raises InputError when there is none.
     """
-    _prepare_environment()
+    prepare_caches()
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
         raise _no_device(
             "none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba"

@@ -177,6 +177,8 @@ def _begin_folder(folder: Path, scenario: Scenario) -> None:
         raise _bad_out(folder, exc) from exc
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
+    for picture in (folder / "images").glob("t*-*.png"):
+        picture.unlink()
     with whole(folder / "scenario.toml") as part:
         part.write_text(to_toml(scenario), encoding="utf-8")
 

@@ -56,7 +56,8 @@ echo "apt-get $*" >>"$BOX/calls"
 echo apt talks
 if [ -e "$BOX/apt.fails" ]; then echo E: no network; exit 100; fi
 case "$*" in *install*pocl-opencl-icd*)
-    mkdir -p "$BOX/etc/OpenCL/vendors"; touch "$BOX/etc/OpenCL/vendors/pocl.icd" ;;
+    mkdir -p "$BOX/etc/OpenCL/vendors" "$BOX/usr/lib/arch"; touch "$BOX/usr/lib/arch/libpocl.so.2"
+    printf libpocl.so.2 >"$BOX/etc/OpenCL/vendors/pocl.icd" ;;
 esac
 case "$*" in *install*ocl-icd-libopencl1*)
     mkdir -p "$BOX/usr/lib/arch"; touch "$BOX/usr/lib/arch/libOpenCL.so.1" ;;
@@ -102,6 +103,8 @@ class Box:
 
     def opencl(self) -> None:
         self.touch("etc/OpenCL/vendors/pocl.icd", "usr/lib/x86_64-linux-gnu/libOpenCL.so.1")
+        self.touch("usr/lib/x86_64-linux-gnu/libpocl.so.2")
+        (self.root / "etc/OpenCL/vendors/pocl.icd").write_text("libpocl.so.2")
 
     def apt(self) -> None:
         """An apt-get that brings OpenCL, the venv module and Python, in name."""
@@ -415,6 +418,9 @@ def test_only_the_commands_that_need_opencl_install_it(tmp_path):
     for command in ("list", "doctor", "convert"):
         assert box.run(command).returncode == 0
     assert not [call for call in box.calls() if call.startswith("apt")]
+    assert box.run("run", "film", "--device", "numba").stdout == "<run><film><--device><numba>"
+    assert box.run("bench", "--device=numba").stderr == ""
+    assert not [call for call in box.calls() if call.startswith("apt")]
     result = box.run("bench")
     assert result.stderr == (
         "viform: installing system packages: pocl-opencl-icd ocl-icd-libopencl1\n"
@@ -422,6 +428,31 @@ def test_only_the_commands_that_need_opencl_install_it(tmp_path):
     calls = box.calls()
     assert made(calls) == 0
     assert len([call for call in calls if call.startswith("apt")]) == 2
+
+
+def test_what_a_removed_driver_leaves_behind_is_none(tmp_path):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    box.opencl()
+    library = box.root / "usr/lib/x86_64-linux-gnu/libpocl.so.2"
+    box.run("run")
+    box.calls()
+    assert (box.run("run").stderr, len(box.calls())) == ("", 1)
+    library.unlink()
+    assert "installing system packages: pocl-opencl-icd" in box.run("run").stderr
+    (box.root / "usr/lib/arch/libpocl.so.2").unlink()
+    # A driver may name its library by its path, or stand where only the linker's cache knows.
+    icd = box.root / "etc/OpenCL/vendors/other.icd"
+    icd.write_text(f"{box.root}/opt/libother.so\n")
+    assert "installing" in box.run("run").stderr
+    (box.root / "usr/lib/arch/libpocl.so.2").unlink()
+    box.touch("opt/libother.so")
+    assert box.run("run").stderr == ""
+    icd.write_text("libother.so\n")
+    cache = 'echo "        libother.so (libc6,x86-64) => /opt/lib/libother.so"'
+    box.script("usr/sbin/ldconfig", f"#!/bin/sh\n{cache}\n")
+    assert box.run("run").stderr == ""
 
 
 def test_a_user_with_sudo_installs_by_it(tmp_path):
@@ -464,14 +495,16 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     )
 
     (box.root / "python3.lacks-venv").unlink()
-    result = box.run("run")
-    assert (result.returncode, result.stdout) == (0, "<run>")
+    result = box.run("test")
+    assert (result.returncode, result.stdout) == (0, "<test>")
     assert result.stderr.splitlines()[0] == (
-        "viform: `run` needs OpenCL, which this user cannot install here: run `sudo apt-get "
+        "viform: `test` needs OpenCL, which this user cannot install here: run `sudo apt-get "
         "install -y pocl-opencl-icd ocl-icd-libopencl1`"
     )
     assert not [call for call in box.calls() if call.startswith("apt")]
-    assert box.run("run", VIFORM_NO_APT="1").stderr == ""
+    assert box.run("test", VIFORM_NO_APT="1").stderr == ""
+    # These say so themselves, in one line.
+    assert [box.run(command).stderr for command in ("run", "bench")] == ["", ""]
 
 
 def test_a_failed_apt_shows_its_end(tmp_path):
@@ -491,10 +524,10 @@ def test_a_failed_apt_shows_its_end(tmp_path):
 def test_elsewhere_than_debian_the_packages_are_named(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
-    result = box.run("run")
-    assert result.stdout == "<run>"
+    result = box.run("test")
+    assert result.stdout == "<test>"
     assert result.stderr.splitlines()[0] == (
-        "viform: `run` needs OpenCL, which this user cannot install here: install what Debian "
+        "viform: `test` needs OpenCL, which this user cannot install here: install what Debian "
         "calls pocl-opencl-icd ocl-icd-libopencl1"
     )
 

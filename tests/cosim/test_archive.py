@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from pathlib import Path
 
@@ -94,6 +95,19 @@ def test_members_that_are_no_arrays_are_refused(tmp_path: Path, content: bytes, 
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("a.npy", content)
     with pytest.raises(ValueError, match=says):
+        load_arrays(path)
+
+
+def test_a_directory_entry_whose_comment_swallows_the_next_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, **ARRAYS)
+    content = bytearray(path.read_bytes())
+    first, second, third, _ = (m.start() for m in re.finditer(b"PK\x01\x02", content))
+    content[first + 32] = third - second
+    path.write_bytes(content)
+    with zipfile.ZipFile(path) as archive:
+        assert len(archive.infolist()) == len(ARRAYS) - 1
+    with pytest.raises(ValueError, match=r"words\.npy may hide another member"):
         load_arrays(path)
 
 

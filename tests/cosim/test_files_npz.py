@@ -58,7 +58,7 @@ OURS = {
 @pytest.mark.parametrize(
     ("arrays", "given"),
     [
-        ({}, "arrays []"),
+        ({}, "a file that cannot be read (it holds no arrays)"),
         ({"a": PLANES[0]}, "arrays ['a']"),
         ({"a": PLANES, "b": PLANES}, "arrays ['a', 'b']"),
         ({"a": PLANES * 2}, "arrays ['a']"),

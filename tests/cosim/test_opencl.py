@@ -22,7 +22,7 @@ kernel void multiply(global int *x) { x[get_global_id(0)] *= STEP; }
 @pytest.fixture
 def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """No variable names a cache; temporary files go below the folder that is returned."""
-    for name in ("VIFORM_CACHE", "XDG_CACHE_HOME", "POCL_CACHE_DIR", "HOME"):
+    for name in ("VIFORM_CACHE", "XDG_CACHE_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR", "HOME"):
         monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile
         monkeypatch.delenv(name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
@@ -174,6 +174,7 @@ def test_the_cache_stays_where_it_is_once_found(
     for _ in range(2):
         (variables,) = probe()
         assert variables["POCL_CACHE_DIR"] == str(folder / "pocl")
+        assert variables["MPLCONFIGDIR"] == str(folder / "matplotlib")
         assert cache_folder() == folder
     assert (folder / "pocl").is_dir()
     assert not (folder / "viform").exists()
