@@ -55,7 +55,8 @@ def cache_folder() -> Path:
 
 def prepare_caches() -> None:
     """Point the caches of PoCL, pyopencl and Matplotlib at a folder that can be written, here and
-    in children; to be called before these are imported.
+    in children, and numba's too where it could not write beside the code. For numba and Matplotlib
+    to see it, it must be called before they are imported.
 
     VIFORM_CACHE holds on to it: looked for again, XDG_CACHE_HOME would lead one folder deeper.
     """
@@ -64,6 +65,8 @@ def prepare_caches() -> None:
     os.environ.setdefault("POCL_CACHE_DIR", str(folder / "pocl"))
     os.environ.setdefault("XDG_CACHE_HOME", str(folder))
     os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
+    if not os.access(Path(__file__).parent, os.W_OK):
+        os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba"))
     Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
 
 

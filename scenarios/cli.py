@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 
 BEGAN = time.perf_counter()
 """The command's start, for run_time_s: before anything heavy is imported."""
@@ -24,8 +25,11 @@ def _main(arguments: list[str]) -> int:
     from typer.main import get_command
 
     from cosim import InputError, Interrupted
+    from cosim.opencl import prepare_caches
     from scenarios.commands import app
 
+    with suppress(OSError):  # what needs no cache works without
+        prepare_caches()
     try:
         code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
     except TyperException as exc:

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
-from cosim.opencl import INSTALL, cache_folder, prepare_caches, probe
+from cosim.opencl import INSTALL, cache_folder, probe
 
 __all__ = ["Check", "examine"]
 
@@ -57,7 +57,6 @@ def _python() -> Check:
 
 def _packages() -> Check:
     """Every package the project needs is there and can be imported."""
-    prepare_caches()
     modules = {"opencv-python-headless": "cv2", "scikit-image": "skimage", "tomli-w": "tomli_w"}
     missing, there = [], 0
     for requirement in requires("viform") or []:

@@ -51,7 +51,7 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90
 def write_png(path: Path, image: Grey) -> None:
     """Writes an 8-bit grey PNG, whole or not at all."""
     if path.suffix.lower() != ".png":
-        named = path.with_suffix(".png")
+        named = path.with_suffix(".png") if path.name else path / "image.png"
         raise InputError("--out", "a name ending in .png", str(path), f"try {named}")
     with whole(path) as part:
         part.write_bytes(encode(image))

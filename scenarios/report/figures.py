@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
-from cosim.opencl import prepare_caches
 from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure", "overview_figure"]
@@ -17,17 +15,6 @@ __all__ = ["interval_figure", "overview_figure"]
 PANEL = 416
 """Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
-
-
-def _pyplot() -> Any:
-    """Matplotlib without a window, and without a home to write into."""
-    prepare_caches()
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
 
 
 def interval_figure(
@@ -42,7 +29,10 @@ def interval_figure(
 
     truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the run.
     """
-    plt = _pyplot()
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
 
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
     ms = 1e3 / stream.clock.hz
@@ -82,8 +72,10 @@ def interval_figure(
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
     """Pictures side by side under their names: the run at a glance."""
     import cv2
+    import matplotlib
 
-    plt = _pyplot()
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
 
     height, width = panels[0][1].shape
     figure, axes = plt.subplots(

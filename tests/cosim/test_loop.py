@@ -159,8 +159,9 @@ def test_an_interruption_in_the_last_block_comes_too_late() -> None:
 def test_without_resume_a_run_starts_afresh(tmp_path: Path) -> None:
     checkpoint = Checkpoint(tmp_path / "checkpoint.npz", "this run")
     run_blocks(chain(), 128, checkpoint=checkpoint, every_s=-1)
-    stages = chain()
-    run_blocks(stages, CYCLES, checkpoint=checkpoint)
+    stages, done = chain(), []
+    run_blocks(stages, CYCLES, checkpoint=checkpoint, progress=done.append)
+    assert done[0] == 0
     assert stages["mixer"].seen == list(range(CYCLES))
 
 

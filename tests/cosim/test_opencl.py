@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cosim.opencl
 from cosim import InputError
-from cosim.opencl import INSTALL, Device, cache_folder, open_device, probe
+from cosim.opencl import INSTALL, Device, cache_folder, open_device, prepare_caches, probe
 
 SOURCE = """
 kernel void add(global int *x) { x[get_global_id(0)] += STEP; }
@@ -22,7 +23,8 @@ kernel void multiply(global int *x) { x[get_global_id(0)] *= STEP; }
 @pytest.fixture
 def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """No variable names a cache; temporary files go below the folder that is returned."""
-    for name in ("VIFORM_CACHE", "XDG_CACHE_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR", "HOME"):
+    caches = ("VIFORM_CACHE", "POCL_CACHE_DIR", "MPLCONFIGDIR", "NUMBA_CACHE_DIR")
+    for name in (*caches, "XDG_CACHE_HOME", "HOME"):
         monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile
         monkeypatch.delenv(name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
@@ -178,3 +180,14 @@ def test_the_cache_stays_where_it_is_once_found(
         assert cache_folder() == folder
     assert (folder / "pocl").is_dir()
     assert not (folder / "viform").exists()
+
+
+def test_numba_keeps_what_it_compiled_beside_the_code_only_where_that_can_be_written(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = Path(cosim.opencl.__file__).parent
+    for writable in (True, False):
+        monkeypatch.setattr(os, "access", lambda path, _, yes=writable: path != code or yes)
+        prepare_caches()
+        assert ("NUMBA_CACHE_DIR" in os.environ) is not writable
+    assert os.environ["NUMBA_CACHE_DIR"] == str(homeless / f"viform-{os.getuid()}/numba")
