@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from contextlib import suppress
@@ -12,6 +13,8 @@ BEGAN = time.perf_counter()
 
 def main() -> None:
     """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted."""
+    # A request to end is met as Ctrl-C is: with what is done kept and one line of how to go on.
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     try:
         code = _main(sys.argv[1:] or ["--help"])
     except KeyboardInterrupt:  # before a command has begun

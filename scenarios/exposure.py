@@ -1,15 +1,16 @@
-"""The lens that a scenario asks for: its f-number, or the one that exposes white as it says."""
+"""The camera that a scenario asks for: the chip as it is run, and the lens, with its f-number or
+the one that exposes white as it says."""
 
 from __future__ import annotations
 
 import math
 
-from cosim import InputError
+from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER, Lens
 from scenarios.schema import Scenario
-from sensor import CameraSetting
+from sensor import CHIPS, CameraSetting, DevicePattern, dark_current
 
-__all__ = ["choose_lens", "lens_notes"]
+__all__ = ["camera_setting", "choose_lens", "lens_notes"]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest that a scenario may give; a pinhole."""
@@ -58,3 +59,42 @@ def lens_notes(scenario: Scenario, lens: Lens, white_rate: float) -> list[str]:
     if white_rate > 1:
         notes.append(f"what reflects more than {1 / white_rate:.2g} of the light saturates")
     return notes
+
+
+def camera_setting(scenario: Scenario) -> CameraSetting:
+    """The chip as the scenario runs it."""
+    section, device = scenario.sensor, scenario.sensor.pattern
+    clock = Clock.from_hz(section.clock)
+    if section.dead_time > clock.period:
+        raise InputError(
+            "sensor.dead_time", f"at most a cycle, {float(clock.period):g} s",
+            f"{section.dead_time:g} s", "shorten it",
+        )  # fmt: skip
+    if section.threshold_noise > section.threshold:
+        raise InputError(
+            "sensor.threshold_noise", f"at most the threshold, {section.threshold:g} e",
+            f"{section.threshold_noise:g} e", "lower it",
+        )  # fmt: skip
+    pattern = None
+    if device is not None:
+        pattern = DevicePattern(
+            prnu=device.prnu,
+            dark=dark_current(device.dark_current, device.temperature),
+            dsnu=device.dsnu,
+            threshold_fpn=device.threshold_fpn,
+            hot=device.hot_pixels,
+            hot_current=device.hot_current,
+            dead=device.dead_pixels,
+            device_seed=device.device_seed,
+        )
+    return CameraSetting(
+        CHIPS[section.chip],
+        clock,
+        section.threshold,
+        scenario.seed,
+        section.wavelength,
+        pattern=pattern,
+        threshold_noise=section.threshold_noise,
+        reset=section.reset,
+        dead_time=section.dead_time,
+    )

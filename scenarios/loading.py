@@ -112,7 +112,8 @@ def load(
     if path is not None:
         try:
             place = str(Path(path).resolve())
-        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle
+            place.encode()  # it is written into the run's scenario.toml
+        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle, bytes not UTF-8
             raise InputError(
                 "scene.path", "a file's name", f"{path!r} ({exc})", "check it"
             ) from exc

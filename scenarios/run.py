@@ -14,7 +14,6 @@ from typing import Any, Protocol
 from cosim import (
     Block,
     Checkpoint,
-    Clock,
     InputError,
     Interrupted,
     Light,
@@ -25,16 +24,21 @@ from cosim.files import Recorder, ZarrStream
 from cosim.files.whole import whole
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
-from scenarios.exposure import choose_lens, lens_notes
+from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
+from scenarios.folder import check_room, claimed, output_folder
 from scenarios.loading import to_toml
 from scenarios.png import write_linear_png
 from scenarios.result import Metric, Result, Throughput, dumps, viform_version
 from scenarios.scenes import Source, make_source
 from scenarios.schema import ImageSection, Scenario
-from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera, dark_current
+from sensor import CameraSetting, SpikeCamera
 
-__all__ = ["Finished", "Progress", "choose_device", "output_folder", "run_scenario"]
+__all__ = ["Finished", "Progress", "choose_device", "run_scenario"]
+
+
+CHECKPOINT = "checkpoint.npz"
+"""In a run's folder while it is not finished."""
 
 
 class Progress(Protocol):
@@ -61,66 +65,6 @@ class Finished:
     seconds: dict[str, float]
     began: float
     notes: list[str] = field(default_factory=list)
-
-
-def output_folder(name: str, out: Path | None, resume: bool) -> Path:
-    """The folder of a run: `out`, else the first free runs/<name>-<n>."""
-    if out is None:
-        if resume:
-            raise InputError("--resume", "given with --out", "alone", "add --out and the folder")
-        n = 1
-        while (Path("runs") / f"{name}-{n}").exists():
-            n += 1
-        return Path("runs") / f"{name}-{n}"
-    try:
-        if out.exists() and not out.is_dir():
-            raise InputError("--out", "a folder", f"the file {out}", "choose another name")
-        if out.is_dir() and any(out.iterdir()) and not resume:
-            raise InputError(
-                "--out", "a new or empty folder", str(out), "choose another, or add --resume"
-            )
-    except OSError as exc:
-        raise _bad_out(out, exc) from exc
-    return out
-
-
-def _bad_out(out: Path, exc: OSError) -> InputError:
-    return InputError(
-        "--out", "a folder that can be written", f"{out} ({exc.strerror})", "choose another"
-    )
-
-
-def _setting(scenario: Scenario) -> CameraSetting:
-    section, device = scenario.sensor, scenario.sensor.pattern
-    clock = Clock.from_hz(section.clock)
-    if section.dead_time > clock.period:
-        raise InputError(
-            "sensor.dead_time", f"at most a cycle, {float(clock.period):g} s",
-            f"{section.dead_time:g} s", "shorten it",
-        )  # fmt: skip
-    pattern = None
-    if device is not None:
-        pattern = DevicePattern(
-            prnu=device.prnu,
-            dark=dark_current(device.dark_current, device.temperature),
-            dsnu=device.dsnu,
-            threshold_fpn=device.threshold_fpn,
-            hot=device.hot_pixels,
-            hot_current=device.hot_current,
-            dead=device.dead_pixels,
-            device_seed=device.device_seed,
-        )
-    return CameraSetting(
-        CHIPS[section.chip],
-        clock,
-        section.threshold,
-        scenario.seed,
-        section.wavelength,
-        pattern=pattern,
-        threshold_noise=section.threshold_noise,
-        reset=section.reset,
-        dead_time=section.dead_time,
-    )
 
 
 def _identity(scenario: Scenario) -> str:
@@ -170,11 +114,7 @@ def choose_device(wanted: str | None) -> Device | None:
 
 
 def _begin_folder(folder: Path, scenario: Scenario) -> None:
-    """Makes the run's folder; what an earlier run says of itself there goes."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as exc:
-        raise _bad_out(folder, exc) from exc
+    """The scenario is written first; what an earlier run said of itself here goes."""
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / "images").glob("t*-*.png"):
@@ -194,6 +134,91 @@ def _write_images(folder: Path, shots: list[Shot]) -> list[str]:
     return names
 
 
+@dataclass(frozen=True)
+class _Prepared:
+    """A checked run: everything that can be refused has been."""
+
+    name: str
+    scenario: Scenario
+    setting: CameraSetting
+    cycles: int
+    instants: list[int]
+    lens: Lens
+    white_rate: float
+    source: Source
+    device: Device | None
+    camera: SpikeCamera
+    notes: list[str]
+
+
+def _prepare(name: str, scenario: Scenario, device: str | None) -> _Prepared:
+    setting = camera_setting(scenario)
+    chip, clock = setting.chip, setting.clock
+    cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
+    instants = _instants(scenario, cycles)
+    lens = choose_lens(scenario, setting)
+    # A chosen f-number's rounding must not show in the white that was asked for.
+    white_rate = (
+        setting.rate(scenario.scene.illuminance * lens.gain)
+        if scenario.sensor.lens.f_number is not None
+        else scenario.sensor.lens.white_rate
+    )
+    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
+    opened = choose_device(device)
+    notes = lens_notes(scenario, lens, white_rate)
+    return _Prepared(
+        name, scenario, setting, cycles, instants, lens, white_rate, source, opened,
+        SpikeCamera(setting, opened), notes,
+    )  # fmt: skip
+
+
+def _film(
+    run: _Prepared, folder: Path, resume: bool, progress: Progress
+) -> tuple[dict[str, float], list[Throughput]]:
+    """Runs the chain; seconds of every stage, and throughput unless only a part was run now."""
+    chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
+    store = folder / "stream.zarr"
+    recorder = Recorder(store, run.camera.shape, cycles, clock)
+    stages: dict[str, Any] = {
+        "scene": run.source,
+        "lens": _RelayStage(run.lens, chip.pitch),
+        "sensor": run.camera,
+        "recorder": recorder,
+    }
+    checkpoint = Checkpoint(folder / CHECKPOINT, _identity(run.scenario))
+    if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
+        raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
+    _begin_folder(folder, run.scenario)
+    for note in [*run.notes, *run.source.notes]:
+        progress.note(note)
+    progress.start(f"{run.name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
+    try:
+        seconds = run_blocks(
+            stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
+            mend=_mend(folder),
+        )  # fmt: skip
+        checkpoint.save(cycles, stages)
+    except OSError as exc:
+        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        raise InputError(
+            "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
+            f"make room, then {_mend(folder)}",
+        ) from exc  # fmt: skip
+    if resume:
+        return seconds, []
+    rate = cycles * chip.width * chip.height / seconds["sensor"]
+    bits = recorder.bytes_written * 8 / seconds["recorder"]
+    return seconds, [
+        Throughput("sensor", rate, "pixel-cycles/s"),
+        Throughput("recorder", bits, "bit/s"),
+    ]
+
+
+def _mend(folder: Path) -> str:
+    return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
+
+
 def run_scenario(
     name: str,
     scenario: Scenario,
@@ -211,98 +236,51 @@ def run_scenario(
 
     Raises InputError for input that cannot be used (nothing has been written then), Interrupted.
     """
-    folder = output_folder(name, out, resume)
-    setting = _setting(scenario)
-    chip, clock = setting.chip, setting.clock
-    cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
-    instants = _instants(scenario, cycles)
-    lens = choose_lens(scenario, setting)
-    # A chosen f-number's rounding must not show in the white that was asked for.
-    white_rate = (
-        setting.rate(scenario.scene.illuminance * lens.gain)
-        if scenario.sensor.lens.f_number is not None
-        else scenario.sensor.lens.white_rate
-    )
-    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
-    opened = choose_device(device)
-    camera = SpikeCamera(setting, opened)
-
-    store = folder / "stream.zarr"
-    recorder = Recorder(store, camera.shape, cycles, clock)
-    stages: dict[str, Any] = {
-        "scene": source,
-        "lens": _RelayStage(lens, chip.pitch),
-        "sensor": camera,
-        "recorder": recorder,
-    }
-    checkpoint = Checkpoint(folder / "checkpoint.npz", _identity(scenario))
-    mend = f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
-    if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
-        raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
-    _begin_folder(folder, scenario)
-    notes = lens_notes(scenario, lens, white_rate)
-    for note in [*notes, *source.notes]:
-        progress.note(note)
-    progress.start(f"{name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
-    try:
-        seconds = run_blocks(
-            stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
-            mend=mend,
-        )  # fmt: skip
-        checkpoint.save(cycles, stages)
-    except OSError as exc:
-        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise
-        raise InputError(
-            "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
-            f"make room, then {mend}",
-        ) from exc  # fmt: skip
-
-    try:
-        progress.start("images and report", 3)
-        begin = time.perf_counter()
-        stream = ZarrStream(store)
-        shots = take_shots(stream, source, instants, scenario.image.window, white_rate)
-        result = Result(
-            scenario=name,
-            outcome="degraded" if source.degraded else "ok",
-            seed=scenario.seed,
-            device=opened.name if opened is not None else "numba on this processor",
-            simulated_s=cycles / clock.hz,
-            tolerance=scenario.tolerance,
-            kept=[effect.name for effect in setting.kept],
-            metrics={
-                **judge(shots),
-                "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
-                "white_rate": Metric(white_rate, "spikes/cycle"),
-                "f_number": Metric(lens.f_number, "1"),
-            },
-            latency=interval_latency(clock, shots),
-            files=["scenario.toml", "stream.zarr"],
-        )
-        progress.advance(1)
-        result.files += _write_images(folder, shots)
-        progress.advance(2)
-        seconds["images"] = time.perf_counter() - begin
-        if not resume:
-            rate = cycles * chip.width * chip.height / seconds["sensor"]
-            bits = recorder.bytes_written * 8 / seconds["recorder"]
-            result.throughput = [
-                Throughput("sensor", rate, "pixel-cycles/s"),
-                Throughput("recorder", bits, "bit/s"),
-            ]
-        for note in source.degraded:
-            progress.note(note)
-        result.files += report(Finished(
-            result, scenario, folder, source, setting, lens, white_rate, stream, shots, seconds,
-            began, [*notes, *source.notes, *source.degraded],
-        ))  # fmt: skip
-        result.files.append("result.json")
-        progress.advance(3)
-        result.run_time_s = time.perf_counter() - began
-        with whole(folder / "result.json") as part:
-            part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
-        checkpoint.path.unlink(missing_ok=True)
-    except KeyboardInterrupt:
-        raise Interrupted(cycles, cycles, mend) from None
+    place = output_folder(name, out, resume)
+    run = _prepare(name, scenario, device)
+    check_room(place, run.cycles * run.camera.shape[0] * run.camera.shape[1])
+    with claimed(name, out, resume) as folder:
+        seconds, throughput = _film(run, folder, resume, progress)
+        try:
+            progress.start("images and report", 3)
+            begin = time.perf_counter()
+            stream = ZarrStream(folder / "stream.zarr")
+            window = scenario.image.window
+            shots = take_shots(stream, run.source, run.instants, window, run.white_rate)
+            result = Result(
+                scenario=name,
+                outcome="degraded" if run.source.degraded else "ok",
+                seed=scenario.seed,
+                device=run.device.name if run.device is not None else "numba on this processor",
+                simulated_s=run.cycles / stream.clock.hz,
+                tolerance=scenario.tolerance,
+                kept=[effect.name for effect in run.setting.kept],
+                metrics={
+                    **judge(shots),
+                    "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
+                    "white_rate": Metric(run.white_rate, "spikes/cycle"),
+                    "f_number": Metric(run.lens.f_number, "1"),
+                },
+                latency=interval_latency(stream.clock, shots),
+                throughput=throughput,
+                files=["scenario.toml", "stream.zarr"],
+            )
+            progress.advance(1)
+            result.files += _write_images(folder, shots)
+            progress.advance(2)
+            seconds["images"] = time.perf_counter() - begin
+            for note in run.source.degraded:
+                progress.note(note)
+            result.files += report(Finished(
+                result, scenario, folder, run.source, run.setting, run.lens, run.white_rate, stream,
+                shots, seconds, began, [*run.notes, *run.source.notes, *run.source.degraded],
+            ))  # fmt: skip
+            result.files.append("result.json")
+            progress.advance(3)
+            result.run_time_s = time.perf_counter() - began
+            with whole(folder / "result.json") as part:
+                part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
+            (folder / CHECKPOINT).unlink(missing_ok=True)
+        except KeyboardInterrupt:
+            raise Interrupted(run.cycles, run.cycles, _mend(folder)) from None
     return result, folder

@@ -149,6 +149,9 @@ class Clip:
             self._curves[code, white] = _curve(code, white)
         rgb = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
         luminance: npt.NDArray[np.float32] = self._curves[code, white][rgb] @ _LUMINANCE
+        if any(part.is_alpha for part in parts):
+            self._note(f"{self._path.name}: what is transparent is taken as black")
+            luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
         height, width = luminance.shape
         wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width

@@ -102,7 +102,7 @@ class FilmSource:
             self._held = True
             self.degraded.append(
                 f"the clip ends {max(begin, 0) / PS * 1e3:.4g} ms into the run: its last frame is "
-                "held; shorten duration or raise scene.frame_rate"
+                "held; shorten duration or lower scene.frame_rate"
             )
 
     def step(self, given: None, block: Block) -> Light:

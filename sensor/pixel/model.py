@@ -78,9 +78,10 @@ class ExactModel:
             raise ValueError(
                 f"threshold must be above 0 and below {LARGEST} e, not {self.threshold:g} e"
             )
-        if not 0 <= self.threshold_noise <= LARGEST / 64:
+        most = min(self.threshold, LARGEST / 64)
+        if not 0 <= self.threshold_noise <= most:
             raise ValueError(
-                f"threshold noise must be 0 to {LARGEST // 64} e, not {self.threshold_noise:g} e"
+                f"threshold noise must be 0 to {most:g} e, not {self.threshold_noise:g} e"
             )
         if not 0 <= self.dead_time <= 1:
             raise ValueError(f"dead time must be 0 to 1 cycle, not {self.dead_time:g}")

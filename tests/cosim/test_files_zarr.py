@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -92,6 +93,19 @@ def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n
     words = ZarrStream(path).read_words(first, first + n)
     assert words.dtype == np.uint32
     np.testing.assert_array_equal(words, stream.words[first : first + n])
+
+
+def test_the_state_is_the_word_that_is_not_full(tmp_path: Path, random_stream) -> None:
+    stream = random_stream(300, SHAPE)
+    recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK)
+    assert recorder.state() == {}
+    for given_, block in pieces(stream, [40, 24, 7]):
+        recorder.step(given_, block)
+        state = recorder.state()
+        assert state.keys() == ({"open_word"} if block.stop % 32 else set())
+        if state:
+            part = stream.planes()[block.stop // 32 * 32 : block.stop]
+            np.testing.assert_array_equal(state["open_word"], pack_planes(part)[0])
 
 
 def test_words_are_counted_as_they_are_written(tmp_path: Path, random_stream) -> None:
@@ -204,6 +218,17 @@ def test_words_of_another_kind_are_refused(
     (path / "words/zarr.json").write_text(json.dumps(document | values))
     with pytest.raises(InputError, match=text):
         open_stream(path)
+
+
+def test_spikes_beyond_the_last_cycle_are_refused(store: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(store, path)
+    words = zarr.open_group(path, mode="r+")["words"]
+    words[4, 1, 2] = 1 << (150 - 128)
+    stream = open_stream(path)
+    stream.read_words(0, 4)
+    with pytest.raises(InputError, match="not one with spikes beyond its last cycle"):
+        stream.read_words(4, 5)
 
 
 @pytest.mark.parametrize("missing", ["zarr.json", "words/zarr.json", "words"])

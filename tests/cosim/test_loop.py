@@ -102,6 +102,18 @@ def test_a_checkpoint_gives_back_what_it_was_given(tmp_path: Path) -> None:
     assert fresh["mixer"].mixed == stages["mixer"].mixed
 
 
+def test_a_checkpoint_that_cannot_be_written_leaves_the_one_before(tmp_path: Path) -> None:
+    class Full(Mixer):
+        def state(self) -> dict[str, np.ndarray]:
+            return super().state() | {"zz": np.array([object()])}  # numpy refuses to write it
+
+    checkpoint, again = Checkpoint(tmp_path / "checkpoint.npz", "this run"), chain()
+    checkpoint.save(64, chain())
+    with pytest.raises(ValueError, match="Object arrays cannot be saved"):
+        checkpoint.save(128, {"mixer": Full()})
+    assert checkpoint.load(again) == 64
+
+
 def test_a_checkpoint_is_saved_as_time_goes_by(tmp_path: Path) -> None:
     checkpoint = Checkpoint(tmp_path / "checkpoint.npz", "this run")
     run_blocks(chain(), CYCLES, checkpoint=checkpoint, every_s=-1)

@@ -361,7 +361,7 @@ def test_a_clip_that_ends_early_holds_its_last_frame_and_says_since_when(tmp_pat
         np.testing.assert_allclose(source.truth(ms * 10**9), srgb(200), atol=1e-6)
     np.testing.assert_allclose(light.at(CLOCK.edge(7990)), LUX * srgb(200), rtol=1e-5)
     assert source.degraded == [
-        "the clip ends 80 ms into the run: its last frame is held; shorten duration or raise "
+        "the clip ends 80 ms into the run: its last frame is held; shorten duration or lower "
         "scene.frame_rate"
     ]
     resumed = FilmSource(path, SHAPE, LUX, CLOCK, 8000)

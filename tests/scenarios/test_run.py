@@ -19,9 +19,9 @@ from cosim.opencl import Device
 from cosim.viform import unpack_planes
 from scenarios.exposure import choose_lens
 from scenarios.fidelity import psnr, ssim, to_white
+from scenarios.folder import output_folder
 from scenarios.loading import load, to_toml
 from scenarios.result import Result, _clean, dumps
-from scenarios.run import output_folder
 from sensor import CHIPS, EFFECTS, CameraSetting
 
 
@@ -360,7 +360,7 @@ def test_a_clip_that_ends_early_makes_a_degraded_run_that_says_so(film, make_cli
     )
     assert result.outcome == "degraded"
     assert runs[0].notes[-1] == (
-        "the clip ends 1 ms into the run: its last frame is held; shorten duration or raise "
+        "the clip ends 1 ms into the run: its last frame is held; shorten duration or lower "
         "scene.frame_rate"
     )
 

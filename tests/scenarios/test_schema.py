@@ -181,6 +181,7 @@ LIMITS = {
     "maximum": lambda x, limit: x <= limit,
     "exclusiveMinimum": lambda x, limit: x > limit,
     "exclusiveMaximum": lambda x, limit: x < limit,
+    "maxItems": lambda x, limit: len(x) <= limit,
 }
 SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discriminator"}
 

@@ -1,0 +1,85 @@
+"""The folder of a run: found, with room for the stream, and claimed for one run at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cosim import InputError
+
+__all__ = ["check_room", "claimed", "output_folder"]
+
+_GIB = 2**30
+
+
+def output_folder(name: str, out: Path | None, resume: bool) -> Path:
+    """The folder of a run: `out`, else the first free runs/<name>-<n>. Nothing is made yet."""
+    if out is None:
+        if resume:
+            raise InputError("--resume", "given with --out", "alone", "add --out and the folder")
+        n = 1
+        while (Path("runs") / f"{name}-{n}").exists():
+            n += 1
+        return Path("runs") / f"{name}-{n}"
+    try:
+        if out.exists() and not out.is_dir():
+            raise InputError("--out", "a folder", f"the file {out}", "choose another name")
+        if out.is_dir() and any(out.iterdir()) and not resume:
+            raise InputError(
+                "--out", "a new or empty folder", str(out), "choose another, or add --resume"
+            )
+    except OSError as exc:
+        raise _bad_out(out, exc) from exc
+    return out
+
+
+def _bad_out(out: Path, exc: OSError) -> InputError:
+    return InputError(
+        "--out", "a folder that can be written", f"{out} ({exc.strerror})", "choose another"
+    )
+
+
+def check_room(folder: Path, bits: int) -> None:
+    """Raises InputError when the disk has not the room that a stream of so many bits may take."""
+    place = folder.absolute()
+    while not place.exists():
+        place = place.parent
+    disk = shutil.disk_usage(place)
+    free = disk.free
+    if disk.total and bits // 8 > free:  # 0 is no disk at all, which making the folder will say
+        need, have = bits / 8 / _GIB, free / _GIB
+        raise InputError(
+            "the stream", f"small enough for the {have:.3g} GiB free at {place}",
+            f"up to {need:.3g} GiB", "shorten duration, or choose another --out",
+        )  # fmt: skip
+
+
+@contextmanager
+def claimed(name: str, out: Path | None, resume: bool) -> Iterator[Path]:
+    """Makes the run's folder and keeps every other run out of it while this one lasts."""
+    folder = output_folder(name, out, resume)
+    while True:
+        try:
+            folder.mkdir(parents=True, exist_ok=out is not None)
+            break
+        except FileExistsError as exc:
+            if out is not None:
+                raise _bad_out(folder, exc) from exc
+            folder = output_folder(name, None, False)  # another run was quicker
+        except OSError as exc:
+            raise _bad_out(folder, exc) from exc
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                "--out", "a folder that no other run is writing", str(folder), "choose another"
+            ) from None
+        yield folder
+    finally:
+        os.close(handle)
