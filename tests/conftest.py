@@ -11,7 +11,9 @@ from cosim.errors import InputError
 from cosim.opencl import Device, open_device
 
 # Nothing here may fail because a machine is slow or busy.
-settings.register_profile("viform", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "viform", deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("viform")
 
 

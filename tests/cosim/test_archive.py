@@ -41,7 +41,7 @@ def test_what_numpy_saves_is_loaded(archive: Path) -> None:
     assert same(load_arrays(archive))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(st.data())
 def test_damage_is_found_or_harmless(archive: Path, damage, data: st.DataObject) -> None:
     bad = archive.with_name("bad.npz")

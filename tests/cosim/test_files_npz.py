@@ -127,7 +127,7 @@ def test_random_bytes_are_refused(tmp_path_factory, content: bytes, magic: bool)
         read_npz(path)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(st.data(), st.sampled_from(["ours", "foreign"]))
 def test_damage_is_refused_or_harmless(
     tmp_path_factory, damage, random_stream, data: st.DataObject, whose: str

@@ -214,7 +214,7 @@ def test_the_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
     )
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(st.data())
 def test_a_damaged_checkpoint_is_refused_or_harmless(
     tmp_path_factory, damage, data: st.DataObject
