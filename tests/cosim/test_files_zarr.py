@@ -44,8 +44,8 @@ def words_of(path: Path) -> np.ndarray:
     return stream.read_words(0, words_for(stream.cycles))
 
 
-@pytest.mark.parametrize("sizes", [[64], [32], [7], [1], [100], [45, 3, 64, 1], [31, 33]])
-@pytest.mark.parametrize("cycles", [1, 64, 150])
+@pytest.mark.parametrize("sizes", [[64], [32], [7], [1], [45, 3, 64, 1], [31, 33]])
+@pytest.mark.parametrize("cycles", [1, 75, 128])
 def test_blocks_of_any_size_give_the_same_words(
     tmp_path: Path, random_stream, sizes: list[int], cycles: int
 ) -> None:
@@ -56,7 +56,7 @@ def test_blocks_of_any_size_give_the_same_words(
     np.testing.assert_array_equal(words_of(tmp_path / "a.zarr"), stream.words)
 
 
-@settings(max_examples=6)
+@settings(max_examples=5)
 @given(
     before=st.lists(st.integers(1, 70), min_size=1, max_size=4),
     after=st.lists(st.integers(1, 70), min_size=1, max_size=4),
@@ -85,7 +85,7 @@ def test_a_run_is_gone_on_with_in_the_middle_of_a_word(
 
 
 @given(first=st.integers(0, 5), n=st.integers(0, 6))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n: int) -> None:
     stream = random_stream(150, SHAPE)
     path = tmp_path_factory.mktemp("zarr") / "a.zarr"
@@ -258,7 +258,7 @@ def test_damage_is_refused_or_gives_a_stream_that_keeps_its_promises(
     shutil.copytree(store, path)
     content = (path / part).read_bytes()
 
-    @settings(max_examples=60)
+    @settings(max_examples=50)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         (path / part).write_bytes(damage(data, content))
