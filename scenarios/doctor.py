@@ -88,6 +88,7 @@ def _kernel() -> Check:
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with plain numpy on every bit")
     last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
+    last = last.removeprefix("cosim.errors.InputError: ")
     return Check(
         "kernel", False, child.stdout.strip() or last, "mend opencl first, else report this"
     )

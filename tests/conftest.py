@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from cosim.errors import InputError
 from cosim.opencl import Device, open_device
 
 # Nothing here may fail because a machine is slow or busy.
@@ -28,8 +27,6 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def device() -> Device:
-    """The first OpenCL device."""
-    try:
-        return open_device()
-    except InputError as exc:
-        pytest.skip(str(exc))
+    """The first OpenCL device. A machine without one fails these tests: half of what they hold true
+    could not be looked at."""
+    return open_device()

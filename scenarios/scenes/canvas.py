@@ -8,6 +8,7 @@ come out of painting it over black and over white; the painters need no second f
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -21,7 +22,7 @@ from scenarios.scenes import bodies, shapes
 from scenarios.scenes.shapes import Surface
 
 __all__ = [
-    "Canvas", "Item", "Layer", "View", "blob", "body", "check_instant",
+    "Canvas", "Drawn", "Item", "Layer", "View", "blob", "body", "check_instant",
     "check_number", "check_shape", "ellipse", "polygon", "shadow",
 ]  # fmt: skip
 
@@ -281,3 +282,24 @@ def blob(x: float, y: float, a: float, b: float, gain: float, turn: float = 0.0)
     r = shapes.BLOB_REACH
     rest = tuple(map(float, (x, y, a, b, turn, gain)))
     return Item(_oval(x, y, r * a, r * b, turn), shapes.paint_blob, rest)
+
+
+class Drawn(ABC):
+    """A scene that is drawn on a canvas: what every such scene answers in the same way."""
+
+    @abstractmethod
+    def canvas(self) -> Canvas:
+        """The scene's canvas, one for all scenes that are equal."""
+
+    def reflectance(self, t: float) -> Plane:
+        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
+        canvas = self.canvas()
+        return canvas.patch(t, canvas.view.whole)
+
+    def patch(self, t: float, box: Box) -> Plane:
+        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
+        return self.canvas().patch(t, box)
+
+    def moving(self, start: float, stop: float) -> Box:
+        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
+        return self.canvas().moving(start, stop)

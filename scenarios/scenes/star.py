@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cosim import Box, Plane
 from scenarios.scenes.canvas import (
     Canvas,
+    Drawn,
     Item,
     Layer,
     View,
@@ -123,7 +123,7 @@ def paint_lines(
 
 
 @dataclass(frozen=True)
-class Star:
+class Star(Drawn):
     """A Siemens star that rotates clockwise as seen, in the middle of a still chart.
 
     shape: (height, width) in pixels, each 8 to 2000. spokes: bright spokes, 2 to 360.
@@ -163,17 +163,8 @@ class Star:
     def _view(self) -> View:
         return View(self.shape, 1.0)
 
-    def reflectance(self, t: float) -> Plane:
-        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, self._view.whole)
-
-    def patch(self, t: float, box: Box) -> Plane:
-        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
-        return _canvas(self).patch(t, box)
-
-    def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
-        return _canvas(self).moving(start, stop)
+    def canvas(self) -> Canvas:
+        return _canvas(self)
 
     def speed(self) -> float:
         """The spokes' speed at the rim, pixels per second: 2 pi f R, the greatest there is."""

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Box, Plane
 from scenarios.scenes.bodies import polyline
 from scenarios.scenes.canvas import (
     Canvas,
+    Drawn,
     Item,
     Layer,
     View,
@@ -119,7 +119,7 @@ def paint_wall(image: Any, win: Win, cam: Cam) -> None:
 
 
 @dataclass(frozen=True)
-class Wave:
+class Wave(Drawn):
     """A waving person.
 
     shape: (height, width) in pixels, each 8 to 2000. rate: waves per second, 0 to 6 Hz; 3 Hz is a
@@ -147,17 +147,8 @@ class Wave:
     def _view(self) -> View:
         return View(self.shape, self.field)
 
-    def reflectance(self, t: float) -> Plane:
-        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, self._view.whole)
-
-    def patch(self, t: float, box: Box) -> Plane:
-        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
-        return _canvas(self).patch(t, box)
-
-    def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
-        return _canvas(self).moving(start, stop)
+    def canvas(self) -> Canvas:
+        return _canvas(self)
 
     def speed(self) -> float:
         """Upper bound of any edge's speed, pixels per second: the chain's angular speeds, each at

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Box, Plane
 from scenarios.scenes.bench import BOARD, bench, cradle_frame, fan_back, fan_front
 from scenarios.scenes.bodies import polyline
 from scenarios.scenes.canvas import (
     Canvas,
+    Drawn,
     Item,
     Layer,
     View,
@@ -95,7 +95,7 @@ def paint_fan(image: Any, win: Win, cam: Cam, turn: float) -> None:
 
 
 @dataclass(frozen=True)
-class Workshop:
+class Workshop(Drawn):
     """The bench.
 
     shape: (height, width) in pixels, each 8 to 2000. fan, disc: revolutions per second, 0 to 200
@@ -126,17 +126,8 @@ class Workshop:
     def _view(self) -> View:
         return View(self.shape, self.field)
 
-    def reflectance(self, t: float) -> Plane:
-        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
-        return _canvas(self).patch(t, self._view.whole)
-
-    def patch(self, t: float, box: Box) -> Plane:
-        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
-        return _canvas(self).patch(t, box)
-
-    def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
-        return _canvas(self).moving(start, stop)
+    def canvas(self) -> Canvas:
+        return _canvas(self)
 
     def speed(self) -> float:
         """Upper bound of any edge's speed, pixels per second: the fastest of the parts."""
