@@ -4,7 +4,16 @@ from sensor.camera import CameraSetting, SpikeCamera, make_pixels
 from sensor.chips import CHIPS, Chip
 from sensor.effects import EFFECTS
 from sensor.pattern import DevicePattern, dark_current
-from sensor.reconstruct import METHODS, interval_image, interval_rate, isi, tau_image, tfi, tfp
+from sensor.reconstruct import (
+    METHODS,
+    interval_image,
+    interval_rate,
+    isi,
+    tau_image,
+    tau_levels,
+    tfi,
+    tfp,
+)
 
 __all__ = [
     "CHIPS",
@@ -20,6 +29,7 @@ __all__ = [
     "isi",
     "make_pixels",
     "tau_image",
+    "tau_levels",
     "tfi",
     "tfp",
 ]

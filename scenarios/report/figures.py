@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,16 @@ __all__ = ["interval_figure", "overview_figure"]
 PANEL = 416
 """Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
+
+
+def _pyplot() -> Any:
+    """Matplotlib's pyplot, drawing to files whatever screen there is; a second to import."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot
+
+    return matplotlib.pyplot
 
 
 def interval_figure(
@@ -31,11 +42,7 @@ def interval_figure(
     truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the span.
     span: first cycle shown and the one after the last.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = _pyplot()
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
     ms = 1e3 / stream.clock.hz
     figure, axes = plt.subplots(
@@ -76,11 +83,8 @@ def interval_figure(
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
     """Pictures side by side under their names: the run at a glance."""
     import cv2
-    import matplotlib
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = _pyplot()
     height, width = panels[0][1].shape
     figure, axes = plt.subplots(
         1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False

@@ -7,6 +7,7 @@ import html
 import resource
 import shlex
 import time
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from scenarios.report.pictures import (
     mark_pixels,
 )
 from scenarios.run import Finished
-from sensor import tau_image
+from sensor import tau_levels
 
 __all__ = ["write_report"]
 
@@ -126,22 +127,32 @@ def _accumulation(run: Finished) -> str:
     )
 
 
-def _around(run: Finished, shot: Shot) -> tuple[int, int]:
-    """A long exposure with the instant in its middle: its first cycle and its cycles."""
+@dataclass(frozen=True, eq=False)
+class _Long:
+    """A long exposure: its first cycle, its cycles, and its picture, (H, W) uint8."""
+
+    first: int
+    cycles: int
+    image: Any
+
+    @property
+    def name(self) -> str:
+        return f"cycles {self.first} to {self.first + self.cycles - 1} accumulated"
+
+
+def _expose_long(run: Finished, shot: Shot) -> _Long:
+    """A long exposure with the instant in its middle."""
     cycles = min(_LONG, run.stream.cycles)
-    return min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles), cycles
+    first = min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles)
+    return _Long(first, cycles, accumulation(run.stream, cycles, run.white_rate, first))
 
 
-def _long_and_instant(run: Finished, shot: Shot) -> str:
-    first, cycles = _around(run, shot)
-    tau = tau_image(run.stream, shot.cycle)
+def _long_and_instant(shot: Shot, long: _Long) -> str:
+    tau = tau_levels(shot.tau)
     low, high = (int(x) for x in np.percentile(tau, (1, 99)))
     spread = (tau - np.float32(low)) / np.float32(max(high - low, 1))
     pictures = (
-        _figure(
-            accumulation(run.stream, cycles, run.white_rate, first),
-            f"cycles {first} to {first + cycles - 1} accumulated",
-        )
+        _figure(long.image, long.name)
         + _figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
         + _figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
     )
@@ -152,14 +163,13 @@ def _long_and_instant(run: Finished, shot: Shot) -> str:
     )
 
 
-def _moving_part(run: Finished, shot: Shot) -> str:
+def _moving_part(run: Finished, shot: Shot, long: _Long) -> str:
     title = "<h2>The moving part</h2>"
     truths = np.stack([each.truth for each in run.shots])
     change = truths.max(axis=0) - truths.min(axis=0)
     if float(change.max()) < 0.02:
         return f"{title}<p>Nothing moves from image to image of this run.</p>"
     box = busiest_box(change, max(64, min(run.stream.shape) // 4))
-    first, cycles = _around(run, shot)
 
     def part(plane: Levels) -> Any:
         return enlarge(crop(for_display(plane), box))
@@ -169,12 +179,9 @@ def _moving_part(run: Finished, shot: Shot) -> str:
             _figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
             _figure(part(shot.tfp), "TFP", exact=True),
             _figure(part(shot.tfi), "TFI", exact=True),
-            _figure(
-                enlarge(crop(accumulation(run.stream, cycles, run.white_rate, first), box)),
-                f"cycles {first} to {first + cycles - 1} accumulated", exact=True,
-            ),
+            _figure(enlarge(crop(long.image, box)), long.name, exact=True),
         )
-    )  # fmt: skip
+    )
     return (
         f"{title}<p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
         "which the truth changes most from image to image.</p>"
@@ -200,12 +207,12 @@ def _playback(run: Finished) -> str:
     )
 
 
-def _intervals(run: Finished, shot: Shot) -> str:
+def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     points = run.source.points()
     clock, knots = run.stream.clock, 120
     # More cycles than the figure has dots for would draw patterns that are not there.
-    first, cycles = _around(run, shot)
-    start, stop = clock.edge(first), clock.edge(first + cycles) - 1
+    span = (long.first, long.first + long.cycles)
+    start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
     columns = [
         run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)
     ]
@@ -213,13 +220,10 @@ def _intervals(run: Finished, shot: Shot) -> str:
     truth = np.array(rows) * run.white_rate
     figures = run.folder / "figures"
     instants = [s.cycle for s in run.shots]
-    interval_figure(
-        run.stream, points, truth, (first, first + cycles), instants, figures / "intervals.png"
-    )
-    write_png(figures / "pixels.png", mark_pixels(for_display(shot.tfp), points))
-    marked = _figure(
-        mark_pixels(for_display(shot.tfp), points), f"the pixels, on TFP at cycle {shot.cycle}"
-    )
+    interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
+    marks = mark_pixels(for_display(shot.tfp), points)
+    write_png(figures / "pixels.png", marks)
+    marked = _figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
     source = _data((figures / "intervals.png").read_bytes(), "image/png")
     return (
         "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
@@ -292,35 +296,34 @@ def _again(run: Finished) -> str:
     )
 
 
-def _overview(run: Finished, shot: Shot) -> None:
+def _overview(run: Finished, shot: Shot, long: _Long) -> None:
     """figures/overview.png: the truth, both estimates and a long accumulation."""
-    first, cycles = _around(run, shot)
     ms = 1e3 / run.stream.clock.hz
-    long = accumulation(run.stream, cycles, run.white_rate, first)
     panels = [
         (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
         (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
         ("TFI, one interval", for_display(shot.tfi)),
-        (f"{cycles * ms:.3g} ms around it accumulated", long),
+        (f"{long.cycles * ms:.3g} ms around it accumulated", long.image),
     ]
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
 
 def write_report(run: Finished) -> list[str]:
     """Writes figures and report.html into the run's folder; their names."""
+    begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
     middle = run.shots[len(run.shots) // 2]
-    _overview(run, middle)
+    long = _expose_long(run, middle)
+    _overview(run, middle, long)
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
     caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
-    begin = time.perf_counter()
     pictures = [
         _playback(run),
         _instants(run),
-        _moving_part(run, middle),
+        _moving_part(run, middle, long),
         _accumulation(run),
-        _long_and_instant(run, middle),
-        _intervals(run, middle),
+        _long_and_instant(middle, long),
+        _intervals(run, middle, long),
         _physics(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from cosim.effects import Bound, Effect, Summary
 from sensor.pattern import DevicePattern
@@ -10,9 +11,8 @@ from sensor.pattern import DevicePattern
 __all__ = ["pattern_effects"]
 
 
-def _effect(name: str, source: str, bound: object) -> Effect:
+def _effect(name: str, source: str, bound: Callable[[Summary], Bound]) -> Effect:
     """An effect that acts on the charge of a cycle, on the host: no stream, no kernel code."""
-    assert callable(bound)
     return Effect(name, source, 0, "", str, bound)
 
 

@@ -6,7 +6,8 @@
 //   RAMP         increments change by `slope` a cycle
 //   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual
 //   DEAD_TIME    each spike costs `dead` / 2^16 of a cycle's light
-// Words are laid out (word, pixel). A launch covers cycles first .. first + n - 1 of its words.
+// JUMP and DEEPEST come from the host (model.py). Words are laid out (word, pixel). A launch covers
+// cycles first .. first + n - 1 of its words.
 
 #ifdef SHOT_NOISE
 #define NOISE_PARAMETERS , const uint16 pixel, __global const long *table, const uint seed
@@ -37,9 +38,6 @@
 #if !defined(RAMP) && !defined(DEAD_TIME) && !defined(RESET_HARD) && !defined(RESET_SUBTRACT)
 #define WHOLE_FIRST
 #endif
-
-// The charge that stays is bounded where a rule lets it pile up.
-#define DEEPEST (-(1L << 61))
 
 // Whether any lane is negative; any() tests the lanes one by one on PoCL.
 inline int some(const long16 x)

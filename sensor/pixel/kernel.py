@@ -14,7 +14,7 @@ from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.interval import KNOTS, MANTISSA_BITS
-from sensor.pixel.model import JUMP, ROOM, ExactModel, PixelState, Span
+from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 
 __all__ = ["KernelPixels"]
 
@@ -43,13 +43,11 @@ class KernelPixels:
         self._kernels: dict[bool, Any] = {}
         self.restore(model.initial(pixels))
 
-    def _pad(self, values: npt.NDArray[Any], fill: int = 0) -> npt.NDArray[Any]:
-        if values.size == self._padded:
-            return values
-        return np.concatenate([values, np.full(self._padded - self._n, fill, values.dtype)])
-
-    def _upload(self, values: npt.NDArray[Any], fill: int = 0) -> Any:
-        return self._device.upload(self._pad(values, fill))
+    def _upload(self, values: npt.NDArray[Any]) -> Any:
+        """A device buffer of the values, with 0 for the pixels that pad them."""
+        if values.size != self._padded:
+            values = np.pad(values, (0, self._padded - self._n))
+        return self._device.upload(values)
 
     def _kernel(self, ramp: bool) -> Any:
         """The kernel for these effects, with or without a ramp."""
@@ -59,19 +57,19 @@ class KernelPixels:
 
     def _build(self, ramp: bool) -> Any:
         # A threshold drawn for each spike is one fragment, whatever the noise that it stands for.
-        effects = [SHOT_NOISE] if self._model.noisy else []
-        source = "".join(e.fragment() for e in effects)
-        source += (files("sensor.pixel") / "exact.cl").read_text()
-        defines = [f"-D{e.define} -D{e.define}_STREAM={e.stream}u" for e in effects]
-        defines += [f"-DROOM={ROOM}", f"-DJUMP={JUMP}"]
-        defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}", "-cl-std=CL1.2"]
+        source, noise = (files("sensor.pixel") / "exact.cl").read_text(), SHOT_NOISE
+        defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
+        if self._model.noisy:
+            source = noise.fragment() + source
+            defines += [f"-D{noise.define}", f"-D{noise.define}_STREAM={noise.stream}u"]
+            defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}"]
         if ramp:
             defines.append("-DRAMP")
         if self._model.reset != "residual":
             defines.append(f"-DRESET_{self._model.reset.upper()}")
         if self._model.dead:
             defines.append("-DDEAD_TIME")
-        return self._device.kernel(source, "expose", tuple(" ".join(defines).split()))
+        return self._device.kernel(source, "expose", tuple(defines))
 
     def _buffer(self, values: Charge) -> Any:
         """Buffer of an array that the device has been given lately, or a new one."""

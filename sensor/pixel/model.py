@@ -25,10 +25,10 @@ Reset = Literal["residual", "hard", "subtract"]
 `subtract`: one threshold is taken off at most once a cycle, the rest piles up (to 2^21 e)."""
 ROOM: Final = 4
 """Thresholds due at once from which whole ones are taken off without a draw each."""
-DEEPEST: Final = -(1 << 61)
-"""Least deficit under `subtract`: charge piles up to 2^21 electrons beyond a threshold."""
 JUMP: Final = 2
 """How many of them are left to be drawn one by one."""
+DEEPEST: Final = -(1 << 61)
+"""Least deficit under `subtract`: charge piles up to 2^21 electrons beyond a threshold."""
 
 
 @dataclass(frozen=True, eq=False)

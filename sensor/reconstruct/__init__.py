@@ -1,9 +1,25 @@
 """Images from a spike stream at any instant."""
 
-from sensor.reconstruct.intervals import interval_image, interval_rate, isi, tau_image, tfi
+from sensor.reconstruct.intervals import (
+    interval_image,
+    interval_rate,
+    isi,
+    tau_image,
+    tau_levels,
+    tfi,
+)
 from sensor.reconstruct.playback import tfp
 
 METHODS = ("tfp", "tfi", "tau")
 """Names of the methods on the command line."""
 
-__all__ = ["METHODS", "interval_image", "interval_rate", "isi", "tau_image", "tfi", "tfp"]
+__all__ = [
+    "METHODS",
+    "interval_image",
+    "interval_rate",
+    "isi",
+    "tau_image",
+    "tau_levels",
+    "tfi",
+    "tfp",
+]

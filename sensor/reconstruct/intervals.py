@@ -15,7 +15,15 @@ import numpy.typing as npt
 from cosim.viform import WORD, SpikeStream, Words, words_for
 from sensor.reconstruct.playback import check_cycle
 
-__all__ = ["interval_image", "interval_rate", "isi", "spike_cycles", "tau_image", "tfi"]
+__all__ = [
+    "interval_image",
+    "interval_rate",
+    "isi",
+    "spike_cycles",
+    "tau_image",
+    "tau_levels",
+    "tfi",
+]
 
 _NONE = -1
 Cycles = npt.NDArray[np.int64]
@@ -117,7 +125,11 @@ def tau_image(stream: SpikeStream, at: int) -> npt.NDArray[np.uint8]:
 
     A pixel without an interval is 0, as one whose tau is beyond 255.
     """
-    tau = isi(stream, at)
+    return tau_levels(isi(stream, at))
+
+
+def tau_levels(tau: Cycles) -> npt.NDArray[np.uint8]:
+    """255 - tau of intervals of `tau` cycles; 0 where there is none."""
     return np.where(tau > 0, 255 - np.minimum(tau, 255), 0).astype(np.uint8)
 
 

@@ -28,11 +28,6 @@ N = 200_000
 PIXELS = np.arange(N, dtype=np.uint32)
 
 
-@pytest.fixture(scope="module")
-def device() -> Device:
-    return open_device()
-
-
 @pytest.mark.parametrize("dead_time", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("reset", get_args(Reset))
 @pytest.mark.parametrize("noise", [False, True])

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cosim.opencl import Device, open_device
+from cosim.opencl import Device
 from sensor.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
 from sensor.pixel.compiled import CompiledPixels
 from sensor.pixel.fixed_point import LARGEST, ONE, to_fixed
@@ -18,11 +18,6 @@ from sensor.pixel.plain import PlainPixels
 
 NOISELESS = (RESIDUAL,)
 ALL = tuple(EFFECTS.values())
-
-
-@pytest.fixture(scope="module")
-def device() -> Device:
-    return open_device()
 
 
 def light(
