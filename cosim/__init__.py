@@ -4,6 +4,7 @@ run loop. Every part stands on it; it knows none of them."""
 from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.effects import Bound, Effect, Summary
 from cosim.errors import InputError, Interrupted, ViformError
+from cosim.events import Events, events_of, viform_of
 from cosim.lens import Lens
 from cosim.light import Box, Light, Piece, Plane
 from cosim.loop import BLOCK, Block, Checkpoint, run_blocks
@@ -18,6 +19,7 @@ __all__ = [
     "Checkpoint",
     "Clock",
     "Effect",
+    "Events",
     "InputError",
     "Interrupted",
     "Lens",
@@ -28,6 +30,8 @@ __all__ = [
     "Summary",
     "Viform",
     "ViformError",
+    "events_of",
     "run_blocks",
     "seconds_to_ps",
+    "viform_of",
 ]

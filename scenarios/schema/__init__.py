@@ -1,0 +1,25 @@
+"""The scenario schema: frozen, typed, complete. Unknown keys and wrong kinds of unit are refused.
+
+A quantity is text with a unit in the file and a float in the kind's unit here. `export` gives the
+whole as JSON Schema.
+"""
+
+from scenarios.schema.messages import validate
+from scenarios.schema.scenario import ImageSection, Scenario, export
+from scenarios.schema.scenes import FilmScene, SceneSection, StarScene, StepScene, WaveScene
+from scenarios.schema.sensor import LensSection, PatternSection, SensorSection
+
+__all__ = [
+    "FilmScene",
+    "ImageSection",
+    "LensSection",
+    "PatternSection",
+    "Scenario",
+    "SceneSection",
+    "SensorSection",
+    "StarScene",
+    "StepScene",
+    "WaveScene",
+    "export",
+    "validate",
+]

@@ -1,0 +1,146 @@
+"""One line about the first thing that is wrong with a scenario."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from cosim import InputError
+from scenarios.schema.scenario import Scenario, export
+
+__all__ = ["validate"]
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A key of the schema: its dotted name and the section it belongs to."""
+
+    name: str
+    keys: tuple[str, ...]
+
+
+def _sections(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """The sections that a field may hold: one, one or none, or one of several kinds."""
+    if isinstance(annotation, type):
+        return (annotation,) if issubclass(annotation, BaseModel) else ()
+    return tuple(s for inner in get_args(annotation) for s in _sections(inner))
+
+
+def _kind(section: type[BaseModel]) -> str | None:
+    """The tag of one kind of a section that comes in several."""
+    field = section.model_fields.get("kind")
+    return None if field is None else str(get_args(field.annotation)[0])
+
+
+def _place(loc: tuple[int | str, ...]) -> _Place:
+    """Dotted name of an error's location (without a union's tag) and its section's keys."""
+    sections: tuple[type[BaseModel], ...] = (Scenario,)
+    names: list[str] = []
+    keys = tuple(Scenario.model_fields)
+    for part in loc:
+        tagged = tuple(s for s in sections if len(sections) > 1 and _kind(s) == part)
+        if tagged:
+            sections, keys = tagged, tuple(tagged[0].model_fields)
+            continue
+        names.append(str(part))
+        if len(sections) != 1:
+            continue
+        keys = tuple(sections[0].model_fields)
+        field = sections[0].model_fields.get(str(part))
+        sections = () if field is None else _sections(field.annotation)
+    return _Place(".".join(names), keys)
+
+
+def _example(name: str) -> str:
+    """An instruction that shows what to write for a key."""
+    node: dict[str, Any] = export()
+    for part in name.split("."):
+        node = _resolve(node).get("properties", {}).get(part, {})
+    found = _resolve(node)
+    examples = found.get("examples") or found.get("enum") or [found.get("const")]
+    known = examples[0] is not None
+    return f"write --set {name}={examples[0]!r}" if known else "see `viform list --schema`"
+
+
+def _resolve(node: dict[str, Any]) -> dict[str, Any]:
+    """Follows references and the first alternative; all scenes' properties at a union."""
+    definitions = export()["$defs"]
+    if "$ref" in node:
+        return _resolve(definitions[node["$ref"].rsplit("/", 1)[1]])
+    alternatives = node.get("oneOf") or node.get("anyOf")
+    if alternatives:
+        merged: dict[str, Any] = {"properties": {}}
+        for inner in map(_resolve, alternatives):
+            merged["properties"] = inner.get("properties", {}) | merged["properties"]
+            if "examples" in inner:
+                merged.setdefault("examples", inner["examples"])
+        return merged
+    return node
+
+
+_MUST = {
+    "model_type": "a section",
+    "model_attributes_type": "a section",
+    "tuple_type": "a list such as [100, 200]",
+    "string_type": "text",
+    "string_unicode": "text in UTF-8",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number of fewer digits",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "greater_than": "above {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le:g}",
+    "literal_error": "{expected}",
+}
+"""What a key must be, by pydantic's type of error; the braces are filled from its context."""
+
+_LONGEST = 80
+"""Characters of a wrong value that a message repeats."""
+
+
+def _shown(value: object) -> str:
+    """A wrong value as a message repeats it."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def _one_line(error: Any) -> InputError:
+    """The first error of a validation as what must be, what was given, how to mend it."""
+    place = _place(error["loc"])
+    given, kind = _shown(error["input"]), error["type"]
+    if kind == "extra_forbidden":
+        key = place.name.rsplit(".", 1)[-1]
+        near = difflib.get_close_matches(key, place.keys, 1)
+        section = place.name.rpartition(".")[0]
+        mend = f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
+        return InputError(place.name, f"one of {', '.join(place.keys)}", "an unknown key", mend)
+    if kind in ("missing", "union_tag_not_found"):
+        name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
+        return InputError(name, "given", "absent", _example(name))
+    text = error["msg"].removeprefix("Value error, ").strip()
+    if text.startswith("must be "):
+        return InputError(place.name, text.removeprefix("must be "), given, _example(place.name))
+    if kind == "union_tag_invalid":
+        wanted, tag = error["ctx"]["expected_tags"], _shown(error["ctx"]["tag"])
+        return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
+    must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
+    return InputError(place.name, must, given, _example(place.name))
+
+
+def validate(data: dict[str, Any]) -> Scenario:
+    """A checked scenario; raises InputError with one line about the first thing that is wrong."""
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as exc:
+        raise _one_line(exc.errors()[0]) from None

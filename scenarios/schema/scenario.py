@@ -1,0 +1,47 @@
+"""A whole scenario, and its JSON Schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from scenarios.schema.quantity import Duration, Section
+from scenarios.schema.scenes import SceneSection
+from scenarios.schema.sensor import SensorSection
+
+__all__ = ["ImageSection", "Scenario", "export"]
+
+
+class ImageSection(Section):
+    """Which images a run makes, and from how many cycles."""
+
+    # An instant's images take 40 MB of memory and 1 MB of the report.
+    at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
+        default=(),
+        max_length=25,
+        description="cycles of the instants; five evenly spaced ones when empty",
+    )
+    window: Annotated[int, Field(ge=1)] = 41
+
+
+class Scenario(Section):
+    """Everything that decides a run's result."""
+
+    title: str = Field(examples=["A clip at 40 kHz"])
+    duration: Duration
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    scene: SceneSection
+    sensor: SensorSection
+    image: ImageSection = ImageSection()
+
+
+def export() -> dict[str, Any]:
+    """The scenario's JSON Schema."""
+    if not _exported:
+        _exported.update(Scenario.model_json_schema(mode="validation"))
+    return _exported
+
+
+_exported: dict[str, Any] = {}

@@ -1,0 +1,57 @@
+"""The [scene] section: one class a kind of scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from scenarios.schema.quantity import Frequency, Illuminance, Quantity, Reflectance, Section, Time
+
+__all__ = ["FilmScene", "SceneSection", "StarScene", "StepScene", "WaveScene"]
+
+
+class FilmScene(Section):
+    """A clip or an image that PyAV opens; without a path the built-in moving scene."""
+
+    kind: Literal["film"] = "film"
+    path: str | None = Field(
+        default=None, description="clip or image; the built-in scene when absent"
+    )
+    start: Time = 0.0
+    frame_rate: Frequency | None = Field(default=None, description="overrides the clip's own")
+    illuminance: Illuminance = Field(description="falls on the scene; clip white reflects all")
+
+
+class WaveScene(Section):
+    """A person waves an arm (Huang 2022, figures 3 to 5)."""
+
+    kind: Literal["wave"]
+    illuminance: Illuminance
+    rate: Annotated[float, Quantity("frequency", least=0, most=6)] = Field(
+        default=3.0, description="waves a second"
+    )
+
+
+class StarScene(Section):
+    """A rotating Siemens star in a ring of grey steps."""
+
+    kind: Literal["star"]
+    illuminance: Illuminance
+    spokes: Annotated[int, Field(ge=2, le=360)] = 36
+    rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
+        default=4.0, description="revolutions a second"
+    )
+
+
+class StepScene(Section):
+    """A grey wedge whose light steps from one level to another at one instant."""
+
+    kind: Literal["step"]
+    illuminance: Illuminance
+    before: Reflectance = 0.1
+    after: Reflectance = 0.9
+    at: Time = Field(default=0.032, description="instant of the step")
+
+
+SceneSection = Annotated[FilmScene | WaveScene | StarScene | StepScene, Field(discriminator="kind")]
