@@ -44,6 +44,7 @@ KINDS: dict[str, Kind] = {
         Kind("illuminance", "lux", "700 lux", ("lux", "lumen / meter ** 2")),
         Kind("charge", "e", "1000 e", ("elementary_charge", "coulomb")),
         Kind("current", "e/s", "40 e/s", ("elementary_charge / second", "ampere")),
+        Kind("capacitance", "fF", "15 fF", ("farad",)),
         Kind("temperature", "degC", "25 degC", ("degree_Celsius", "kelvin")),
         Kind("length", "um", "10 um", ("meter",)),
         Kind("wavelength", "nm", "555 nm", ("meter",)),

@@ -8,12 +8,14 @@ import math
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER, Lens
 from scenarios.schema import Scenario
-from sensor import CHIPS, CameraSetting, DevicePattern, dark_current
+from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electrons
 
 __all__ = ["camera_setting", "choose_lens", "lens_notes"]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest that a scenario may give; a pinhole."""
+ZERO_CELSIUS = 273.15
+"""Kelvin at 0 degC."""
 
 
 def choose_lens(scenario: Scenario, setting: CameraSetting) -> Lens:
@@ -65,15 +67,31 @@ def camera_setting(scenario: Scenario) -> CameraSetting:
     """The chip as the scenario runs it."""
     section, device = scenario.sensor, scenario.sensor.pattern
     clock = Clock.from_hz(section.clock)
-    if section.dead_time > clock.period:
+    for name, seconds in (
+        ("dead_time", section.dead_time),
+        ("comparator_delay", section.comparator_delay),
+    ):
+        if seconds > float(clock.period):
+            raise InputError(
+                f"sensor.{name}", f"at most a cycle, {float(clock.period):g} s", f"{seconds:g} s",
+                "shorten it",
+            )  # fmt: skip
+    # The levels are taken to be those of a linear reference; what they are is not published.
+    threshold = section.threshold * section.threshold_level / CHIPS[section.chip].threshold_levels
+    if threshold < 1:
         raise InputError(
-            "sensor.dead_time", f"at most a cycle, {float(clock.period):g} s",
-            f"{section.dead_time:g} s", "shorten it",
+            "sensor.threshold_level", "one at which the threshold is at least 1 e",
+            f"{section.threshold_level} of {section.threshold:g} e", "raise it",
         )  # fmt: skip
-    if section.threshold_noise > section.threshold:
+    ktc = 0.0
+    if section.capacitance is not None:
+        celsius = 25.0 if device is None else device.temperature
+        ktc = ktc_electrons(section.capacitance * 1e-15, celsius + ZERO_CELSIUS)
+    noise = math.hypot(section.threshold_noise, ktc)
+    if noise > threshold:
         raise InputError(
-            "sensor.threshold_noise", f"at most the threshold, {section.threshold:g} e",
-            f"{section.threshold_noise:g} e", "lower it",
+            "sensor.threshold_noise", f"at most the threshold, {threshold:g} e",
+            f"{noise:g} e" + (" with kTC" if ktc else ""), "lower it",
         )  # fmt: skip
     pattern = None
     if device is not None:
@@ -90,11 +108,14 @@ def camera_setting(scenario: Scenario) -> CameraSetting:
     return CameraSetting(
         CHIPS[section.chip],
         clock,
-        section.threshold,
+        threshold,
         scenario.seed,
         section.wavelength,
         pattern=pattern,
-        threshold_noise=section.threshold_noise,
+        threshold_noise=noise,
         reset=section.reset,
         dead_time=section.dead_time,
+        row_skew=section.row_skew,
+        comparator_delay=section.comparator_delay,
+        crosstalk=section.crosstalk,
     )

@@ -98,6 +98,19 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
     return list(at)
 
 
+class _WiderStage:
+    """The scene, asked for a little more than the block: a camera whose rows are sampled before or
+    after the clock's edge needs the light around it."""
+
+    def __init__(self, source: Source, reach: tuple[int, int]) -> None:
+        self._source, self._reach = source, reach
+
+    def step(self, given: None, block: Block) -> Light:
+        before, after = self._reach
+        start = max(block.start - before, 0)
+        return self._source.step(given, Block(start, block.stop + after - start))
+
+
 class _RelayStage:
     """The lens as a stage."""
 
@@ -180,7 +193,7 @@ def _film(
     store = folder / "stream.zarr"
     recorder = Recorder(store, run.camera.shape, cycles, clock)
     stages: dict[str, Any] = {
-        "scene": run.source,
+        "scene": _WiderStage(run.source, run.setting.reach),
         "lens": _RelayStage(run.lens, chip.pitch),
         "sensor": run.camera,
         "recorder": recorder,

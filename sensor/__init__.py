@@ -2,7 +2,7 @@
 
 from sensor.camera import CameraSetting, SpikeCamera, make_pixels
 from sensor.chips import CHIPS, Chip
-from sensor.effects import EFFECTS
+from sensor.effects import EFFECTS, ktc_electrons
 from sensor.pattern import DevicePattern, dark_current
 from sensor.reconstruct import (
     METHODS,
@@ -14,19 +14,24 @@ from sensor.reconstruct import (
     tfi,
     tfp,
 )
+from sensor.silicon import SILICON, Silicon, Sized
 
 __all__ = [
     "CHIPS",
     "EFFECTS",
     "METHODS",
+    "SILICON",
     "CameraSetting",
     "Chip",
     "DevicePattern",
+    "Silicon",
+    "Sized",
     "SpikeCamera",
     "dark_current",
     "interval_image",
     "interval_rate",
     "isi",
+    "ktc_electrons",
     "make_pixels",
     "tau_image",
     "tau_levels",

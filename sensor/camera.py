@@ -15,15 +15,20 @@ from cosim.opencl import Device
 from cosim.radiometry import photons_per_lux
 from cosim.viform import Viform
 from sensor.chips import Chip
+from sensor.crosstalk import crosstalk_map
 from sensor.effects import (
     EFFECTS,
+    comparator_delay_effect,
+    crosstalk_effect,
     dead_time_effect,
     pattern_effects,
+    row_sampling_effect,
     threshold_noise_effect,
 )
 from sensor.exposure import Exposure
 from sensor.pattern import DevicePattern
 from sensor.pixel.model import ExactModel, ExactPixels, PixelState, Reset
+from sensor.sampling import row_offsets
 
 __all__ = ["CameraSetting", "SpikeCamera", "make_pixels"]
 
@@ -33,7 +38,9 @@ class CameraSetting:
     """chip: preset. clock: of the latches. threshold: electrons. seed: of the run, below 2^32.
     wavelength_nm: at which lux are counted as photons. effects: those kept. pattern: of the device,
     None for a perfect one. threshold_noise: electrons. reset: rule. dead_time: seconds after each
-    spike in which light is lost, at most a cycle."""
+    spike in which light is lost, at most a cycle. row_skew: share of a cycle in which the rows are
+    sampled one after another. comparator_delay: seconds, at most a cycle. crosstalk: share of its
+    light that a pixel loses to its neighbours."""
 
     chip: Chip
     clock: Clock
@@ -45,6 +52,9 @@ class CameraSetting:
     threshold_noise: float = 0.0
     reset: Reset = "residual"
     dead_time: float = 0.0
+    row_skew: float = 0.0
+    comparator_delay: float = 0.0
+    crosstalk: float = 0.0
 
     @property
     def electrons_per_lux(self) -> float:
@@ -65,9 +75,20 @@ class CameraSetting:
             made.append(threshold_noise_effect(self.threshold_noise))
         if self.dead_time > 0:
             made.append(dead_time_effect(self.dead_time * self.clock.hz))
+        if self.row_skew > 0:
+            made.append(row_sampling_effect(self.row_skew))
+        if self.comparator_delay > 0:
+            made.append(comparator_delay_effect(self.comparator_delay * self.clock.hz))
+        if self.crosstalk > 0:
+            made.append(crosstalk_effect(self.crosstalk))
         if self.pattern is not None:
             made += pattern_effects(self.pattern, float(self.clock.period))
         return tuple(made)
+
+    @property
+    def reach(self) -> tuple[int, int]:
+        """Cycles before and after a block in which its light is needed as well."""
+        return int(self.comparator_delay > 0), int(self.row_skew > 0)
 
     @property
     def model(self) -> ExactModel:
@@ -98,7 +119,7 @@ class SpikeCamera:
     """Exposes the chip's pixels to light. device: OpenCL, or None for numba; the bits are the same.
 
     rows: the rows of the chip that are simulated, all unless given; a pixel's number, and so its
-    noise, is its place on the whole chip.
+    noise, is its place on the whole chip. Cross-talk takes the light beyond them to be as theirs.
     """
 
     def __init__(
@@ -113,13 +134,21 @@ class SpikeCamera:
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
         pattern = None if setting.pattern is None else setting.pattern.at(numbers)
-        self._exposure = Exposure(setting.clock, setting.electrons_per_lux, pattern)
+        offsets = None
+        if setting.row_skew > 0 or setting.comparator_delay > 0:
+            skew, delay = setting.row_skew, setting.comparator_delay
+            offsets = row_offsets(setting.clock, chip.height, skew, delay, (first, stop))
+        self._crosstalk = crosstalk_map(setting.crosstalk) if setting.crosstalk > 0 else None
+        self._exposure = Exposure(setting.clock, setting.electrons_per_lux, pattern, offsets)
         self._pixels = make_pixels(setting.model, numbers, device)
 
     def step(self, light: Light, block: Block) -> Viform:
-        """The latched flags of one block. light: lux on the pixels, at least this block's time."""
+        """The latched flags of one block. light: lux on the pixels, at least this block's time and
+        as many cycles around it as `CameraSetting.reach` says."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
+        if self._crosstalk is not None:
+            light = self._crosstalk(light)
         spans = self._exposure.spans(light, block.start, block.cycles)
         words = self._pixels.expose(spans, block.cycles).reshape(-1, *self.shape)
         return Viform(words, block.cycles, self._clock, block.start)

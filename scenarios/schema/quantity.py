@@ -12,6 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 from cosim.units import KINDS, Kind, format_quantity, parse_quantity
 
 __all__ = [
+    "Capacitance",
     "Charge",
     "Current",
     "Duration",
@@ -89,6 +90,7 @@ Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
 Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
 Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]
 Noise = Annotated[float, Quantity("charge", least=0, most=30_000)]
+Capacitance = Annotated[float, Quantity("capacitance", above=0, most=1e6)]
 Current = Annotated[float, Quantity("current", least=0, most=1e12)]
 Temperature = Annotated[float, Quantity("temperature", least=-150, most=150)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from scenarios.schema.quantity import (
+    Capacitance,
     Charge,
     Current,
     Frequency,
     Noise,
+    Quantity,
     Section,
     Share,
     Spread,
@@ -18,9 +20,12 @@ from scenarios.schema.quantity import (
     Time,
     Wavelength,
 )
-from sensor import CHIPS
+from sensor import CHIPS, SILICON
 
 __all__ = ["LensSection", "PatternSection", "SensorSection"]
+
+LEVELS = 16
+"""Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
 
 class LensSection(Section):
@@ -39,7 +44,7 @@ class LensSection(Section):
 
 class PatternSection(Section):
     """What differs from pixel to pixel of one device and stays. Nothing of it is published for the
-    chips here: every size is the user's own."""
+    chips here: a size is the user's own, or assumed by the preset `silicon`."""
 
     device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     prnu: Spread = Field(default=0.0, description="spread of the light's gain, relative")
@@ -56,13 +61,53 @@ class SensorSection(Section):
     """The chip and how it is run."""
 
     chip: Literal[tuple(CHIPS)] = "spiketwo"  # type: ignore[valid-type]  # the presets' names
+    preset: Literal["ideal", "silicon"] = Field(
+        default="ideal", description="silicon: every fault absent here gets the size assumed for it"
+    )
     clock: Frequency = 40e3
     threshold: Charge
+    threshold_level: Annotated[int, Field(ge=1, le=LEVELS)] = Field(
+        default=LEVELS, description=f"the chip's setting: level n fires at n/{LEVELS} of threshold"
+    )
     wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
     )
     threshold_noise: Noise = Field(default=0.0, description="standard deviation, of each spike")
+    capacitance: Capacitance | None = Field(
+        default=None, description="its kTC noise is added to the threshold noise"
+    )
     dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
+    comparator_delay: Time = Field(default=0.0, description="at most a cycle")
+    row_skew: Share = Field(
+        default=0.0, description="share of a cycle in which the rows are sampled one after another"
+    )
+    crosstalk: Annotated[float, Field(ge=0, le=0.5)] = Field(
+        default=0.0, description="share of its light that a pixel loses to its neighbours"
+    )
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _silicon(cls, data: Any) -> Any:
+        """Fills in what the preset says of keys that are absent."""
+        if not isinstance(data, dict) or data.get("preset") != "silicon":
+            return data
+        fields = cls.model_fields | PatternSection.model_fields
+        sizes: dict[str, Any] = {}
+        for name, sized in SILICON.rows():
+            unit = next((m for m in fields[name].metadata if isinstance(m, Quantity)), None)
+            sizes[name] = sized.value if unit is None else unit.write(sized.value)
+        try:  # the preset's noise is a share of the threshold; a wrong one is refused on its own
+            charge = Quantity("charge").read(data.get("threshold"))
+            charge *= int(data.get("threshold_level", LEVELS)) / LEVELS
+            noise = SILICON.threshold_noise.value * charge
+            sizes["threshold_noise"] = Quantity("charge").write(noise)
+        except (ValueError, TypeError):
+            del sizes["threshold_noise"]
+        pattern = data.get("pattern", {})
+        if isinstance(pattern, dict):
+            pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
+        own = {n: v for n, v in sizes.items() if n in cls.model_fields}
+        return own | data | {"pattern": pattern}

@@ -1,21 +1,27 @@
 """The physical effects of the pixel, one file each."""
 
+from sensor.effects.crosstalk import crosstalk_effect
 from sensor.effects.dead_time import dead_time_effect
 from sensor.effects.fixed_pattern import pattern_effects
 from sensor.effects.initial_charge import INITIAL_CHARGE, initial_deficit
 from sensor.effects.residual import RESIDUAL
+from sensor.effects.sampling import comparator_delay_effect, row_sampling_effect
 from sensor.effects.shot_noise import SHOT_NOISE, first_thresholds
-from sensor.effects.threshold_noise import threshold_noise_effect
+from sensor.effects.threshold_noise import ktc_electrons, threshold_noise_effect
 
 __all__ = [
     "EFFECTS",
     "INITIAL_CHARGE",
     "RESIDUAL",
     "SHOT_NOISE",
+    "comparator_delay_effect",
+    "crosstalk_effect",
     "dead_time_effect",
     "first_thresholds",
     "initial_deficit",
+    "ktc_electrons",
     "pattern_effects",
+    "row_sampling_effect",
     "threshold_noise_effect",
 ]
 

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cosim import InputError
 from cosim.files import open_stream
 from cosim.viform import count_spikes
 from scenarios.cli import _main
+from scenarios.exposure import camera_setting
+from scenarios.loading import load, to_toml
+from scenarios.schema import validate
+from scenarios.schema.sensor import LEVELS
+from sensor import CHIPS, SILICON, CameraSetting
 
 SMALL = ["--set", "sensor.chip=spikeone", "--set", "duration=6.4 ms", "--set", "scene.at=6 ms"]
 
@@ -34,6 +42,9 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
         "dead": (["sensor.dead_time=5 us"], ["reset dead time"]),
         "fpn": (["sensor.pattern.threshold_fpn=0.05"], ["threshold FPN"]),
         "broken": (["sensor.pattern.dead_pixels=0.01"], ["hot and dead pixels"]),
+        "rows": (["sensor.row_skew=1"], ["row-by-row sampling"]),
+        "delay": (["sensor.comparator_delay=5 us"], ["comparator delay"]),
+        "crosstalk": (["sensor.crosstalk=0.1"], ["optical cross-talk"]),
     }
     counts = {}
     for name, (assignments, kept) in settings.items():
@@ -52,6 +63,12 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
     rates = 0.06 * np.arange(1, 9) / 8
     expected = 240 * (rates / (1 + 0.2 * rates)).mean()
     assert counts["dead"].mean() == pytest.approx(expected, rel=0.003)
+    # The last of 240 cycles ends as the light jumps: rows sampled half a cycle later on average
+    # see that much of the brighter light. A delay looks back; cross-talk moves light sideways.
+    late = 0.5 * (0.9 - 0.1) * 0.6 * 4.5 / 8
+    for name, more in (("rows", late), ("delay", 0.0), ("crosstalk", 0.0)):
+        assert counts[name].mean() - mean == pytest.approx(more, abs=0.01)
+        assert not np.array_equal(counts[name], counts["plain"])
     for name in ("PRNU", "noise", "fpn"):
         assert not np.array_equal(counts[name], counts["plain"])
         assert counts[name].mean() == pytest.approx(mean, rel=0.02)
@@ -91,3 +108,75 @@ def test_bad_device_settings_are_one_line(
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and text in err
     assert not (tmp_path / "x").exists()
+
+
+def camera(*assignments: str) -> CameraSetting:
+    return camera_setting(load("step", [f"sensor.{each}" for each in assignments])[1])
+
+
+def test_threshold_levels_are_sixteenths() -> None:
+    found = [camera("threshold=1600 e", f"threshold_level={n}").threshold for n in range(1, 17)]
+    assert found == [100.0 * n for n in range(1, 17)]
+    for chip in CHIPS.values():
+        assert chip.threshold_levels == LEVELS
+    with pytest.raises(InputError, match=r"threshold_level must be .* at least 1 e, not 1 of 15 e"):
+        camera("threshold=15 e", "threshold_level=1")
+    with pytest.raises(InputError, match="at most 16"):
+        camera("threshold_level=17")
+
+
+def test_a_level_scales_the_rate_of_the_same_light(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    totals = {}
+    for level, hz in ((16, 40_000), (4, 40_000), (16, 20_000)):
+        out = tmp_path / f"{level}-{hz}"
+        words = step(
+            out, "sensor.lens.f_number=8", "scene.illuminance=60 lux", "sensor.clock=" f"{hz} Hz",
+            f"sensor.threshold_level={level}", "scene.before=1", "scene.after=1",
+        )  # fmt: skip
+        assert _main(words) == 0
+        capsys.readouterr()
+        stream = open_stream(out)
+        assert stream.clock.hz == hz and stream.cycles == hz * 64 // 10_000
+        totals[level, hz] = count_spikes(stream, 0, stream.cycles).sum()
+    # White at 60 lux, f/8: 0.017 of 1000 e a 25 us cycle; a quarter of the threshold fires four
+    # times as often, half the clock as often in the same time.
+    assert totals[4, 40_000] / totals[16, 40_000] == pytest.approx(4, rel=0.005)
+    assert totals[16, 20_000] / totals[16, 40_000] == pytest.approx(1, rel=0.005)
+
+
+def test_a_capacitance_adds_its_reset_noise() -> None:
+    # sqrt(k T C) / q: 28.4 e at 5 fF and 300 K (26.85 degC).
+    setting = camera("capacitance=5 fF", "pattern.temperature=26.85 degC", "threshold_noise=10 e")
+    assert setting.threshold_noise == pytest.approx(math.hypot(28.4, 10), rel=1e-3)
+    with pytest.raises(InputError, match="with kTC"):
+        camera("capacitance=5 fF", "threshold=20 e")
+
+
+def test_the_silicon_preset_fills_in_what_is_absent() -> None:
+    scenario = load("step", ["sensor.preset=silicon", "sensor.pattern.prnu=0"])[1]
+    setting = camera_setting(scenario)
+    assert setting.threshold_noise == pytest.approx(0.005 * setting.threshold)
+    assert setting.pattern is not None and setting.pattern.prnu == 0
+    kept = {effect.name for effect in setting.kept}
+    assert kept >= {
+        "row-by-row sampling", "comparator delay", "optical cross-talk", "threshold noise",
+        "reset dead time", "threshold FPN", "dark current and DSNU", "hot and dead pixels",
+    }  # fmt: skip
+    assert "PRNU" not in kept
+    assert camera("preset=silicon", "threshold_noise=7 e").threshold_noise == 7
+    assert camera("preset=silicon", "threshold_level=8").threshold_noise == pytest.approx(2.5)
+    # What a run leaves as its scenario makes the same camera, and so does nothing twice.
+    again = validate(tomllib.loads(to_toml(scenario)))
+    assert again == scenario and camera_setting(again) == setting
+    with pytest.raises(InputError, match=r"sensor\.threshold must be a charge"):
+        camera("preset=silicon", "threshold=5 lux")
+    with pytest.raises(InputError, match=r"sensor\.pattern must be a section"):
+        camera("preset=silicon", "pattern=1")
+
+
+def test_every_size_of_the_preset_says_where_it_is_from() -> None:
+    rows = SILICON.rows()
+    assert len(rows) == 12 and all(sized.value > 0 and sized.source for _, sized in rows)
+    assert {sized.provenance for _, sized in rows} == {"assumed"}

@@ -128,8 +128,9 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("image.at", [1, -2], f"image.at.1 must be at least 0, not -2; {SCHEMA}"),
         ("image.window", 0, f"image.window must be at least 1, not 0; {SCHEMA}"),
         ("sensor.treshold", "5 e",
-         "sensor.treshold must be one of chip, clock, threshold, wavelength, reset, "
-             "threshold_noise, dead_time, lens, pattern, not an unknown key; did you mean "
+         "sensor.treshold must be one of chip, preset, clock, threshold, threshold_level, "
+             "wavelength, reset, threshold_noise, capacitance, dead_time, comparator_delay, "
+             "row_skew, crosstalk, lens, pattern, not an unknown key; did you mean "
              "sensor.threshold?"),
         ("scene.ilumminance", "5 lux",
          "scene.ilumminance must be one of kind, path, start, frame_rate, illuminance, not an "

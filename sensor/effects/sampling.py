@@ -1,0 +1,30 @@
+"""Row-by-row sampling and comparator delay: the same light, seen at another time."""
+
+from __future__ import annotations
+
+import math
+
+from cosim.effects import Bound, Effect, Summary
+
+__all__ = ["comparator_delay_effect", "row_sampling_effect"]
+
+
+def _shifted(cycles: float, scene: Summary) -> Bound:
+    """A window that is moved by a share of a cycle gains at one end and loses at the other, at most
+    the whole range of light for that long."""
+    if scene.darkest <= 0:
+        return Bound(math.inf if scene.brightest > 0 else 0.0, "proof")
+    span = (scene.brightest - scene.darkest) * cycles
+    return Bound(span / (scene.darkest * scene.window), "proof")
+
+
+def row_sampling_effect(skew: float) -> Effect:
+    """skew: share of a cycle from the first row to the last."""
+    source = "row selectors of EP4340384 and US12581222B2; whether SpikeTwo has them is not known"
+    return Effect("row-by-row sampling", source, 0, "", str, lambda s: _shifted(skew, s))
+
+
+def comparator_delay_effect(cycles: float) -> Effect:
+    """cycles: delay in cycles."""
+    source = "a latch that samples a delayed comparator: an offset of the sampling instant"
+    return Effect("comparator delay", source, 0, "", str, lambda s: _shifted(cycles, s))

@@ -1,0 +1,78 @@
+"""Optical cross-talk against its point response and its transfer function."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim import PS, Block, Clock, Light, Piece, Summary
+from cosim.opencl import Device
+from cosim.viform import count_spikes
+from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor.crosstalk import crosstalk_map, side_share
+from sensor.effects import INITIAL_CHARGE, RESIDUAL, crosstalk_effect
+
+
+def mapped(plane: np.ndarray, crosstalk: float) -> np.ndarray:
+    level = plane.astype(np.float32)
+    return crosstalk_map(crosstalk)(Light((Piece(0, PS, level, level),))).pieces[0].first
+
+
+def test_a_point_becomes_the_nine_numbers() -> None:
+    point = np.zeros((5, 5))
+    point[2, 2] = 1
+    a = side_share(0.19)
+    assert a == pytest.approx(0.05)  # 0.9^2 = 1 - 0.19
+    line = np.array([0, a, 1 - 2 * a, a, 0])
+    assert np.allclose(mapped(point, 0.19), np.outer(line, line), atol=1e-7)
+
+
+@pytest.mark.parametrize("periods", [(0, 9), (7, 0), (11, 5), (32, 32)])
+def test_the_transfer_function_of_a_sine(periods: tuple[int, int]) -> None:
+    # Whole periods on the inner 64 x 64 of a wider plane, so that no border is seen.
+    n, crosstalk = 64, 0.1
+    y, x = np.mgrid[-1 : n + 1, -1 : n + 1] * (2 * np.pi / n)
+    wave = 1 + np.cos(periods[0] * y) * np.cos(periods[1] * x)
+    a = side_share(crosstalk)
+    response = np.prod([1 - 2 * a * (1 - np.cos(2 * np.pi * p / n)) for p in periods])
+    assert 0.5 < response < 0.99
+    found = mapped(wave, crosstalk)[1:-1, 1:-1]
+    assert np.allclose(found, (1 + (wave - 1) * response)[1:-1, 1:-1], atol=1e-6)
+
+
+def test_uniform_light_stays_to_the_last_bit_and_none_is_lost() -> None:
+    level = np.full((7, 9), 0.1234567, np.float32)
+    assert np.array_equal(mapped(level, 0.3), level)
+    field = np.zeros((20, 20))
+    field[3:-3, 3:-3] = np.random.default_rng(1).random((14, 14))
+    spread = mapped(field, 0.3)
+    assert spread.sum(dtype=np.float64) == pytest.approx(field.sum(), rel=1e-6)
+    assert (spread >= 0).all() and not np.allclose(spread, field, atol=0.01)
+
+
+def test_the_camera_gathers_what_its_neighbours_lose(device: Device) -> None:
+    # Columns alternate between bright and dark: the difference shrinks by 1 - 4a.
+    clock, crosstalk, cycles = Clock(40_000), 0.1, 640
+    plain = CameraSetting(CHIPS["spikeone"], clock, 300.0, 1, effects=(RESIDUAL, INITIAL_CHARGE))
+    setting = CameraSetting(
+        CHIPS["spikeone"], clock, 300.0, 1, effects=plain.effects, crosstalk=crosstalk
+    )
+    lux = np.where(np.arange(400) % 2, 0.6, 0.1) / setting.rate(1.0)
+    level = np.broadcast_to(lux, (250, 400)).astype(np.float32)
+    light = Light((Piece(0, PS, level, level),))
+    response = 1 - 4 * side_share(crosstalk)
+    for form, expected in ((plain, 0.5), (setting, 0.5 * response)):
+        stream = SpikeCamera(form, device).step(light, Block(0, cycles))
+        rates = count_spikes(stream, 0, cycles)[:, 2:-2].mean(axis=0) / cycles
+        # The phases are uniform: a count is off by less than a spike, a mean over 250 rows by far
+        # less.
+        assert rates[1::2].mean() - rates[::2].mean() == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_bound_is_met_by_a_dark_pixel_among_bright_ones() -> None:
+    dark, bright, crosstalk = 2.0, 50.0, 0.05
+    field = np.full((3, 3), bright)
+    field[1, 1] = dark
+    error = mapped(field, crosstalk)[1, 1] / dark - 1
+    bound = crosstalk_effect(crosstalk).bound(Summary(dark, bright, 100.0, 41, 100))
+    assert error == pytest.approx(bound.value, rel=1e-5) and bound.kind == "proof"
