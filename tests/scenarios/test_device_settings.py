@@ -46,13 +46,14 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
         "delay": (["sensor.comparator_delay=5 us"], ["comparator delay"]),
         "crosstalk": (["sensor.crosstalk=0.1"], ["optical cross-talk"]),
     }
-    counts = {}
+    counts, totals = {}, {}
     for name, (assignments, kept) in settings.items():
         assert _main(step(tmp_path / name, *assignments)) == 0
         document = json.loads(capsys.readouterr().out)
         usual = ["residual carried", "random initial charge", "shot noise"]
         assert document["plan"]["kept"] == [*usual, *kept]
         counts[name] = count_spikes(open_stream(tmp_path / name), 0, 240).astype(float)
+        totals[name] = count_spikes(open_stream(tmp_path / name), 0, 256).astype(float)
     mean = counts["plain"].mean()
     # Bars of 1/8 to 8/8 of the light before the step, 0.1 of white, which fires at 0.6 a cycle.
     assert mean == pytest.approx(240 * 0.06 * 4.5 / 8, rel=0.01)
@@ -64,11 +65,15 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
     expected = 240 * (rates / (1 + 0.2 * rates)).mean()
     assert counts["dead"].mean() == pytest.approx(expected, rel=0.003)
     # The last of 240 cycles ends as the light jumps: rows sampled half a cycle later on average
-    # see that much of the brighter light. A delay looks back; cross-talk moves light sideways.
-    late = 0.5 * (0.9 - 0.1) * 0.6 * 4.5 / 8
-    for name, more in (("rows", late), ("delay", 0.0), ("crosstalk", 0.0)):
-        assert counts[name].mean() - mean == pytest.approx(more, abs=0.01)
-        assert not np.array_equal(counts[name], counts["plain"])
+    # see that much of the brighter light. A delay of 5 us sees it a fifth of a cycle later.
+    # Cross-talk moves light sideways.
+    step_mean = (0.9 - 0.1) * 0.6 * 4.5 / 8
+    assert counts["rows"].mean() - mean == pytest.approx(0.5 * step_mean, abs=0.01)
+    assert np.array_equal(counts["delay"], counts["plain"])
+    gone = totals["plain"].mean() - totals["delay"].mean()
+    assert gone == pytest.approx(0.2 * step_mean, abs=0.01)
+    assert counts["crosstalk"].mean() == pytest.approx(mean, abs=0.01)
+    assert not np.array_equal(counts["crosstalk"], counts["plain"])
     for name in ("PRNU", "noise", "fpn"):
         assert not np.array_equal(counts[name], counts["plain"])
         assert counts[name].mean() == pytest.approx(mean, rel=0.02)
