@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from cosim.opencl import Device
-from sensor.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.effects import EFFECTS, RESIDUAL, SHOT_NOISE
 from sensor.pixel.compiled import CompiledPixels
 from sensor.pixel.fixed_point import LARGEST, ONE, to_fixed
 from sensor.pixel.kernel import KernelPixels
@@ -208,25 +208,6 @@ class TestClosedForms:
             assert charge * 200_000_000 // model.q == expected
             gathered = np.float32(18_000.0)
             assert gathered + np.float32(rate / 40e3) == pytest.approx(18_000, abs=2e-3)
-
-
-def test_interval_variance_of_the_residual_rule_is_that_of_a_recording(device: Device) -> None:
-    # With the residual carried, intervals of mean m = i + f alternate between i and i + 1 cycles:
-    # variance f (1 - f). A public recording shows .247 at a mean of 2.5 and .050 at 3; means spread
-    # by 0.1 about these give .2467 and .0467. A reset to zero would give 0 everywhere.
-    model = ExactModel(1000.0, 1, (RESIDUAL, INITIAL_CHARGE))
-    n, cycles = 4000, 3200
-    for column, recorded in ((2.5, 0.247), (3, 0.050), (4, 0.053)):
-        means = np.random.default_rng(int(column * 10)).uniform(column - 0.1, column + 0.1, n)
-        pixels = KernelPixels(model, np.arange(n, dtype=np.uint32), device)
-        words = pixels.expose([Span(0, cycles, to_fixed(1000 / means))], cycles)
-        octets = np.ascontiguousarray(words.T).view(np.uint8)
-        bits = np.unpackbits(octets, axis=1, bitorder="little")
-        variance = np.array([np.diff(np.flatnonzero(row)).var() for row in bits])
-        f = means % 1
-        # A run of k intervals misplaces at most one of them: 1/k of variance.
-        assert np.abs(variance - f * (1 - f)).max() < 2 * column / cycles * 2
-        assert variance.mean() == pytest.approx(recorded, abs=0.008)
 
 
 def test_limits_of_the_model_are_refused() -> None:
