@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from pathlib import Path
@@ -10,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import InputError
+from cosim import InputError, SpikeStream
 from cosim.files import open_stream
 from cosim.viform import count_spikes
 from scenarios.cli import _main
 from scenarios.exposure import camera_setting
 from scenarios.loading import load, to_toml
+from scenarios.result import Result
+from scenarios.run import run_scenario
 from scenarios.schema import validate
 from scenarios.schema.sensor import LEVELS
 from sensor import CHIPS, SILICON, CameraSetting
@@ -28,9 +29,25 @@ def step(folder: Path, *assignments: str) -> list[str]:
     return ["run", "step", *SMALL, *words, "--out", str(folder), "--json"]
 
 
-def test_every_setting_is_kept_by_name_and_changes_the_stream(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+class Silent:
+    """Progress that says nothing."""
+
+    def start(self, what: str, total: int) -> None: ...
+    def advance(self, done: int) -> None: ...
+    def note(self, text: str) -> None: ...
+
+
+def filmed(folder: Path, *assignments: str) -> tuple[Result, SpikeStream]:
+    """The same run without its report, which most of these tests have no eyes for."""
+    given = [*SMALL[1::2], *assignments]
+    name, scenario = load("step", given)
+    result, place = run_scenario(
+        name, scenario, folder, progress=Silent(), began=0.0, report=lambda _: []
+    )
+    return result, open_stream(place)
+
+
+def test_every_setting_is_kept_by_name_and_changes_the_stream(tmp_path: Path) -> None:
     settings = {
         "plain": ([], []),
         "PRNU": (["sensor.pattern.prnu=0.05"], ["PRNU"]),
@@ -48,12 +65,11 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
     }
     counts, totals = {}, {}
     for name, (assignments, kept) in settings.items():
-        assert _main(step(tmp_path / name, *assignments)) == 0
-        document = json.loads(capsys.readouterr().out)
+        result, stream = filmed(tmp_path / name, *assignments)
         usual = ["residual carried", "random initial charge", "shot noise"]
-        assert document["plan"]["kept"] == [*usual, *kept]
-        counts[name] = count_spikes(open_stream(tmp_path / name), 0, 240).astype(float)
-        totals[name] = count_spikes(open_stream(tmp_path / name), 0, 256).astype(float)
+        assert result.document()["plan"]["kept"] == [*usual, *kept]
+        counts[name] = count_spikes(stream, 0, 240).astype(float)
+        totals[name] = count_spikes(stream, 0, 256).astype(float)
     mean = counts["plain"].mean()
     # Bars of 1/8 to 8/8 of the light before the step, 0.1 of white, which fires at 0.6 a cycle.
     assert mean == pytest.approx(240 * 0.06 * 4.5 / 8, rel=0.01)
@@ -79,17 +95,14 @@ def test_every_setting_is_kept_by_name_and_changes_the_stream(
         assert counts[name].mean() == pytest.approx(mean, rel=0.02)
 
 
-def test_a_device_is_its_seed_whatever_the_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_device_is_its_seed_whatever_the_run(tmp_path: Path) -> None:
     # One bar's counts in two runs: what stays is the device.
     def counts(name: str, seed: int, device: int) -> np.ndarray:
-        words = step(
-            tmp_path / name, "sensor.pattern.prnu=0.3", f"sensor.pattern.device_seed={device}"
-        )
-        assert _main([*words, "--seed", str(seed)]) == 0
-        capsys.readouterr()
-        return count_spikes(open_stream(tmp_path / name), 0, 240)[:, -40:].ravel().astype(float)
+        _, stream = filmed(
+            tmp_path / name, f"seed={seed}", "sensor.pattern.prnu=0.3",
+            f"sensor.pattern.device_seed={device}",
+        )  # fmt: skip
+        return count_spikes(stream, 0, 240)[:, -40:].ravel().astype(float)
 
     one, again, other = counts("a", 1, 5), counts("b", 2, 5), counts("c", 1, 6)
     assert np.corrcoef(one, again)[0, 1] > 0.8
@@ -130,19 +143,14 @@ def test_threshold_levels_are_sixteenths() -> None:
         camera("threshold_level=17")
 
 
-def test_a_level_scales_the_rate_of_the_same_light(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_level_scales_the_rate_of_the_same_light(tmp_path: Path) -> None:
     totals = {}
     for level, hz in ((16, 40_000), (4, 40_000), (16, 20_000)):
-        out = tmp_path / f"{level}-{hz}"
-        words = step(
-            out, "sensor.lens.f_number=8", "scene.illuminance=60 lux", "sensor.clock=" f"{hz} Hz",
-            f"sensor.threshold_level={level}", "scene.before=1", "scene.after=1",
+        _, stream = filmed(
+            tmp_path / f"{level}-{hz}", "sensor.lens.f_number=8", "scene.illuminance=60 lux",
+            f"sensor.clock={hz} Hz", f"sensor.threshold_level={level}", "scene.before=1",
+            "scene.after=1",
         )  # fmt: skip
-        assert _main(words) == 0
-        capsys.readouterr()
-        stream = open_stream(out)
         assert stream.clock.hz == hz and stream.cycles == hz * 64 // 10_000
         totals[level, hz] = count_spikes(stream, 0, stream.cycles).sum()
     # White at 60 lux, f/8: 0.017 of 1000 e a 25 us cycle; a quarter of the threshold fires four
