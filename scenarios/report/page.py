@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import resource
 import shlex
@@ -14,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Summary
 from cosim.files.whole import whole
 from scenarios.fidelity import LEAST_RATE, Shot
 from scenarios.loading import to_toml
 from scenarios.playback import write_clip
-from scenarios.png import Levels, encode, for_display, to_linear_bytes, write_png
+from scenarios.png import Levels, for_display, to_linear_bytes, write_png
+from scenarios.report.elements import data, figure, table
 from scenarios.report.figures import interval_figure, overview_figure
+from scenarios.report.machine import machine
 from scenarios.report.pictures import (
     WINDOWS,
     accumulation,
@@ -37,29 +37,6 @@ __all__ = ["write_report"]
 _CLIP_FRAMES = 75
 _LONG = 800
 """Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
-
-
-def _data(content: bytes, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def _figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
-    """A picture with its caption; `exact` keeps every pixel (PNG), else JPEG."""
-    content = encode(image, ".png" if exact else ".jpg")
-    source = _data(content, "image/png" if exact else "image/jpeg")
-    pixels = ' class="pixels"' if exact else ""
-    return (
-        f'<figure class="{css}"><img{pixels} src="{source}" alt="{html.escape(caption)}">'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-    )
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
 
 
 def _cards(run: Finished) -> str:
@@ -104,7 +81,7 @@ def _instants(run: Finished) -> str:
             f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
         )
         triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
-        pictures = "".join(_figure(for_display(plane), name) for name, plane in triple)
+        pictures = "".join(figure(for_display(plane), name) for name, plane in triple)
         parts.append(f'<div class="grid by3">{pictures}</div>')
     return "".join(parts)
 
@@ -113,7 +90,7 @@ def _accumulation(run: Finished) -> str:
     fitting = [w for w in WINDOWS if w <= run.stream.cycles]
     ms = 1e3 / run.stream.clock.hz
     pictures = "".join(
-        _figure(
+        figure(
             accumulation(run.stream, w, run.white_rate),
             f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms",
             exact=w < 10,
@@ -152,9 +129,9 @@ def _long_and_instant(shot: Shot, long: _Long) -> str:
     low, high = (int(x) for x in np.percentile(tau, (1, 99)))
     spread = (tau - np.float32(low)) / np.float32(max(high - low, 1))
     pictures = (
-        _figure(long.image, long.name)
-        + _figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
-        + _figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
+        figure(long.image, long.name)
+        + figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
+        + figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
     )
     return (
         "<h2>Long exposure and one instant</h2><p>The same stream as a conventional exposure sees "
@@ -176,10 +153,10 @@ def _moving_part(run: Finished, shot: Shot, long: _Long) -> str:
 
     pictures = "".join(
         (
-            _figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
-            _figure(part(shot.tfp), "TFP", exact=True),
-            _figure(part(shot.tfi), "TFI", exact=True),
-            _figure(enlarge(crop(long.image, box)), long.name, exact=True),
+            figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
+            figure(part(shot.tfp), "TFP", exact=True),
+            figure(part(shot.tfi), "TFI", exact=True),
+            figure(enlarge(crop(long.image, box)), long.name, exact=True),
         )
     )
     return (
@@ -203,7 +180,7 @@ def _playback(run: Finished) -> str:
         f"<h2>Playback</h2><p>TFP every {f'{every} cycles' if every > 1 else 'cycle'}, "
         f"{1 / slower:.0f} times slower than life (<code>playback.mp4</code>).</p>"
         f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
-        f'src="{_data(path.read_bytes(), "video/mp4")}"></video></figure>'
+        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
     )
 
 
@@ -221,8 +198,8 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
     marks = mark_pixels(for_display(shot.tfp), points)
     write_png(figures / "pixels.png", marks)
-    marked = _figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
-    source = _data((figures / "intervals.png").read_bytes(), "image/png")
+    marked = figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
+    source = data((figures / "intervals.png").read_bytes(), "image/png")
     return (
         "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
         "high as the light it tells, its area one threshold (after figure 5 of Huang 2022).</p>"
@@ -231,50 +208,12 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     )
 
 
-def _physics(run: Finished) -> str:
-    setting, scenario = run.setting, run.scenario
-    chip = setting.chip
-    provenance = chip.provenance()
-    numbers = [
-        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
-        ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
-         provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
-        ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
-        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
-        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
-        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
-        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
-        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
-         f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
-         "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
-        ["white on the sensor", f"{scenario.scene.illuminance * run.lens.gain:.3g} lux, "
-         f"{run.white_rate:.3g} spikes a cycle", "computed"],
-    ]  # fmt: skip
-    darkest = min(float(s.truth.min()) for s in run.shots)
-    per_cycle = run.white_rate * setting.threshold
-    summary = Summary(
-        darkest * per_cycle, per_cycle, setting.threshold, scenario.image.window, run.stream.cycles
-    )
-    effects = [
-        [e.name, "kept", f"{e.bound(summary).value:.2g} ({e.bound(summary).kind})", e.source]
-        for e in setting.kept
-    ]
-    return (
-        "<h2>The machine</h2>"
-        + _table(["what", "value", "from"], numbers)
-        + "<h2>What was kept and what was left out</h2><p>Nothing was left out. The third column "
-        "bounds what leaving the effect out could have changed in a pixel's spike rate over the "
-        "image window, wherever in the images that is most.</p>"
-        + _table(["effect", "", "bound, relative", "source"], effects)
-    )
-
-
 def _time(run: Finished) -> str:
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
     rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     rows.append(["peak memory", f"{peak:.2f} GiB"])
-    return f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + _table(
+    return f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + table(
         ["stage", "took"], rows
     )
 
@@ -322,7 +261,7 @@ def write_report(run: Finished) -> list[str]:
         _accumulation(run),
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
-        _physics(run),
+        machine(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin
     body = [
