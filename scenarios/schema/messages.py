@@ -124,7 +124,9 @@ def _one_line(error: Any) -> InputError:
         near = difflib.get_close_matches(key, place.keys, 1)
         section = place.name.rpartition(".")[0]
         mend = f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
-        return InputError(place.name, f"one of {', '.join(place.keys)}", "an unknown key", mend)
+        # A section's keys are listed only where none of them looks like what was meant.
+        must = "a key that is known" if near else f"one of {', '.join(place.keys)}"
+        return InputError(place.name, must, "an unknown key", mend)
     if kind in ("missing", "union_tag_not_found"):
         name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
         return InputError(name, "given", "absent", _example(name))

@@ -128,16 +128,14 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("image.at", [1, -2], f"image.at.1 must be at least 0, not -2; {SCHEMA}"),
         ("image.window", 0, f"image.window must be at least 1, not 0; {SCHEMA}"),
         ("sensor.treshold", "5 e",
-         "sensor.treshold must be one of chip, preset, clock, threshold, threshold_level, "
-             "wavelength, reset, threshold_noise, capacitance, dead_time, comparator_delay, "
-             "row_skew, crosstalk, lens, pattern, not an unknown key; did you mean "
+         "sensor.treshold must be a key that is known, not an unknown key; did you mean "
              "sensor.threshold?"),
         ("scene.ilumminance", "5 lux",
-         "scene.ilumminance must be one of kind, path, start, frame_rate, illuminance, not an "
-         "unknown key; did you mean scene.illuminance?"),
+         "scene.ilumminance must be a key that is known, not an unknown key; did you mean "
+             "scene.illuminance?"),
         ("sensor.lens.fnumber", 2,
-         "sensor.lens.fnumber must be one of f_number, white_rate, transmission, magnification, "
-         "psf, not an unknown key; did you mean sensor.lens.f_number?"),
+         "sensor.lens.fnumber must be a key that is known, not an unknown key; did you mean "
+             "sensor.lens.f_number?"),
         ("dispaly", {},
          "dispaly must be one of title, duration, tolerance, seed, scene, sensor, image, not an "
          "unknown key; remove it"),
