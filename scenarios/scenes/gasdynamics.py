@@ -16,9 +16,23 @@ import numpy as np
 from scipy.optimize import brentq
 
 __all__ = [
-    "GAMMA", "GAS", "Fan", "Gas", "Start", "behind_normal", "behind_oblique", "billig_curvature",
-    "billig_standoff", "detachment", "fan", "nozzle", "prandtl_meyer", "shock_angle", "start_flow",
-    "stagnation_ratio", "stalling",
+    "GAMMA",
+    "GAS",
+    "Fan",
+    "Gas",
+    "Start",
+    "behind_normal",
+    "behind_oblique",
+    "billig_curvature",
+    "billig_standoff",
+    "detachment",
+    "fan",
+    "nozzle",
+    "prandtl_meyer",
+    "shock_angle",
+    "stagnation_ratio",
+    "stalling",
+    "start_flow",
 ]  # fmt: skip
 
 GAMMA = 1.4
@@ -73,7 +87,7 @@ def behind_normal(mach: float) -> tuple[float, float, float, float]:
 
 
 def _deflection(mach: float, beta: float) -> float:
-    """Angle by which a shock at angle beta turns the flow (139a)."""
+    """Angle by which a shock at angle beta turns the flow (theta-beta-M)."""
     m2, s = mach * mach, math.sin(beta) ** 2
     return math.atan2(
         2.0 * (m2 * s - 1.0) / math.tan(beta), m2 * (GAMMA + math.cos(2.0 * beta)) + 2.0
@@ -204,16 +218,12 @@ def start_flow(flow: Gas, chamber: float, temperature: float) -> Start:
 
     def side(gas: Gas) -> tuple[Gas, float]:
         """The gas behind its shock, and the shock's Mach number relative to the gas before it."""
-        mach = math.sqrt(
-            ((GAMMA + 1.0) * p / gas.pressure + (GAMMA - 1.0)) / (2.0 * GAMMA)
-        )
+        mach = math.sqrt(((GAMMA + 1.0) * p / gas.pressure + (GAMMA - 1.0)) / (2.0 * GAMMA))
         return Gas(p, gas.density * behind_normal(mach)[1], velocity), mach
 
     cold, against = side(flow)
     hot, along = side(rest)
-    return Start(
-        flow, cold, hot, rest, flow.velocity - against * flow.sound, along * rest.sound
-    )
+    return Start(flow, cold, hot, rest, flow.velocity - against * flow.sound, along * rest.sound)
 
 
 def stalling(flow: Gas, temperature: float) -> float:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from cosim import Clock, InputError
 from scenarios.scenes.film import FilmSource
-from scenarios.scenes.source import AnalyticSource, Source
 from scenarios.scenes.paced import PacedSource
+from scenarios.scenes.source import AnalyticSource, Source
 from scenarios.scenes.step import StepSource
 from scenarios.schema import FilmScene, SceneSection, ShockwaveScene, StarScene, StepScene
 

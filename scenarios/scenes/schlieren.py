@@ -22,12 +22,15 @@ from scenarios.scenes.shapes import noise
 __all__ = ["GLADSTONE_DALE", "Bench"]
 
 GLADSTONE_DALE = 2.26e-4
-"""K of air for visible light, m3/kg (Merzkirch, table 3.1; 2.26e-4 at 590 nm)."""
+"""K of air for visible light, m3/kg (Merzkirch: 2.264e-4 at 568 nm)."""
 RANGE = 3.5e-4
 """Deflection that moves the source's image by half its height, so that all light passes or none,
 radians: 0.35 mm at a mirror of 1 m focal length (assumed)."""
 OPEN = 0.5
 """Part of the light that passes undeflected: the knife cuts half."""
+LEAK = 0.04
+"""Part of the light that passes though the image of the source is cut wholly: diffraction at the
+knife edge, and scatter (assumed)."""
 STRAY = 0.012
 """Light that reaches the picture of an opaque body (assumed)."""
 ROUND = 0.955
@@ -36,9 +39,10 @@ STREAKS = 0.03
 """Unevenness of lamp and window glass, peak to peak (assumed)."""
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
-    """across x the change from the pixel before to the next in a row + along x that in a column."""
+    """across x the change from the pixel before to the next in a row, along x that in a column,
+    each the mean over three of them weighted 1, 2, 1 (Sobel's kernel: a blur of about a pixel)."""
     height, width = path.shape
     for i in range(height):
         up, down = max(i - 1, 0), min(i + 1, height - 1)
@@ -49,7 +53,15 @@ def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
             b = here if dark[i, right] else path[i, right]
             c = here if dark[up, j] else path[up, j]
             d = here if dark[down, j] else path[down, j]
-            out[i, j] = across * (b - a) + along * (d - c)
+            rise, fall = 2.0 * (b - a), 2.0 * (d - c)
+            if not (dark[up, left] or dark[up, right] or dark[down, left] or dark[down, right]):
+                p, q = path[up, left], path[up, right]
+                r, s = path[down, left], path[down, right]
+                rise += q - p + s - r
+                fall += r - p + s - q
+            else:  # beside the body, what its corner hides counts as the row's or column's own
+                rise, fall = 2.0 * rise, 2.0 * fall
+            out[i, j] = 0.25 * (across * rise + along * fall)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +102,7 @@ class Bench:
     def picture(self, path: Plane) -> Plane:
         """(H, W) float32, 0 to 1: 1 is the bench's lamp without a knife edge. Density that rises
         downstream (knife 0) is dark."""
-        passed = np.clip(OPEN - self.deflection(path) * np.float32(0.5 / RANGE), 0.0, 1.0)
+        passed = np.clip(OPEN - self.deflection(path) * np.float32(0.5 / RANGE), LEAK, 1.0)
         passed *= self.lamp
         passed += self.body * (np.float32(STRAY) - passed)
         return np.clip(passed, 0.0, 1.0, out=passed)

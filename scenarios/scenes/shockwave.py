@@ -16,11 +16,10 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from cosim import Box, Plane
 from scenarios.scenes.canvas import NOTHING, View, check_instant, check_number, check_shape
@@ -35,17 +34,16 @@ from scenarios.scenes.gasdynamics import (
 )
 from scenarios.scenes.schlieren import Bench
 from scenarios.scenes.shapes import noise
+from scenarios.scenes.sightlines import SWELLS, WIDTH, fine, flows, grain, mix, swirl
 from scenarios.scenes.steadyflow import Sphere, Wedge
 
 __all__ = ["Shockwave"]
 
 STAGNATION_PRESSURE, STAGNATION_TEMPERATURE = 1e6, 500.0
 """Of the M6HQWT, Pa (its least) and K."""
-WIDTH = 0.12
-"""Sight line through the flow: the nozzle's exit, m. A wedge spans it."""
 ROOM = 293.0
 """Temperature of the chamber before the start, K."""
-CHAMBER, LEAST, MOST = 0.68, 0.45, 0.95
+CHAMBER, LEAST, MOST = 0.85, 0.45, 0.95
 """The chamber's pressure unless given, and its limits, over that at which the tunnel would not
 start. Below the least the gas behind the starting shock is no longer well subsonic (assumed)."""
 
@@ -54,49 +52,15 @@ start. Below the least the gas behind the starting shock is no longer well subso
 EXIT, NOSE = 0.25, -0.36
 LENGTH, TALL, FLAT, BODY = 0.54, 0.19, 0.20, 0.40
 
-EDDY, ROUGH, RIPPLE = 0.09, 0.02, 0.010
-"""Eddies of the gas that has passed the nozzle while it starts: size over the shorter side, density
-peak to peak; and ripples of the contact over the shorter side (assumed)."""
+EDDY, RIPPLE = 0.09, 0.010
+"""Eddies of the gas that has passed the nozzle while it starts, and ripples of the contact: size
+over the shorter side (assumed)."""
 LIFE = 2.0e-4
 """The reflected wave of the primary shock is drawn for so long, s; it fades to nothing."""
 SETTLED = 1e-4
 """A standoff that differs by less, relatively, is the steady one: a thousandth of a pixel."""
-SLOW = 0.4
+SLOW = 0.2
 """Share of their speed that eddies count with: they are smooth over 20 pixels."""
-SWELLS = tuple(1.0 + 0.02 * m + 0.0114 * m * m for m in range(14))
-"""Standoffs, over the steady one, for which a sphere's flow is kept; in between, linear."""
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _mix(out, steady, swirl, grain, x, y, ripple, pixel, xs, xc, xp, gas, ring):  # type: ignore[no-untyped-def]
-    """Density along sight lines, kg/m2: the steady flow upstream of the starting shock at xs, cold
-    gas to the contact at xc, hot gas to the primary shock at xp, gas at rest beyond. Jumps cover
-    the pixel they cross. grain: eddies in axes that go with the contact, mirrored at their ends."""
-    period = 2 * (grain.shape[1] - 1)
-    width, stream, cold, hot, rest, cold_m2, hot_m2 = gas
-    ring_x, ring_r, ring_gain, ring_long = ring
-    for i in range(y.size):
-        for j in range(x.size):
-            ahead = min(max(0.5 - (x[j] - xs) / pixel, 0.0), 1.0)
-            value = 0.0
-            if ahead < 1.0:
-                near = min(max(0.5 - (x[j] - xc - ripple[i]) / pixel, 0.0), 1.0)
-                passed = min(max(0.5 - (x[j] - xp) / pixel, 0.0), 1.0)
-                rho = near * cold + (1.0 - near) * hot
-                m2 = near * cold_m2 + (1.0 - near) * hot_m2
-                wake = rho * (width + 0.5 * m2 * swirl[i, j])
-                if near > 0.0:
-                    at = ((xc - x[j]) / pixel) % period
-                    at = min(at, period - at)
-                    k = min(int(at), grain.shape[1] - 2)
-                    eddy = grain[i, k] + (at - k) * (grain[i, k + 1] - grain[i, k])
-                    wake += near * rho * width * eddy
-                inside = ring_r - math.hypot(x[j] - ring_x, y[i]) if ring_gain > 0.0 else -9.0
-                if inside > -pixel:
-                    edge = min(max(0.5 + inside / pixel, 0.0), 1.0)
-                    wake += edge * ring_gain * math.exp(-max(inside, 0.0) / ring_long)
-                value = passed * wake + (1.0 - passed) * rest * width
-            out[i, j] = ahead * stream * (width + steady[i, j]) + (1.0 - ahead) * value
 
 
 @dataclass(frozen=True)
@@ -118,9 +82,9 @@ class Shockwave:
     model: Literal["wedge", "sphere"] = "wedge"
     angle: float = math.radians(15.0)
     radius: float = 0.010
-    start: float = 0.004
+    start: float = 0.002
     chamber: float | None = None
-    knife: float = math.radians(30.0)
+    knife: float = math.radians(45.0)
     field: float = 0.0625
 
     def __post_init__(self) -> None:
@@ -220,7 +184,7 @@ class Shockwave:
             waves.cold.mach**2, waves.hot.mach**2,
         )  # fmt: skip
         out = np.empty(self.shape, np.float32)
-        _mix(
+        mix(
             out, parts.flow(self.swell(t)), parts.swirl, parts.grain, parts.x, parts.y, ripple,
             self.view.pixel, xs, xc, xp, gas, ring,
         )  # fmt: skip
@@ -334,35 +298,6 @@ class _Parts:
         return self.flows[m] + np.float32(part) * (self.flows[m + 1] - self.flows[m])
 
 
-def _swirl(body: Wedge | Sphere, x: Any, y: Any) -> Any:
-    """1 - V^2 along sight lines, metres, of incompressible flow past the model: how subsonic gas
-    gives way to it. Density then follows from Bernoulli, linear in M^2. The wedge's is that of an
-    endless one, V = (r/l)^(a/(pi - a)), up to l, twice its length; the sphere's that of a source in
-    a stream, a half body as thick as it (Milne-Thomson, Theoretical Hydrodynamics, chapters 6, 16).
-    """
-    h = body.height
-    if isinstance(body, Wedge):
-        part = np.minimum(np.hypot(x, y) / (2.0 * body.length), 1.0)
-        return WIDTH * (1.0 - part ** (2.0 * body.angle / (math.pi - body.angle)))
-    k, x = 0.25 * h * h, x - 0.5 * h
-    a = np.sqrt(np.maximum(x * x + y * y, 0.25 * h * h))
-    return -4.0 * k * x / (a * a) - 0.5 * math.pi * k * k / a**3
-
-
-def _grain(x: Any, y: Any, size: float) -> Plane:
-    """Relative density of eddies, (H, 2 W), peak to peak ROUGH."""
-    u = np.arange(2 * x.size)[None, :] * (x[1] - x[0]) / size
-    v = y[:, None] / size
-    both = noise(u, v, 41) + 0.5 * noise(2.1 * u, 2.1 * v, 42)
-    return (ROUGH * (both / 1.5 - 0.5)).astype(np.float32)
-
-
-def _fine(function: Any, x: Any, y: Any, pixel: float, n: int = 4) -> Any:
-    """Mean over each pixel of n x n points."""
-    offsets = ((np.arange(n) + 0.5) / n - 0.5) * pixel
-    return sum(function(x + dx, y + dy) for dx in offsets for dy in offsets) / (n * n)
-
-
 @lru_cache(maxsize=2)
 def _parts(scene: Shockwave) -> _Parts:
     view, f = scene.view, scene.field
@@ -379,11 +314,12 @@ def _parts(scene: Shockwave) -> _Parts:
     x = (np.arange(width) + 0.5 - 0.5 * width) * view.pixel
     y = (np.arange(height) + 0.5 - 0.5 * height) * view.pixel
     at, up = x[None, :] - scene.nose, y[:, None]
-    hidden = _fine(
+    hidden = fine(
         lambda a, b: ((a > 0.0) & (np.abs(b) < body.surface(a))).astype(np.float32),
         at, up, view.pixel,
     )  # fmt: skip
-    flows = _flows(scene, body, waves, at, up)
+    way = waves.starting * scene.radius / waves.cold.velocity
+    steady = flows(body, at, up, way)
     bench = Bench.build(scene.shape, view.pixel, scene.knife, hidden.astype(np.float32))
     # The primary shock thrown back from a wall: pressure ratio ((3g - 1) p - (g - 1)) / ((g - 1) p
     # + g + 1), so that the gas comes to rest (Anderson, Modern Compressible Flow, section 7.3).
@@ -392,35 +328,10 @@ def _parts(scene: Shockwave) -> _Parts:
     gain = (behind_normal(math.sqrt((6.0 * back + 1.0) / 7.0))[1] - 1.0) * waves.hot.density
     echo = gain * (WIDTH * math.sin(scene.angle) if scene.model == "wedge" else 2.0 * body.height)
     return _Parts(
-        waves, body, bench, x, y,
+        waves, body, bench, np.asarray(x, np.float64), np.asarray(y, np.float64),
         2.0 * RIPPLE * f * (noise(y / (0.08 * f), np.zeros(height), 43) - 0.5),
-        _swirl(body, at, up).astype(np.float32),
-        _grain(x, y, EDDY * f),
-        flows, echo,
-        (stream.density * (WIDTH + flows[0])).astype(np.float32),
+        swirl(body, at, up).astype(np.float32),
+        grain(x, y, EDDY * f),
+        steady, echo,
+        (stream.density * (WIDTH + steady[0])).astype(np.float32),
     )  # fmt: skip
-
-
-def _flows(scene: Shockwave, body: Wedge | Sphere, waves: Start, x: Any, y: Any) -> list[Plane]:
-    """Steady density less the free stream's along sight lines, over the free stream's, metres: for
-    a sphere at each of SWELLS, of which only what the starting shock has passed is needed."""
-    if isinstance(body, Wedge):
-        whole = _fine(lambda a, b: body.path(a, b, WIDTH), x, y, scene.view.pixel)
-        return [whole.astype(np.float32)]
-    half = y[(y.shape[0]) // 2 :]
-    s = waves.starting * scene.radius / waves.cold.velocity
-    found: list[Plane] = []
-    for m, swell in enumerate(SWELLS):
-        passed = np.inf
-        if m:  # where the starting shock stands at the swell before, which is interpolated to this
-            excess = (SWELLS[m - 1] - 1.0) * body.standoff / s
-            passed = -body.standoff - s * math.log(max(math.expm1(excess), 1e-4)) + 8 * scene.view.pixel
-        columns = int(np.count_nonzero(x[0] <= passed))
-        plane = np.zeros(scene.shape, np.float32)
-        part = body.path(x[:, :columns], half, WIDTH, swell)
-        plane[y.shape[0] // 2 :, :columns] = part
-        plane[: half.shape[0], :columns] = part[::-1]
-        if columns < x.shape[1]:
-            plane[:, columns:] = found[0][:, columns:]
-        found.append(plane)
-    return found

@@ -168,7 +168,7 @@ class Wedge:
 
     def _layer(self, x: Array, y: Array) -> Array:
         """The laminar boundary layer's factor on the density: thickness x/sqrt(Re) (5 + (0.2 +
-        0.9 Tw/Taw)(gamma - 1) M^2) (White, Viscous Fluid Flow, section 7-4), velocity taken as
+        0.9 Tw/Taw)(gamma - 1) M^2) (White, Viscous Fluid Flow, chapter 7), velocity taken as
         linear across it, temperature by Crocco and Busemann. A laminar one: a quiet tunnel's."""
         p, rho, mach = self.behind
         stream = self.stream
@@ -184,14 +184,16 @@ class Wedge:
         edge = self.surface(np.minimum(x, self.base)) - beyond * math.tan(BASE_TURN)
         u = np.clip((y - edge) / thick, 0.0, 1.0)
         ratio = (WALL + (adiabatic - WALL) * u) / cold - (adiabatic / cold - 1.0) * u * u
-        return np.where(x > 0.0, 1.0 + (1.0 / ratio - 1.0) * np.exp(-3.0 * beyond / self.height), 1.0)
+        return np.where(
+            x > 0.0, 1.0 + (1.0 / ratio - 1.0) * np.exp(-3.0 * beyond / self.height), 1.0
+        )
 
     def path(self, x: Array, y: Array, width: float, swell: float = 1.0) -> Array:
         """Density less the free stream's, times metres of sight line: width is the wedge's span."""
         return width * (self.density(x, y) - 1.0)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _layer_density(x, r, radius, off, curve, slope, mach, stag, pitot, corner, wake, rays, ratios):  # type: ignore[no-untyped-def]
     """Density between a sphere's bow shock and its surface, at one point."""
     root = math.sqrt(1.0 + (r * slope / curve) ** 2)
@@ -225,7 +227,7 @@ def _layer_density(x, r, radius, off, curve, slope, mach, stag, pitot, corner, w
     return rho
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _path(x, y, out, steps, radius, off, curve, slope, *rest):  # type: ignore[no-untyped-def]
     """2 x the integral of (density - 1) along z from 0 to the shock, midpoints of equal steps."""
     for i in range(y.size):
