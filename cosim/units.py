@@ -47,6 +47,8 @@ KINDS: dict[str, Kind] = {
         Kind("capacitance", "fF", "15 fF", ("farad",)),
         Kind("temperature", "degC", "25 degC", ("degree_Celsius", "kelvin")),
         Kind("length", "um", "10 um", ("meter",)),
+        Kind("angle", "deg", "15 deg", ("degree", "radian")),
+        Kind("pressure", "Pa", "9 kPa", ("pascal", "bar", "torr", "atmosphere")),
         Kind("wavelength", "nm", "555 nm", ("meter",)),
     )
 }

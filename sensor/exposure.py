@@ -70,7 +70,7 @@ class Exposure:
             if known is plane:
                 return charge
         box = piece.changed
-        if box is not None and plane is piece.last:
+        if box is not None and plane is piece.last and not piece.constant:
             y0, y1, x0, x1 = box
             charge = self._level(piece.first, piece).reshape(plane.shape).copy()
             charge[y0:y1, x0:x1] = self._fixed(plane, box)

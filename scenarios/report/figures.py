@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cosim import SpikeStream
 from sensor.reconstruct.intervals import spike_cycles
 
-__all__ = ["interval_figure", "overview_figure"]
+__all__ = ["interval_figure", "overview_figure", "sheet_figure"]
 
 PANEL = 416
 """Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
@@ -96,5 +96,35 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
         ax.set_title(name, fontsize=10, color=INK)
         ax.axis("off")
     figure.tight_layout(pad=0.3, w_pad=0.4)
+    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
+    plt.close(figure)
+
+
+def sheet_figure(
+    heads: list[str], rows: list[tuple[str, list[npt.NDArray[np.uint8]]]], path: Path
+) -> None:
+    """A sheet of pictures: one column an instant under its head, one row a method with its name."""
+    import cv2
+
+    plt = _pyplot()
+    height, width = rows[0][1][0].shape
+    wide = min(2.4, 16 / len(heads))
+    figure, axes = plt.subplots(
+        len(rows), len(heads), squeeze=False,
+        figsize=(wide * len(heads), wide * height / width * len(rows) + 0.3),
+    )  # fmt: skip
+    side = (round(wide * 130), max(1, round(wide * 130 * height / width)))
+    for (name, images), line in zip(rows, axes, strict=True):
+        for image, ax in zip(images, line, strict=True):
+            small = width > side[0]
+            shown = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
+            ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            ax.set_xticks([])
+            ax.set_yticks([])
+            ax.spines[:].set_visible(False)
+        line[0].set_ylabel(name, fontsize=9, color=INK)
+    for head, ax in zip(heads, axes[0], strict=True):
+        ax.set_title(head, fontsize=9, color=INK)
+    figure.tight_layout(pad=0.3, w_pad=0.2, h_pad=0.2)
     figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
     plt.close(figure)

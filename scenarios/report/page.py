@@ -19,7 +19,7 @@ from scenarios.loading import to_toml
 from scenarios.playback import write_clip
 from scenarios.png import Levels, for_display, to_linear_bytes, write_png
 from scenarios.report.elements import data, figure, table
-from scenarios.report.figures import interval_figure, overview_figure
+from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
 from scenarios.report.machine import machine
 from scenarios.report.pictures import (
     WINDOWS,
@@ -245,6 +245,19 @@ def _overview(run: Finished, shot: Shot, long: _Long) -> None:
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
 
+def _sheet(run: Finished) -> None:
+    """figures/instants.png: the truth and both estimates at every instant, side by side (after
+    figure 6 of Huang 2022); at most eight of them."""
+    step = -(-len(run.shots) // 8)
+    shots, ms = run.shots[::step], 1e3 / run.stream.clock.hz
+    rows = [
+        (name, [for_display(getattr(shot, kind)) for shot in shots])
+        for name, kind in (("true light", "truth"), ("TFI", "tfi"), ("TFP", "tfp"))
+    ]
+    heads = [f"{(shot.cycle + 0.5) * ms:.2f} ms" for shot in shots]
+    sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
+
+
 def write_report(run: Finished) -> list[str]:
     """Writes figures and report.html into the run's folder; their names."""
     begin = time.perf_counter()
@@ -252,6 +265,7 @@ def write_report(run: Finished) -> list[str]:
     middle = run.shots[len(run.shots) // 2]
     long = _expose_long(run, middle)
     _overview(run, middle, long)
+    _sheet(run)
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
     caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
     pictures = [
@@ -286,6 +300,7 @@ def write_report(run: Finished) -> list[str]:
         Path(part).write_text(page, encoding="utf-8")
     return [
         "figures/overview.png",
+        "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
         "playback.mp4",

@@ -6,7 +6,14 @@ whole as JSON Schema.
 
 from scenarios.schema.messages import validate
 from scenarios.schema.scenario import ImageSection, Scenario, export
-from scenarios.schema.scenes import FilmScene, SceneSection, StarScene, StepScene, WaveScene
+from scenarios.schema.scenes import (
+    FilmScene,
+    SceneSection,
+    ShockwaveScene,
+    StarScene,
+    StepScene,
+    WaveScene,
+)
 from scenarios.schema.sensor import LensSection, PatternSection, SensorSection
 
 __all__ = [
@@ -17,6 +24,7 @@ __all__ = [
     "Scenario",
     "SceneSection",
     "SensorSection",
+    "ShockwaveScene",
     "StarScene",
     "StepScene",
     "WaveScene",

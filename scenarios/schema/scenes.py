@@ -8,7 +8,9 @@ from pydantic import Field
 
 from scenarios.schema.quantity import Frequency, Illuminance, Quantity, Reflectance, Section, Time
 
-__all__ = ["FilmScene", "SceneSection", "StarScene", "StepScene", "WaveScene"]
+__all__ = [
+    "FilmScene", "SceneSection", "ShockwaveScene", "StarScene", "StepScene", "WaveScene",
+]  # fmt: skip
 
 
 class FilmScene(Section):
@@ -33,6 +35,31 @@ class WaveScene(Section):
     )
 
 
+class ShockwaveScene(Section):
+    """A shock wave forms on a model as a quiet wind tunnel starts (Huang 2022, figure 6)."""
+
+    kind: Literal["shockwave"]
+    illuminance: Illuminance = Field(
+        description="of the schlieren bench's lamp; white is all of it"
+    )
+    mach: Annotated[float, Field(ge=4, le=7)] = Field(default=6.0, description="of the nozzle")
+    model: Literal["wedge", "sphere"] = "wedge"
+    angle: Annotated[float, Quantity("angle", least=2, most=45)] = Field(
+        default=15.0, description="half angle of a wedge"
+    )
+    radius: Annotated[float, Quantity("length", least=1250, most=15_625)] = Field(
+        default=10_000.0, description="of a sphere"
+    )
+    start: Time = Field(default=0.002, description="instant at which the nozzle begins to flow")
+    chamber: Annotated[float, Quantity("pressure", above=0, most=1e6)] | None = Field(
+        default=None,
+        description="pressure in the test section before; 0.85 of what would stop it when absent",
+    )
+    knife: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
+        default=45.0, description="direction of the gradient that is seen, against the flow"
+    )
+
+
 class StarScene(Section):
     """A rotating Siemens star in a ring of grey steps."""
 
@@ -54,4 +81,6 @@ class StepScene(Section):
     at: Time = Field(default=0.032, description="instant of the step")
 
 
-SceneSection = Annotated[FilmScene | WaveScene | StarScene | StepScene, Field(discriminator="kind")]
+SceneSection = Annotated[
+    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene, Field(discriminator="kind")
+]
