@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -103,7 +104,7 @@ def join_intensities(parts: Sequence[Intensities]) -> Intensities:
     if not parts:
         raise ValueError("at least one part must be given, not none")
     first = parts[0]
-    for one, two in zip(parts, parts[1:], strict=False):
+    for one, two in pairwise(parts):
         if (one.shape, one.clock) != (two.shape, two.clock):
             raise ValueError("parts must share one shape and clock")
         if one.start + one.ticks - two.start not in (0, 1):

@@ -93,8 +93,9 @@ class ContinuousCamera:
             raise ValueError(f"light must cover {start_ps} to {stop_ps} ps")
         clock, noise = self.setting.clock, self.setting.noise
         for piece in light.pieces:
-            self._check(piece.first)
-            self._check(piece.last)
+            if piece.stop > start_ps and piece.start < stop_ps:
+                self._check(piece.first)
+                self._check(piece.last)
         if self._monitors is None:
             self._begin(light, start_ps)
         parts = self._sampled(light, stop_ps) if noise else self._exact(light, stop_ps)

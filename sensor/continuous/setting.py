@@ -14,9 +14,9 @@ from sensor.pattern import DevicePattern
 __all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
 
 QUIET = 6.0
-"""Standard deviations of shot noise that the threshold holds at least where no floor is given.
-Changes are told from a reference that may be as noisy as the current itself; 6 then leaves
-6 / sqrt(2), a false report in some 3e4 time constants and pixel."""
+"""Standard deviations of shot noise that the threshold holds at least where no floor is given. A
+change is told from a reference that is as noisy as the current itself, so their difference has
+sqrt(2) times its deviation."""
 
 
 def quiet_floor(contrast: float, time_constant: float, sigmas: float = QUIET) -> float:
