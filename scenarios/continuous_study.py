@@ -40,6 +40,8 @@ CLOCK = Clock(40_000)
 THRESHOLD, WHITE_RATE, WINDOW = 1000.0, 0.6, 41
 CYCLES, WARM = 2560, 512
 BLOCK = 64
+DRAWN = 8
+"""Cycles between two points of the figure's curves."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +95,10 @@ def _fidelity(source: Source, image: Any) -> float:
     return float(np.mean([psnr(image(n), source.truth(CLOCK.middle(n))) for n in _instants()]))
 
 
-def compare(shape: tuple[int, int] = (100, 100)) -> list[Row]:
-    """Both sensors on both scenes: spikes read as TFP and TFI, and continuous photographing with
+def compare(
+    shape: tuple[int, int] = (100, 100), scenes: tuple[str, ...] = ("step", "wave")
+) -> list[Row]:
+    """Both sensors on each scene: spikes read as TFP and TFI, and continuous photographing with
     its defaults and with one key changed at a time."""
     camera = _camera(shape)
     white = WHITE_RATE * THRESHOLD * CLOCK.hz  # electrons a second
@@ -108,7 +112,9 @@ def compare(shape: tuple[int, int] = (100, 100)) -> list[Row]:
     }
     rows, seconds = [], CYCLES / CLOCK.hz
     pixels = shape[0] * shape[1]
-    for name, source in _sources(shape, _white(camera)).items():
+    sources = _sources(shape, _white(camera))
+    for name in scenes:
+        source = sources[name]
         blocks = _run(SpikeCamera(camera, None), source)
         stream = Viform(np.concatenate([b.words for b in blocks]), CYCLES, CLOCK)
         spikes = int(np.bitwise_count(stream.words).sum(dtype=np.int64)) / pixels / seconds
@@ -137,9 +143,16 @@ def _course(tick: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     return np.asarray(light, np.float64)
 
 
-def traces_figure(path: Path) -> Intensities:
-    """One pixel's photocurrent, the current that its monitor sees and what it reports, without and
-    with shot noise; the reports of the second."""
+PANELS = (
+    ("no shot noise", {"shot_noise": False}),
+    ("shot noise", {}),
+    ("shot noise, measure 1 ms", {"measure": "1 ms"}),
+)
+
+
+def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
+    """One pixel's photocurrent, the current that its monitor sees and what it reports, for each of
+    `PANELS`; their reports."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -147,40 +160,47 @@ def traces_figure(path: Path) -> Intensities:
 
     camera = _camera((1, 1))
     white = WHITE_RATE * THRESHOLD * CLOCK.hz
-    ticks = np.arange(CYCLES)
-    levels = [np.full((1, 1), x * _white(camera), np.float32) for x in _course(ticks)]
-    lights = [Light((Piece(CLOCK.edge(n), CLOCK.edge(n + 1), x, x),)) for n, x in enumerate(levels)]
-    figure, axes = plt.subplots(2, 1, figsize=(9, 5.6), sharex=True, sharey=True)
-    ms = ticks / CLOCK.hz * 1e3
-    for axis, noise in zip(axes, (False, True), strict=True):
-        made = continuous_setting(ContinuousSection(shot_noise=noise), camera)
-        sensor = ContinuousCamera(made)
+    ticks = np.arange(0, cycles, DRAWN)
+    lights = [
+        Light((Piece(CLOCK.edge(n), CLOCK.edge(n + DRAWN), plane, plane),))
+        for n in ticks.tolist()
+        for plane in [np.full((1, 1), _course(np.array(n)) * _white(camera), np.float32)]
+    ]
+    figure, axes = plt.subplots(len(PANELS), 1, figsize=(9, 7.6), sharex=True, sharey=True)
+    ms, found = 1e3 / CLOCK.hz, []
+    for axis, (title, keys) in zip(axes, PANELS, strict=True):
+        sensor = ContinuousCamera(
+            continuous_setting(ContinuousSection.model_validate(keys), camera)
+        )
         parts, seen = [], []
-        for n, light in enumerate(lights):
-            parts.append(sensor.step(light, CLOCK.edge(n), CLOCK.edge(n + 1)))
+        for light in lights:
+            parts.append(sensor.step(light, light.pieces[0].start, light.pieces[0].stop))
             seen.append(sensor.state()["current"][0])
         reports = join_intensities(parts)
-        held = reports.value[np.searchsorted(reports.time, ticks, side="right") - 1]
+        found.append(reports)
         axis.plot(
-            ms, np.array(seen) / white, color="#9db4d8", linewidth=1, label="monitor's current"
-        )
-        axis.plot(ms, _course(ticks), color="#1d2433", linewidth=1, label="photocurrent")
-        axis.step(ms, held / white, where="post", color="#d9480f", linewidth=1.2, label="reported")
-        axis.plot(
-            reports.time / CLOCK.hz * 1e3, reports.value / white, ".", color="#d9480f", markersize=4
-        )
-        name = "with shot noise" if noise else "without shot noise"
-        axis.set_title(f"{name}: {len(reports)} reports", loc="left", fontsize=10)
+            (ticks + DRAWN) * ms, np.array(seen) / white, color="#9db4d8", linewidth=3,
+            label="monitor's current",
+        )  # fmt: skip
+        axis.step(
+            ticks * ms, _course(ticks), where="post", color="#1d2433", linewidth=1,
+            label="photocurrent",
+        )  # fmt: skip
+        times = np.append(reports.time, cycles) * ms
+        values = np.append(reports.value, reports.value[-1]) / white
+        axis.step(times, values, where="post", color="#d9480f", linewidth=1.2, label="reported")
+        axis.plot(times[:-1], values[:-1], ".", color="#d9480f", markersize=5)
+        axis.set_title(f"{title}: {len(reports)} reports", loc="left", fontsize=10)
         axis.set_ylabel("current, white = 1")
         axis.spines[["top", "right"]].set_visible(False)
-    axes[0].legend(frameon=False, ncols=3, fontsize=9, loc="upper left")
+    axes[0].legend(frameon=False, ncols=3, fontsize=9, loc="upper right")
     axes[0].set_ylim(0, 1.08)
-    axes[1].set_xlabel("ms")
-    axes[1].set_xlim(0, CYCLES / CLOCK.hz * 1e3)
+    axes[-1].set_xlabel("ms")
+    axes[-1].set_xlim(0, cycles * ms)
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     plt.close(figure)
-    return reports
+    return found
 
 
 def main(arguments: list[str]) -> None:
