@@ -143,7 +143,7 @@ def _course(tick: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     return np.asarray(light, np.float64)
 
 
-PANELS = (
+PANELS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("no shot noise", {"shot_noise": False}),
     ("shot noise", {}),
     ("shot noise, measure 1 ms", {"measure": "1 ms"}),
