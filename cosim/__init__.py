@@ -5,6 +5,7 @@ from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.effects import Bound, Effect, Summary
 from cosim.errors import InputError, Interrupted, ViformError
 from cosim.events import Events, events_of, viform_of
+from cosim.intensities import Intensities, intensity_image, join_intensities
 from cosim.lens import Lens
 from cosim.light import Box, Light, Piece, Plane
 from cosim.loop import BLOCK, Block, Checkpoint, run_blocks
@@ -21,6 +22,7 @@ __all__ = [
     "Effect",
     "Events",
     "InputError",
+    "Intensities",
     "Interrupted",
     "Lens",
     "Light",
@@ -31,6 +33,8 @@ __all__ = [
     "Viform",
     "ViformError",
     "events_of",
+    "intensity_image",
+    "join_intensities",
     "run_blocks",
     "seconds_to_ps",
     "viform_of",

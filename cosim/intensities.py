@@ -1,0 +1,141 @@
+"""Absolute intensities: what continuous photographing puts out (Huang 2022 section 3.1).
+
+A report is the place of its pixel, the instant, and the photocurrent that was measured. Between
+its reports a pixel's current is taken to stand still: the sequence is a piecewise constant form of
+it, and the last report of every pixel at an instant is the image of that instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+
+__all__ = ["Intensities", "intensity_image", "join_intensities"]
+
+Ticks = npt.NDArray[np.int64]
+Places = npt.NDArray[np.uint16]
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Intensities:
+    """Reports in the order of their time; those of one tick from the top row down, from left to
+    right. A pixel reports at most once a tick.
+
+    row, column: (n,) uint16. time: (n,) int64, the tick of the report, counted from tick 0 of
+    `clock`. value: (n,) float64 >= 0, electrons a second, as the converter's code stands for.
+    shape: (H, W). ticks: the stream covers start .. start + ticks - 1.
+
+    Raises ValueError for arrays of other types or lengths, for reports outside shape or time or out
+    of order, and for values that are negative or not finite.
+    """
+
+    row: Places
+    column: Places
+    time: Ticks
+    value: Values
+    shape: tuple[int, int]
+    ticks: int
+    clock: Clock
+    start: int = 0
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("row", np.uint16),
+            ("column", np.uint16),
+            ("time", np.int64),
+            ("value", np.float64),
+        ):
+            array = getattr(self, name)
+            if array.shape != (len(self),) or array.dtype != dtype:
+                raise ValueError(
+                    f"{name} must be ({len(self)},) {np.dtype(dtype)}, "
+                    f"not {array.shape} {array.dtype}"
+                )
+        if self.ticks < 1 or min(self.shape) < 1:
+            raise ValueError(f"ticks and shape must be 1 or more, not {self.ticks}, {self.shape}")
+        if not len(self):
+            return
+        if self.row.max() >= self.shape[0] or self.column.max() >= self.shape[1]:
+            raise ValueError(
+                f"reports must lie within {self.shape[0]} rows, {self.shape[1]} columns"
+            )
+        last = self.start + self.ticks - 1
+        if self.time[0] < self.start or self.time[-1] > last or (np.diff(self.time) < 0).any():
+            raise ValueError(f"times must rise from {self.start} to {last} or less")
+        if ((np.diff(self.time) == 0) & (np.diff(self.pixel) <= 0)).any():
+            raise ValueError("reports of one tick must be of pixels in order, one a pixel")
+        if not ((self.value >= 0) & (self.value < np.inf)).all():
+            raise ValueError("values must be finite and 0 or more")
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def pixel(self) -> Ticks:
+        """(n,) int64: row x W + column."""
+        return self.row.astype(np.int64) * self.shape[1] + self.column
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Intensities):
+            return NotImplemented
+        return all(
+            getattr(self, n) == getattr(other, n) for n in ("shape", "ticks", "clock", "start")
+        ) and all(
+            np.array_equal(getattr(self, n), getattr(other, n))
+            for n in ("row", "column", "time", "value")
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # compares by content, which is mutable
+
+
+def join_intensities(parts: Sequence[Intensities]) -> Intensities:
+    """One stream of parts that follow one another; a part may begin in the tick in which the one
+    before ends, where the time was split inside a tick.
+
+    Raises ValueError for no part, parts of other shapes or clocks, gaps and other overlaps.
+    """
+    if not parts:
+        raise ValueError("at least one part must be given, not none")
+    first = parts[0]
+    for one, two in pairwise(parts):
+        if (one.shape, one.clock) != (two.shape, two.clock):
+            raise ValueError("parts must share one shape and clock")
+        if one.start + one.ticks - two.start not in (0, 1):
+            raise ValueError(
+                f"a part must begin at tick {one.start + one.ticks}, or the one before, "
+                f"not {two.start}"
+            )
+    time = np.concatenate([p.time for p in parts])
+    order = np.lexsort((np.concatenate([p.pixel for p in parts]), time))
+    row, column, value = (
+        np.concatenate([getattr(p, name) for p in parts])[order]
+        for name in ("row", "column", "value")
+    )
+    ticks = parts[-1].start + parts[-1].ticks - first.start
+    return Intensities(
+        row, column, time[order], value, first.shape, ticks, first.clock, first.start
+    )
+
+
+def intensity_image(reports: Intensities, tick: int) -> Values:
+    """The last value that each pixel has reported by the end of a tick, electrons a second,
+    (H, W) float64; NaN where there is none yet.
+
+    Raises ValueError for a tick outside the stream.
+    """
+    last = reports.start + reports.ticks - 1
+    if not reports.start <= tick <= last:
+        raise ValueError(f"tick must be from {reports.start} to {last}, not {tick}")
+    image = np.full(reports.shape[0] * reports.shape[1], np.nan)
+    n = int(np.searchsorted(reports.time, tick, side="right"))
+    # from the newest back, so that the first place of a pixel is its last report
+    pixel, place = np.unique(reports.pixel[:n][::-1], return_index=True)
+    image[pixel] = reports.value[:n][::-1][place]
+    return image.reshape(reports.shape)

@@ -1,0 +1,161 @@
+"""Monitors without noise: from one crossing to the next in closed form.
+
+Under a photocurrent that runs as i(t) = i0 + k t the one-pole filter's current is
+m(t) = i0 + k t - k tau + C e^(-t/tau), C = m(0) - i0 + k tau. It turns at most once, so each part
+between its turn and the ends is monotone and crosses reference +- threshold at most once: with
+k = 0 at t = tau ln(C / (L - i0)), else by Newton's method held inside its bracket.
+
+All is reckoned from the anchor, the start of the piece of light, never from where a run is split.
+Instants are rounded to picoseconds; a crossing found before the end of one piece that rounds to
+its end is found again in the next.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from sensor.continuous.state import CHUNK
+
+__all__ = ["edge", "jump", "tick_of"]
+
+_PS = 1e12
+
+
+@njit(cache=True)
+def edge(tick, grid):  # type: ignore[no-untyped-def]
+    """Start of a tick in ps. grid: (a tick, its edge, remainder there, numerator, denominator) of
+    ps = floor(tick x numerator / denominator)."""
+    return grid[1] + (grid[2] + (tick - grid[0]) * grid[3]) // grid[4]
+
+
+@njit(cache=True)
+def tick_of(ps, grid):  # type: ignore[no-untyped-def]
+    """The tick that holds an instant: the last whose edge is not after it."""
+    return grid[0] + ((ps - grid[1] + 1) * grid[4] - 1 - grid[2]) // grid[3]
+
+
+@njit(cache=True)
+def _course(t, i0, k, c, tau):  # type: ignore[no-untyped-def]
+    return i0 + k * (t - tau) + c * math.exp(-t / tau)
+
+
+@njit(cache=True)
+def _solve(level, lo, hi, i0, k, c, tau):  # type: ignore[no-untyped-def]
+    """Where the course, monotone from lo to hi, has `level`, which lies between its ends."""
+    rising = _course(hi, i0, k, c, tau) > _course(lo, i0, k, c, tau)
+    t = 0.5 * (lo + hi)
+    for _ in range(200):
+        decay = c * math.exp(-t / tau)
+        off = i0 + k * (t - tau) + decay - level
+        if off == 0:
+            break
+        if (off > 0) == rising:
+            hi = t
+        else:
+            lo = t
+        slope = k - decay / tau
+        guess = t - off / slope if slope != 0 else lo
+        if not lo < guess < hi:
+            guess = 0.5 * (lo + hi)
+        if abs(guess - t) <= 1e-16 * abs(t) or guess in (lo, hi):
+            return guess
+        t = guess
+    return t
+
+
+@njit(cache=True)
+def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-untyped-def]
+    """(instant, level) of the first crossing in s .. stop, seconds from the anchor; instant is
+    infinite where there is none. A change that is already there counts at s."""
+    now = _course(s, i0, k, c, tau)
+    if not abs(now - reference) < threshold:
+        return s, now
+    if k == 0:
+        if abs(i0 - reference) <= threshold:
+            return math.inf, 0.0
+        level = reference + math.copysign(threshold, i0 - reference)
+        return max(s, tau * math.log(c / (level - i0))), level
+    turn = math.inf
+    if c * k > 0:
+        turn = tau * math.log(c / (k * tau))
+    lo = s
+    for part in range(2):
+        hi = min(turn, stop) if part == 0 else stop
+        if hi <= lo:
+            continue
+        off = _course(hi, i0, k, c, tau) - reference
+        if abs(off) >= threshold:
+            level = reference + math.copysign(threshold, off)
+            return _solve(level, lo, hi, i0, k, c, tau), level
+        lo = hi
+    return math.inf, 0.0
+
+
+@njit(cache=True, parallel=True)
+def jump(  # type: ignore[no-untyped-def]
+    current, reference, when, measuring, charge, first, slope, gain, dark, anchor, stop, until,
+    grid, tau, contrast, floor, measure, dead, counts, pixels, ticks, values,
+):  # fmt: skip
+    """Carries all monitors through one piece of light from `anchor` to `stop`, of which the part up
+    to `until` is due (ps): reports before it are written, and where it is `stop`, `current` and
+    `charge` move there.
+
+    first: light at the anchor, slope: its change a second (n,). gain: electrons/s for a unit of
+    light, dark: electrons/s (n,). measure, dead: ps. counts, pixels, ticks, values: `Reports` by
+    chunk.
+    """
+    length = (stop - anchor) / _PS
+    room = pixels.shape[1]
+    for chunk in prange(counts.size):
+        n = 0
+        for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, current.size)):
+            i0, k = gain[p] * first[p] + dark[p], gain[p] * slope[p]
+            m = current[p]
+            c = m - i0 + k * tau
+            while True:
+                r = reference[p]
+                if measuring[p]:
+                    t = when[p] + measure
+                    if t >= until:
+                        break
+                    s, e = (max(when[p], anchor) - anchor) / _PS, (t - anchor) / _PS
+                    value = charge[p] + (i0 + 0.5 * k * (s + e)) * (e - s)
+                    value /= measure / _PS
+                else:
+                    looks = max(when[p], anchor)
+                    if looks >= until:
+                        break
+                    t, value = looks, 0.0
+                    threshold = max(contrast * r, floor)
+                    s = (looks - anchor) / _PS
+                    if math.isnan(r):
+                        value = _course(s, i0, k, c, tau)
+                    elif k == 0 and c == 0 and abs(m - r) < threshold:
+                        break
+                    else:
+                        at, value = _first(s, length, i0, k, c, tau, r, threshold)
+                        if at >= (until - anchor) / _PS:
+                            break
+                        t = max(looks, anchor + np.int64(np.rint(at * _PS)))
+                        if t >= until:
+                            break
+                    if measure > 0:
+                        measuring[p], when[p], charge[p] = 1, t, 0.0
+                        continue
+                tick = tick_of(t, grid)
+                if n < room:
+                    pixels[chunk, n], ticks[chunk, n], values[chunk, n] = p, tick, value
+                n += 1
+                reference[p] = max(value, 0.0)
+                measuring[p], charge[p] = 0, 0.0
+                when[p] = max(t + dead, edge(tick + 1, grid))
+            if until == stop:
+                if measuring[p]:
+                    s = (max(when[p], anchor) - anchor) / _PS
+                    charge[p] += (i0 + 0.5 * k * (s + length)) * (length - s)
+                if k != 0 or c != 0:
+                    current[p] = _course(length, i0, k, c, tau)
+        counts[chunk] = n

@@ -1,0 +1,130 @@
+"""Monitors under shot noise: an Ornstein-Uhlenbeck process, exact from tick to tick.
+
+Electrons arrive as a Poisson process of rate i(t); a one-pole filter makes of it a current y. With
+many electrons in a time constant (i tau >> 1) the arrivals are i dt + sqrt(i) dW, and
+dy = (i - y)/tau dt + sqrt(i)/tau dW. Over a tick h, with a = e^(-h/tau), this is normal and exact
+(Gillespie, Phys. Rev. E 54:2084, 1996): y -> a y + c + sqrt(v) xi, with
+
+    c = (1/tau) int e^(-(h-s)/tau) i(s) ds,  v = (1/tau^2) int e^(-2(h-s)/tau) i(s) ds,
+
+closed forms for linear i. In steady light v/(1 - a^2) = i/(2 tau): Campbell's theorem. The
+electrons themselves that arrive in the tick, g = int i(s) ds of them on the mean and with that
+variance, have covariance c with y; a measurement counts g + (c/v) (sqrt(v) xi) +
+sqrt(g - c^2/v) eta.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from sensor.continuous.normal import four_words, normal
+from sensor.continuous.state import CHUNK
+
+__all__ = ["FILTER", "INITIAL", "MEASURED", "stationary", "walk"]
+
+FILTER, MEASURED, INITIAL = 0, 1, 2
+"""Fourth word of the counter: the monitor's noise, the rest of a measurement's, the initial
+current."""
+
+_FILTER, _MEASURED, _INITIAL = np.uint64(FILTER), np.uint64(MEASURED), np.uint64(INITIAL)
+
+
+@njit(cache=True)
+def _word(pixel, tick, draw, seed):  # type: ignore[no-untyped-def]
+    """Word tick mod 4 of block tick div 4."""
+    w0, w1, w2, w3 = four_words(pixel, tick >> np.uint64(2), draw, seed)
+    slot = tick & np.uint64(3)
+    return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
+
+
+@njit(cache=True)
+def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
+    """Current of each pixel in the steady state under `mean` (n,), electrons/s."""
+    current = np.empty_like(mean)
+    for p in range(mean.size):
+        word = _word(np.uint64(number[p]), np.uint64(0), _INITIAL, seed)
+        current[p] = mean[p] + math.sqrt(mean[p] / (2 * tau)) * normal(word, table)
+    return current
+
+
+@njit(cache=True, parallel=True)
+def walk(  # type: ignore[no-untyped-def]
+    current, reference, when, measuring, charge, response, variance, mean, number, first, slope,
+    gain, dark, begin, h, tick0, finish, tau, period, contrast, floor, measure, dead, seed, table,
+    counts, pixels, ticks, values,
+):  # fmt: skip
+    """Carries all monitors through `begin.size` steps of h seconds in one piece of light.
+
+    begin: seconds from the piece's start to each step's. finish: each step ends a tick, tick0 and
+    those after it; else the one step is a part of tick0 that another goes on from. response,
+    variance, mean: c, v and g of the tick's parts so far, (n,), or (0,) where every step is a whole
+    tick. first: light at the piece's start, slope: its change a second (n,). measure, dead: ticks.
+    Others as in `jump`.
+    """
+    a = math.exp(-h / tau)
+    a2 = a * a
+    room, parts = pixels.shape[1], response.size > 0
+    for chunk in prange(counts.size):
+        n = 0
+        for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, current.size)):
+            f, k = gain[p] * first[p] + dark[p], gain[p] * slope[p]
+            y, r, pixel = current[p], reference[p], np.uint64(number[p])
+            threshold = max(contrast * r, floor) if r == r else floor
+            c, v = f * (1 - a), f * (1 - a2) / (2 * tau)
+            deviation = math.sqrt(v)
+            w0 = w1 = w2 = w3 = np.uint64(0)
+            block = np.int64(-1)
+            for j in range(begin.size):
+                g = 0.0
+                if k != 0:
+                    i0 = max(f + k * begin[j], 0.0)
+                    i1 = max(f + k * (begin[j] + h), 0.0)
+                    c = i1 - k * tau - a * (i0 - k * tau)
+                    v = max((i1 - a2 * i0 - 0.5 * k * tau * (1 - a2)) / (2 * tau), 0.0)
+                    g = 0.5 * (i0 + i1) * h
+                else:
+                    g = f * h
+                if parts:
+                    c += a * response[p]
+                    v += a2 * variance[p]
+                    g += mean[p]
+                    if not finish:
+                        # y itself stays as it was when the tick began
+                        response[p], variance[p], mean[p] = c, v, g
+                        continue
+                if k != 0 or parts:
+                    deviation = math.sqrt(v)
+                tick = tick0 + j
+                if tick >> 2 != block:
+                    block = tick >> 2
+                    w0, w1, w2, w3 = four_words(pixel, np.uint64(block), _FILTER, seed)
+                slot = tick & 3
+                word = w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
+                noise = deviation * normal(word, table)
+                y = (math.exp(-period / tau) if parts else a) * y + c + noise
+                if measuring[p]:
+                    if v > 0:
+                        rest = math.sqrt(max(g - c * c / v, 0.0))
+                        word = _word(pixel, np.uint64(tick), _MEASURED, seed)
+                        charge[p] += g + c / v * noise + rest * normal(word, table)
+                    if tick < when[p]:
+                        continue
+                    value = charge[p] / (measure * period)
+                elif tick < when[p] or abs(y - r) < threshold:
+                    continue
+                elif measure > 0:
+                    measuring[p], when[p], charge[p] = 1, tick + measure, 0.0
+                    continue
+                else:
+                    value = y
+                if n < room:
+                    pixels[chunk, n], ticks[chunk, n], values[chunk, n] = p, tick, value
+                n += 1
+                r = max(value, 0.0)
+                threshold = max(contrast * r, floor)
+                measuring[p], charge[p], when[p] = 0, 0.0, tick + 1 + dead
+            current[p], reference[p] = y, r
+        counts[chunk] = n

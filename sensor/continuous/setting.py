@@ -1,0 +1,96 @@
+"""What decides the reports of a continuous-photographing sensor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cosim.clock import Clock
+from cosim.radiometry import photons_per_lux
+from sensor.chips import Chip
+from sensor.continuous.converter import Converter
+from sensor.pattern import DevicePattern
+
+__all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
+
+QUIET = 6.0
+"""Standard deviations of shot noise that the threshold holds at least where no floor is given. A
+change is told from a reference that is as noisy as the current itself, so their difference has
+sqrt(2) times its deviation."""
+
+
+def quiet_floor(contrast: float, time_constant: float, sigmas: float = QUIET) -> float:
+    """The least absolute threshold (electrons/s) that, with a relative one of `contrast`, is
+    `sigmas` standard deviations of shot noise or more at any light.
+
+    The deviation is sqrt(i / 2 tau); contrast x i is n of them from i = n^2 / (2 tau contrast^2)
+    up, and what it is there, n^2 / (2 tau contrast), is enough for all that is darker.
+    """
+    return sigmas**2 / (2 * time_constant * contrast)
+
+
+@dataclass(frozen=True)
+class ContinuousSetting:
+    """chip: preset; its size, pitch and quantum efficiency are used, its clocks and thresholds are
+    of its spike readout and are not. clock: of the time stamps; with noise the monitor also looks
+    once a tick. seed: of the run, below 2^32. time_constant: of the monitor's one-pole filter,
+    seconds. contrast: change that is reported, relative to the last report. floor: the same in
+    electrons/s; the larger of both counts. converter: of the reported value. measure: seconds for
+    which the photocurrent is averaged once a change has been seen; 0 reads the monitor's current.
+    dead_time: seconds after a report in which the monitor does not look. noise: shot noise kept.
+    wavelength_nm: at which lux are counted as photons. pattern: of the device, or None.
+
+    Raises ValueError where a number is out of its range.
+    """
+
+    chip: Chip
+    clock: Clock
+    seed: int
+    time_constant: float
+    contrast: float
+    floor: float
+    converter: Converter
+    measure: float = 0.0
+    dead_time: float = 0.0
+    noise: bool = True
+    wavelength_nm: float = 555.0
+    pattern: DevicePattern | None = None
+
+    def __post_init__(self) -> None:
+        for name, above in (("time_constant", 0.0), ("floor", 0.0)):
+            if not above < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be above {above:g}, not {getattr(self, name):g}")
+        for name in ("contrast", "measure", "dead_time"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name):g}")
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed must be from 0 to below 2^32, not {self.seed}")
+        if self.pattern is not None and self.pattern.threshold_fpn > 0:
+            raise ValueError(
+                "threshold_fpn must be 0, since no charge threshold is there to vary, not "
+                f"{self.pattern.threshold_fpn:g}"
+            )
+
+    @property
+    def electrons_per_lux(self) -> float:
+        """Photoelectrons a second for a lux on the pixel."""
+        return self.chip.electrons_per_lux(photons_per_lux(self.wavelength_nm))
+
+    def threshold(self, current: float) -> float:
+        """Change (electrons/s) that is reported after a report of `current`."""
+        return max(self.contrast * current, self.floor)
+
+    def shot_noise(self, current: float) -> float:
+        """Standard deviation of the monitor's current, electrons/s: Campbell's theorem."""
+        return math.sqrt(current / (2 * self.time_constant))
+
+    def ticks(self, seconds: float) -> int:
+        """Whole ticks that hold `seconds`."""
+        return math.ceil(seconds * self.clock.hz * (1 - 1e-12))
+
+    @property
+    def report_bits(self) -> int:
+        """Bits of one report on a shared channel: row, column and code (its time is when it is
+        sent)."""
+        rows, columns = (max(n - 1, 1).bit_length() for n in (self.chip.height, self.chip.width))
+        return rows + columns + self.converter.bits

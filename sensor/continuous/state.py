@@ -1,0 +1,74 @@
+"""What every monitor remembers, and room for the reports of one call of a kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["CHUNK", "Monitors", "Reports", "collect"]
+
+CHUNK = 256
+"""Pixels whose reports share one buffer, and one task of a processor core."""
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Monitors:
+    """A value a pixel of: current: filtered, electrons/s. reference: the last report's, NaN before
+    the first. when: the instant from which the comparator looks, or at which the measurement that
+    is running began (noiseless: picoseconds) or ends (sampled: tick). measuring: 1 while one runs.
+    charge: electrons that it has counted so far."""
+
+    current: Floats
+    reference: Floats
+    when: Ints
+    measuring: npt.NDArray[np.uint8]
+    charge: Floats
+
+    @classmethod
+    def fresh(cls, current: Floats, when: int) -> Monitors:
+        """Before the first report."""
+        n = current.size
+        return cls(
+            current.copy(), np.full(n, np.nan), np.full(n, when, np.int64), np.zeros(n, np.uint8),
+            np.zeros(n),
+        )  # fmt: skip
+
+    def copy(self) -> Monitors:
+        return Monitors(*(getattr(self, f.name).copy() for f in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class Reports:
+    """pixel: place in the plane. tick: of the report. value: electrons/s, before the converter.
+    All (n,), in no particular order."""
+
+    pixel: Ints
+    tick: Ints
+    value: Floats
+
+
+Kernel = Callable[[Monitors, Ints, Ints, Ints, Floats], None]
+"""(monitors, changed in place; counts (chunks,); pixel, tick, value (chunks, room)). Counts all
+reports of a chunk, writes those there is room for."""
+
+
+def collect(kernel: Kernel, monitors: Monitors, room: int) -> tuple[Monitors, Reports, int]:
+    """Monitors after the kernel, their reports, and the room that was needed. Where a chunk had
+    more reports than room, all is done again with enough."""
+    chunks = -(-monitors.current.size // CHUNK)
+    while True:
+        after, counts = monitors.copy(), np.zeros(chunks, np.int64)
+        pixel, tick = (np.empty((chunks, room), np.int64) for _ in range(2))
+        value = np.empty((chunks, room))
+        kernel(after, counts, pixel, tick, value)
+        most = int(counts.max())
+        if most <= room:
+            there = np.arange(room) < counts[:, None]
+            return after, Reports(pixel[there], tick[there], value[there]), room
+        room = 1 << (most - 1).bit_length()
