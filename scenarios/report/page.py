@@ -213,9 +213,7 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     # More cycles than the figure has dots for would draw patterns that are not there.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
-    columns = [
-        run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)
-    ]
+    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
     rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
     truth = np.array(rows) * run.white_rate
     figures = run.folder / "figures"
