@@ -18,6 +18,8 @@ from cosim.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_
 
 __all__ = ["Events", "event_blocks", "events_of", "viform_of"]
 
+_PIXELS = 2**20
+"""Pixel-cycles whose spikes `event_blocks` makes at a time."""
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
 
@@ -94,23 +96,25 @@ class Events:
 
 
 def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, Ticks]]:
-    """Row, column, time and width of every spike of a synchronous stream, 32 cycles at a time; the
-    width is the interval. Those of one cycle come from the top row down, from left to right."""
+    """Row, column, time and width of every spike of a synchronous stream, a few cycles at a time;
+    the width is the interval. Those of one cycle come from the top row down, from left to right."""
+    height, columns = stream.shape
     start = int(getattr(stream, "start", 0))
-    columns = stream.shape[1]
-    last = np.full(stream.shape[0] * columns, -1, np.int64)
+    last = np.full(height * columns, start - 1, np.int64)
+    step = min(max(_PIXELS // last.size, 1), WORD)
     for w in range(words_for(stream.cycles)):
         n = min(WORD, stream.cycles - w * WORD)
-        planes = unpack_planes(stream.read_words(w, w + 1), 0, n).reshape(n, -1)
-        pixels = [np.flatnonzero(plane) for plane in planes]
-        widths = []
-        for b, pixel in enumerate(pixels):
-            widths.append(w * WORD + b - last[pixel])
-            last[pixel] = w * WORD + b
-        row, column = np.divmod(np.concatenate(pixels), columns)
-        cycles = np.arange(start + w * WORD, start + w * WORD + n, dtype=np.int64)
-        time = np.repeat(cycles, [len(pixel) for pixel in pixels])
-        yield row.astype(np.uint16), column.astype(np.uint16), time, np.concatenate(widths)
+        planes = unpack_planes(stream.read_words(w, w + 1), 0, n).view(np.bool_).reshape(n, -1)
+        for first in range(0, n, step):
+            pixels = [np.flatnonzero(plane) for plane in planes[first : first + step]]
+            cycles = start + w * WORD + first + np.arange(len(pixels), dtype=np.int64)
+            widths = []
+            for cycle, pixel in zip(cycles, pixels, strict=True):
+                widths.append(cycle - last[pixel])
+                last[pixel] = cycle
+            row, column = np.divmod(np.concatenate(pixels), columns)
+            time = np.repeat(cycles, [len(pixel) for pixel in pixels])
+            yield row.astype(np.uint16), column.astype(np.uint16), time, np.concatenate(widths)
 
 
 def events_of(stream: SpikeStream) -> Events:
