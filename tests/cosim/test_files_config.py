@@ -74,16 +74,18 @@ def test_a_config_that_names_nothing_stands_for_the_only_recording(folder: Path)
     path = config(folder, PUBLIC)
     assert recording_of(folder)[0] == folder / "a.dat"
     (folder / "b.dat").write_bytes(bytes(3))
-    for given in (folder, path):
+    for opened in (folder, path):
         with pytest.raises(InputError) as refused:
-            open_stream(given)
+            open_stream(opened)
         assert str(refused.value) == (
             f"{folder} must be a folder with the recording 'BSS' that its config.yaml names, not "
             "one with 2 others; give the recording itself"
         )
 
 
-@pytest.mark.parametrize("name", ["../a", "/etc/passwd", "nul\\0", "x" * 5000, "..", "/", "\\uD800"])
+@pytest.mark.parametrize(
+    "name", ["../a", "/etc/passwd", "nul\\0", "x" * 5000, "..", "/", "\\uD800"]
+)
 def test_a_filename_cannot_lead_out_of_its_folder(folder: Path, name: str) -> None:
     inner = folder / "inner"
     inner.mkdir()
@@ -122,7 +124,7 @@ def test_a_length_against_the_config_names_it(folder: Path) -> None:
         ("spike_w: 8\n\tspike_h: 3", "broken in line 2 ("),
         ("filename: !!python/object/apply:os.getcwd []\nspike_w: 8", "broken in line 1 ("),
         ("spike_w: 2024-13-45", "broken (month must be in 1..12)"),
-        ("spike_w: " + "[" * 5000, "broken ("),
+        ("spike_w: " + "[" * 1000, "broken ("),
         ("spike_w: " + "9" * 5000, "broken ("),
         ("a" * 2**16 + "a", "more than 65536 bytes"),
     ],
@@ -202,7 +204,7 @@ def test_one_that_contradicts_what_was_written_is_said(tmp_path: Path, random_st
     ]
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(data=st.data())
 def test_damage_is_refused_or_harmless(tmp_path_factory, damage, data: st.DataObject) -> None:
     path = tmp_path_factory.mktemp("config") / "config.yaml"

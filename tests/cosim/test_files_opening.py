@@ -14,7 +14,6 @@ from cosim.files import FORMATS, open_stream, write_stream
 from cosim.files.whole import whole
 from cosim.viform import words_for
 
-
 ANY_SIZE = [ending for ending in FORMATS if ending != ".raw"]
 """Formats that hold the small streams of these tests."""
 KEEPS_CLOCK = [".npz", ".zarr", ".events.npz"]
@@ -153,11 +152,20 @@ def test_a_file_that_may_not_be_read_is_one_line(
     ("name", "text"),
     [
         ("absent.dat", "the stream must be a file that exists, not {path}; check the path"),
-        ("a.mp4", f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}};"),
-        ("empty", f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}};"),
+        (
+            "a.mp4",
+            f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}};",
+        ),
+        (
+            "empty",
+            f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}};",
+        ),
         ("folder.dat", "{path} must be whole frames|the stream must be readable"),
         ("folder.npz", "the stream must be readable, not {path} "),
-        ("folder.raw", "the stream must be readable, not {path} |{path} must be 1000x1000 raw words"),
+        (
+            "folder.raw",
+            "the stream must be readable, not {path} |{path} must be 1000x1000 raw words",
+        ),
         ("folder.events.npz", "the stream must be readable, not {path} "),
         ("a" * 5000, "the stream must be readable, not {path} "),
         ("nul\0.dat", "the stream must be a file that exists, not"),
