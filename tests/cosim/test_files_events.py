@@ -134,9 +134,9 @@ def test_widths_that_planes_do_not_keep_are_counted(
 
 
 class Long:
-    """A stream of 400 words of 16 pixels, made as it is read; counts how much was asked for."""
+    """A stream of 100 words of 16 pixels, made as it is read; counts how much was asked for."""
 
-    shape, cycles, clock, most = (4, 4), 12_800, Clock(40_000), 0
+    shape, cycles, clock, most = (4, 4), 3200, Clock(40_000), 0
 
     def read_words(self, first: int, stop: int) -> np.ndarray:
         self.most = max(self.most, stop - first)
@@ -149,7 +149,7 @@ def test_a_stream_is_written_a_word_at_a_time(tmp_path: Path) -> None:
     write_stream(stream, tmp_path / NAME)
     assert stream.most == 1
     again = open_stream(tmp_path / NAME)
-    for w in range(400):
+    for w in range(100):
         np.testing.assert_array_equal(again.read_words(w, w + 1), stream.read_words(w, w + 1))
 
 
@@ -259,7 +259,9 @@ def test_a_header_that_promises_too_much_is_refused(tmp_path: Path) -> None:
         members = {name: file.read(name) for name in file.namelist()}
     with zipfile.ZipFile(path, "w") as file:
         for name, data in members.items():
-            file.writestr(name, data.replace(b"(2,), }      ", b"(1000000,), }"))
+            if name not in ("shape.npy", "clock.npy"):
+                data = data.replace(b"(2,), }      ", b"(1000000,), }")
+            file.writestr(name, data)
     with pytest.raises(InputError, match=r"one where row.npy is shorter than its array;"):
         read_events(path)
 
@@ -272,7 +274,7 @@ def test_random_bytes_are_refused(tmp_path_factory, content: bytes, magic: bool)
         open_stream(path)
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(st.data(), st.booleans())
 def test_damage_is_refused_or_harmless(
     tmp_path_factory, damage, random_stream, data: st.DataObject, quantised: bool
