@@ -33,7 +33,8 @@ def guess_size(path: Path, length: int) -> tuple[Size, tuple[str, ...]]:
 
     Raises InputError where 400 x 250 and 416 x 250 both fit.
     """
-    large = f"1000x1000 ({length // _LARGE} frames)"
+    n = length // _LARGE
+    large = f"1000x1000 ({n} frame{'s' if n > 1 else ''})"
     if length and length % _DAT == length % _HEAD == 0:
         fits = [f"400x250 ({length // _DAT} frames)", f"416x250 with head ({length // _HEAD})"]
         fits += [large] if length % _LARGE == 0 else []

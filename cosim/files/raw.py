@@ -125,14 +125,14 @@ class RawStream:
             lost = (int(known[0]) - block) % BLOCKS
             goes_on = len(ahead) < 2 or ahead[1] == _MARKERS[(known[0] + 1) % BLOCKS]
             if goes_on:
-                what = f"with {lost} blocks lost" if lost <= BLOCKS // 2 else "out of order"
+                what = f"blocks lost: {lost}" if lost <= BLOCKS // 2 else "out of order"
         keep = self._start + frame * FRAME_BYTES
         name = shlex.quote(str(self._path))
         raise InputError(
             f"{self._path}",
             f"{_named(_MARKERS[block])} at byte {self._start + n * BLOCK_BYTES} in frame {frame}",
             f"{_named(ahead[0])}, {what}",
-            f"keep the {frame} frames before it: head -c {keep} {name} > OUT.raw"
+            f"keep what comes before frame {frame}: head -c {keep} {name} > OUT.raw"
             if frame
             else "take another capture",
         )

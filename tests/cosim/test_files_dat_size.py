@@ -76,7 +76,7 @@ def test_a_stream_as_wide_as_a_frame_with_head_is_not_written(tmp_path: Path) ->
         (500 * DAT, (400, 250), "{path} is read as 400x250 (500 frames); it may be 1000x1000 "
          "(50 frames): --size says which"),
         (LARGE, (400, 250), "{path} is read as 400x250 (10 frames); it may be 1000x1000 "
-         "(1 frames): --size says which"),
+         "(1 frame): --size says which"),
         (301 * DAT + 1, (400, 250), None),
     ],
 )  # fmt: skip

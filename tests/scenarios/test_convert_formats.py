@@ -139,7 +139,7 @@ def test_image_says_how_an_ambiguous_file_was_read(viform, refused, tmp_path) ->
     path, out = tmp_path / "a.dat", tmp_path / "a.png"
     command = ("image", path, "--at", 3, "--window", 1, "--out", out)
     path.write_bytes(bytes(10 * 12_500))
-    said = f"{path} is read as 400x250 (10 frames); it may be 1000x1000 (1 frames): --size says"
+    said = f"{path} is read as 400x250 (10 frames); it may be 1000x1000 (1 frame): --size says"
     assert viform(*command) == (0, "", f"viform: {said} which\n")
     assert viform(*command, "--size", "400x250") == (0, "", "")
     out.unlink()
@@ -239,5 +239,5 @@ def test_a_raw_capture_says_what_it_leaves_out_and_where_it_is_damaged(
     path.write_bytes(damaged)
     assert open_stream(path).cycles == 5
     line = refused("convert", path, tmp_path / "c.dat")
-    assert "at byte 256000 in frame 2, not channel 1 line 500, a damaged marker; keep the" in line
+    assert "at byte 256000 in frame 2, not channel 1 line 500, a damaged marker; keep what" in line
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.raw", "b.raw"]
