@@ -191,18 +191,27 @@ def test_another_size_is_refused(tmp_path: Path, random_stream, capture) -> None
         open_stream(tmp_path / "a.raw", (400, 250))
 
 
-@settings(max_examples=40)
-@given(data=st.data())
 def test_damage_is_refused_or_changes_pixels_alone(
-    tmp_path_factory, damage, planes, capture, data: st.DataObject
+    tmp_path_factory, damage, planes, capture
 ) -> None:
-    path = tmp_path_factory.mktemp("raw") / "a.raw"
-    path.write_bytes(damage(data, capture[: 2 * FRAME]))
-    try:
-        found = read(path)
-    except InputError as exc:
-        assert len(str(exc).splitlines()) == 1
-        return
-    assert len(found) in (1, 2)
-    best = min((found != planes[n : n + len(found)]).sum() for n in range(3 - len(found)))
-    assert best <= 8 * 8  # of at most eight bytes; a longer change breaks a marker
+    path = tmp_path_factory.mktemp("damaged") / "a.raw"
+
+    @settings(max_examples=60)
+    @given(st.data())
+    def holds(data: st.DataObject) -> None:
+        path.write_bytes(damage(data, capture[: 2 * FRAME]))
+        try:
+            found = read(path)
+        except InputError as exc:
+            assert len(str(exc).splitlines()) == 1
+            return
+        n = len(found)
+        assert n in (1, 2)
+        # A marker ends each block, so no change reaches beyond the blocks that it touches.
+        changed = min(
+            (found != planes[at : at + n]).reshape(n * BLOCKS, 500).any(axis=1).sum()
+            for at in range(3 - n)
+        )
+        assert changed <= 2
+
+    holds()

@@ -151,17 +151,18 @@ def test_image_says_how_an_ambiguous_file_was_read(viform, refused, tmp_path) ->
     assert not out.exists()
 
 
-def test_a_folder_with_a_config_goes_there_and_back(viform, refused, streams, tmp_path) -> None:
+def test_a_folder_with_a_config_goes_there_and_back(viform, refused, tmp_path) -> None:
     source, folder = tmp_path / "a.npz", tmp_path / "set"
     folder.mkdir()
-    write_stream(streams["1000x1000"], source)
+    stream = Viform(np.arange(128, dtype=np.uint32).reshape(1, 8, 16), 7, USUAL)
+    write_stream(stream, source)
     code, _, err = viform("convert", source, folder / "rec.dat", "--config")
     assert (code, "--size" in err) == (0, False)
     for given in (folder, folder / "config.yaml", folder / "rec.dat"):
         code, text, _ = viform("convert", given, tmp_path / "b.npz", "--json")
-        assert (code, json.loads(text)["width"]) == (0, 1000)
+        assert (code, json.loads(text)["width"]) == (0, 16)
         again = open_stream(tmp_path / "b.npz")
-        np.testing.assert_array_equal(again.read_words(0, 1), streams["1000x1000"].words)
+        np.testing.assert_array_equal(again.read_words(0, 1), stream.words)
     before = (folder / "rec.dat").read_bytes()
     assert refused("convert", folder, folder / "rec.dat").startswith("OUT must be another file")
     assert refused("convert", source, folder / "x.npz", "--config").startswith("--config must be")
