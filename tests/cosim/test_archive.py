@@ -187,3 +187,15 @@ def test_damage_is_met_in_parts_as_well(tmp_path_factory, damage, data: st.DataO
     except ValueError:
         return
     assert same(found) or found.keys() != ARRAYS.keys()  # a member that is not named is not seen
+
+
+def test_a_shape_that_leaves_a_rest_is_found_in_parts(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, a=np.arange(36_000).reshape(9000, 4))  # more than is read at once
+    content = path.read_bytes()
+    assert content.count(b"(9000, 4)") == 1
+    path.write_bytes(content.replace(b"(9000, 4)", b"(9000, 2)"))
+    with open_arrays(path) as readers:
+        assert readers["a"].read(5).tolist() == [0, 1, 2, 3, 4]
+        with pytest.raises(ValueError, match="longer than its array"):
+            readers["a"].read(18_000)

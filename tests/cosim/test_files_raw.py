@@ -136,6 +136,9 @@ def test_a_damaged_marker_is_named(
     content[at + 62 + bit // 8] ^= 1 << bit % 8
     path.write_bytes(content)
     text = refusal(path)
+    if frame != 2:  # both ends are looked at before anything is asked for
+        with pytest.raises(InputError):
+            open_stream(path)
     if (frame, block) == (0, 0):
         assert f"lost or damaged blocks at byte {at};" in text
     elif frame == 0:  # the frame after it is whole, so what comes before is no frame
