@@ -7,6 +7,7 @@ latch clock of a synchronous chip, a much faster one of an asynchronous.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,10 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
 
-__all__ = ["Events", "events_of", "viform_of"]
+__all__ = ["Events", "event_blocks", "events_of", "viform_of"]
 
+_PIXELS = 2**20
+"""Pixel-cycles whose spikes `event_blocks` makes at a time."""
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
 
@@ -92,33 +95,36 @@ class Events:
     __hash__ = None  # type: ignore[assignment]  # compares by content, which is mutable
 
 
+def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, Ticks]]:
+    """Row, column, time and width of every spike of a synchronous stream, a few cycles at a time;
+    the width is the interval. Those of one cycle come from the top row down, from left to right."""
+    height, columns = stream.shape
+    start = int(getattr(stream, "start", 0))
+    last = np.full(height * columns, start - 1, np.int64)
+    step = min(max(_PIXELS // last.size, 1), WORD)
+    for w in range(words_for(stream.cycles)):
+        n = min(WORD, stream.cycles - w * WORD)
+        planes = unpack_planes(stream.read_words(w, w + 1), 0, n).view(np.bool_).reshape(n, -1)
+        for first in range(0, n, step):
+            pixels = [np.flatnonzero(plane) for plane in planes[first : first + step]]
+            cycles = start + w * WORD + first + np.arange(len(pixels), dtype=np.int64)
+            widths = []
+            for cycle, pixel in zip(cycles, pixels, strict=True):
+                widths.append(cycle - last[pixel])
+                last[pixel] = cycle
+            row, column = np.divmod(np.concatenate(pixels), columns)
+            time = np.repeat(cycles, [len(pixel) for pixel in pixels])
+            yield row.astype(np.uint16), column.astype(np.uint16), time, np.concatenate(widths)
+
+
 def events_of(stream: SpikeStream) -> Events:
     """Every spike of a synchronous stream, with its interval as width; those of one cycle from the
     top row down, from left to right."""
-    start = int(getattr(stream, "start", 0))
-    last = np.full(stream.shape, -1, np.int64)
-    rows, columns, times, widths = [], [], [], []
-    for w in range(words_for(stream.cycles)):
-        n = min(WORD, stream.cycles - w * WORD)
-        planes = unpack_planes(stream.read_words(w, w + 1), 0, n)
-        for b, plane in enumerate(planes):
-            t = w * WORD + b
-            row, column = np.nonzero(plane)
-            rows.append(row.astype(np.uint16))
-            columns.append(column.astype(np.uint16))
-            times.append(np.full(len(row), start + t, np.int64))
-            widths.append(t - last[row, column])
-            last[row, column] = t
-    return Events(
-        np.concatenate(rows),
-        np.concatenate(columns),
-        np.concatenate(times),
-        np.concatenate(widths),
-        stream.shape,
-        stream.cycles,
-        stream.clock,
-        start,
+    row, column, time, width = (
+        np.concatenate(parts) for parts in zip(*event_blocks(stream), strict=True)
     )
+    start = int(getattr(stream, "start", 0))
+    return Events(row, column, time, width, stream.shape, stream.cycles, stream.clock, start)
 
 
 def viform_of(events: Events) -> Viform:

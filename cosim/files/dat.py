@@ -4,6 +4,9 @@ A frame is row-major from the bottom row up, one bit a pixel, the least signific
 first; 12 500 bytes at 400 x 250. In numpy:
 packbits(spikes[:, ::-1].reshape(T, -1), axis=1, bitorder="little"). Some writers pad a frame to
 whole bytes and some readers assume none: sizes where that matters are refused.
+
+Cameras also write frames *with head*: 416 x 250, whose columns 400 to 415 are no pixels. Which size
+a file without one is taken to have is decided in `dat_size.py`.
 """
 
 from __future__ import annotations
@@ -17,10 +20,23 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
-__all__ = ["DAT_CLOCK", "DAT_SIZE", "DatStream", "check_dat_size", "write_dat"]
+__all__ = [
+    "DAT_CLOCK",
+    "DAT_SIZE",
+    "HEAD_SIZE",
+    "DatStream",
+    "check_dat_size",
+    "pixels_of",
+    "write_dat",
+]
+
+Size = tuple[int, int]
+"""(width, height) in columns and rows."""
 
 DAT_SIZE = (400, 250)
 """Width and height of a `.dat` when none is given: every public recording of the format."""
+HEAD_SIZE = (416, 250)
+"""What is stored of a 400 x 250 frame with head; the pixels are the first 400 columns."""
 DAT_CLOCK = Clock(40_000)
 """The file says no clock; recordings are made at 40 kHz."""
 
@@ -37,11 +53,20 @@ def check_dat_size(width: int, height: int) -> int:
     return width * height // 8
 
 
-class DatStream:
-    """A `.dat` file as a spike stream; frames are read as they are asked for."""
+def pixels_of(stored: Size) -> Size:
+    """Width and height of the pixels in frames of this size: 400 x 250 of 416 x 250."""
+    return DAT_SIZE if stored == HEAD_SIZE else stored
 
-    def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
-        width, height = size or DAT_SIZE
+
+class DatStream:
+    """A `.dat` file as a spike stream; frames are read as they are asked for.
+
+    size: width and height of the frames as they are stored, so 416 x 250 means 400 x 250 with head.
+    notes: what the reader should be told about how the file was understood.
+    """
+
+    def __init__(self, path: Path, size: Size = DAT_SIZE, notes: tuple[str, ...] = ()) -> None:
+        width, height = size
         frame = check_dat_size(width, height)
         length = path.stat().st_size
         if length == 0 or length % frame:
@@ -53,7 +78,9 @@ class DatStream:
                 "give its true --size WxH, or take a file that is not cut off",
             )
         self._frames = np.memmap(path, np.uint8, "r").reshape(-1, frame)
-        self._shape = (height, width)
+        self._stored = (height, width)
+        self._shape = pixels_of(size)[::-1]
+        self.notes = notes
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -68,17 +95,41 @@ class DatStream:
         return DAT_CLOCK
 
     def read_words(self, first: int, stop: int) -> Words:
-        frames = self._frames[first * WORD : stop * WORD]
-        bits = np.unpackbits(frames, axis=1, bitorder="little")
-        return pack_planes(bits.reshape(-1, *self._shape)[:, ::-1])
+        stop = min(stop, words_for(self.cycles))
+        words = np.empty((max(stop - first, 0), *self._shape), np.uint32)
+        for n in range(len(words)):  # a word at a time: its unpacked bits are 32 times as many
+            w = first + n
+            bits = np.unpackbits(
+                self._frames[w * WORD : (w + 1) * WORD], axis=1, bitorder="little"
+            ).reshape(-1, *self._stored)
+            words[n] = pack_planes(bits[:, ::-1, : self._shape[1]])[0]
+        return words
 
 
-def write_dat(stream: SpikeStream, path: Path) -> None:
-    """Writes a stream as `.dat`. Clock and start are not kept: the format has no place for them."""
+def write_dat(stream: SpikeStream, path: Path, head: bool = False) -> None:
+    """Writes a stream as `.dat`. Clock and start are not kept: the format has no place for them.
+
+    head: write 400 x 250 pixels as 416 x 250, with zeros in columns 400 to 415.
+    Raises InputError for a size that would not be read again as it is.
+    """
     height, width = stream.shape
+    if head and (width, height) != DAT_SIZE:
+        raise InputError(
+            "a stream written with --head", "400x250", f"{width}x{height}", "leave --head out"
+        )
+    if (width, height) == HEAD_SIZE:
+        raise InputError(
+            "the size of a .dat frame",
+            "another than 416x250, which is read as 400x250 with head",
+            "416x250",
+            "use .npz or .zarr for this stream",
+        )
     check_dat_size(width, height)
+    columns = HEAD_SIZE[0] if head else width
     with whole(path) as part, part.open("wb") as file:
         for w in range(words_for(stream.cycles)):
             n = min(WORD, stream.cycles - w * WORD)
             planes = unpack_planes(stream.read_words(w, w + 1), 0, n)[:, ::-1]
+            if head:
+                planes = np.pad(planes, ((0, 0), (0, 0), (0, columns - width)))
             file.write(np.packbits(planes.reshape(n, -1), axis=1, bitorder="little").tobytes())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.archive import load_arrays
+from cosim.archive import ArchiveWriter, load_arrays
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.dat import DAT_CLOCK
@@ -22,14 +22,14 @@ __all__ = ["read_npz", "write_npz"]
 
 
 def write_npz(stream: SpikeStream, path: Path) -> None:
-    """Writes a stream as `.npz`; nothing of it is lost."""
-    words = stream.read_words(0, words_for(stream.cycles))
-    clock = np.array([stream.clock.num, stream.clock.den], np.int64)
-    start = getattr(stream, "start", 0)
-    with whole(path) as part, part.open("wb") as file:
-        np.savez_compressed(
-            file, allow_pickle=False, words=words, cycles=stream.cycles, clock=clock, start=start
-        )
+    """Writes a stream as `.npz`, a word at a time; nothing of it is lost."""
+    n = words_for(stream.cycles)
+    words = (stream.read_words(w, w + 1) for w in range(n))
+    with whole(path) as part, part.open("wb") as file, ArchiveWriter(file) as archive:
+        archive.write_parts("words", np.uint32, (n, *stream.shape), words)
+        archive.write("cycles", np.int64(stream.cycles))
+        archive.write("clock", np.array([stream.clock.num, stream.clock.den], np.int64))
+        archive.write("start", np.int64(getattr(stream, "start", 0)))
 
 
 def read_npz(path: Path) -> Viform:

@@ -2,66 +2,136 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.dat import DatStream, write_dat
+from cosim.files.config_yaml import CONFIG, Config, check_config, recording_of, write_config
+from cosim.files.dat import HEAD_SIZE, pixels_of, write_dat
+from cosim.files.dat_size import open_dat
+from cosim.files.event_file import ENDING, write_events
+from cosim.files.event_planes import EventStream
+from cosim.files.losses import losses
 from cosim.files.npz import read_npz, write_npz
+from cosim.files.raw import RawStream, write_raw
 from cosim.files.zarr_store import ZarrStream, write_zarr
 from cosim.viform import SpikeStream
 
-__all__ = ["FORMATS", "open_stream", "write_stream"]
+__all__ = ["FORMATS", "ending_of", "locate_stream", "notes_of", "open_stream", "write_stream"]
 
-_READ: dict[str, Callable[[Path, tuple[int, int] | None], SpikeStream]] = {
-    ".dat": DatStream,
-    ".npz": lambda path, _: read_npz(path),
-    ".zarr": lambda path, _: ZarrStream(path),
+
+def _write_events(stream: SpikeStream, path: Path) -> None:
+    """Events stay events: what planes do not keep of them goes along."""
+    write_events(stream.file if isinstance(stream, EventStream) else stream, path)
+
+
+_READ: dict[str, Callable[[Path], SpikeStream]] = {
+    ".raw": RawStream,
+    ".npz": read_npz,
+    ".zarr": ZarrStream,
+    ENDING: EventStream,
 }
 _WRITE: dict[str, Callable[[SpikeStream, Path], None]] = {
-    ".dat": write_dat,
+    ".raw": write_raw,
     ".npz": write_npz,
     ".zarr": write_zarr,
+    ENDING: _write_events,
 }
-FORMATS = tuple(_READ)
+FORMATS = (".dat", *_READ)
 """Endings of stream files."""
 
 
-def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
-    """Opens a stream; the folder of a run stands for the stream.zarr in it.
+def ending_of(path: Path) -> str:
+    """The ending that tells a file's format, in lower case."""
+    return ENDING if path.name.lower().endswith(ENDING) else path.suffix.lower()
 
-    size: (width, height) of formats without a header; one that has a header must agree.
-    Raises InputError for whatever is no stream.
-    """
+
+def notes_of(stream: SpikeStream) -> tuple[str, ...]:
+    """What a reader should be told about how its file was understood, a line each."""
+    return tuple(getattr(stream, "notes", ()))
+
+
+def locate_stream(path: Path) -> Path:
+    """The file or store that is read when `path` is opened; InputError where there is none."""
+    with _readable(path):
+        return _located(path)[0]
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Says in one line what the system refuses to read."""
     try:
-        if (path / "stream.zarr").exists():
-            path = path / "stream.zarr"
-        if not path.exists():
-            raise InputError("the stream", "a file that exists", str(path), "check the path")
-        reader = _READ.get(path.suffix.lower())
-        if reader is None:
+        yield
+    except OSError as exc:
+        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
+
+
+def _located(path: Path) -> tuple[Path, Config | None]:
+    """The stream that a folder or a config.yaml stands for, or the path itself."""
+    if (path / "stream.zarr").exists():
+        return path / "stream.zarr", None
+    if not path.exists():
+        raise InputError("the stream", "a file that exists", str(path), "check the path")
+    if path.suffix.lower() in (".yaml", ".yml") or (
+        ending_of(path) not in FORMATS and (path / CONFIG).is_file()
+    ):
+        return recording_of(path)
+    return path, None
+
+
+def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
+    """Opens a stream; the folder of a run stands for the stream.zarr in it, a config.yaml and its
+    folder for the recording that it names.
+
+    size: (width, height) of formats without a header, as it is stored; one that has a header must
+    agree. Raises InputError for whatever is no stream.
+    """
+    with _readable(path):
+        path, config = _located(path)
+        ending = ending_of(path)
+        if ending not in FORMATS:
             raise InputError(
                 "the stream",
                 f"a {', '.join(FORMATS)} or the folder of a run",
                 str(path),
                 "rename or convert it",
             )
-        stream = reader(path, size)
-    except OSError as exc:
-        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
+        stream = open_dat(path, size, config) if ending == ".dat" else _READ[ending](path)
     height, width = stream.shape
-    if size is not None and size != (width, height):
+    if size is not None and (width, height) != (pixels_of(size) if ending == ".dat" else size):
         raise InputError(
             "--size", f"{width}x{height} for {path}", f"{size[0]}x{size[1]}", "leave it out"
         )
     return stream
 
 
-def write_stream(stream: SpikeStream, path: Path) -> None:
-    """Writes a stream in the format of the name's ending."""
-    writer = _WRITE.get(path.suffix.lower())
-    if writer is None:
+def write_stream(
+    stream: SpikeStream, path: Path, *, head: bool = False, config: bool = False
+) -> list[str]:
+    """Writes a stream in the format of the name's ending; what the format has no place for comes
+    back, a line each.
+
+    head: of a `.dat`, frames of 416 x 250. config: a config.yaml beside a `.dat`.
+    """
+    ending = ending_of(path)
+    if ending not in FORMATS:
         raise InputError(
-            "the output", f"a name ending in {', '.join(_WRITE)}", str(path), "give it one of these"
+            "the output",
+            f"a name ending in {', '.join(FORMATS)}",
+            str(path),
+            "give it one of these",
         )
-    writer(stream, path)
+    if ending == ".dat":
+        size = HEAD_SIZE if head else stream.shape[::-1]
+        if config:
+            check_config(path, size)
+        write_dat(stream, path, head)
+        if config:
+            write_config(path, size)
+    elif head or config:
+        flag = "--head" if head else "--config"
+        raise InputError(flag, "given with a .dat to write", str(path), f"leave {flag} out")
+    else:
+        _WRITE[ending](stream, path)
+    return losses(stream, path, ending, head)

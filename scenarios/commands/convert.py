@@ -12,41 +12,63 @@ from scenarios.commands.output import Json, make_progress, print_document, size_
 __all__ = ["convert"]
 
 
+FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz"
+
+
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help=".dat, .npz, .zarr or a run's folder")
+        Path,
+        typer.Argument(
+            metavar="IN", help=f"{FORMATS_HELP}, a run's folder, or a config.yaml or its folder"
+        ),
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help=".dat, .npz, .zarr, or a clip (.mp4)")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help=f"{FORMATS_HELP}, or a clip (.mp4)")],
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
+    head: Annotated[
+        bool, typer.Option("--head", help="of a .dat: write 400x250 as 416x250, with head")
+    ] = False,
+    config: Annotated[
+        bool, typer.Option("--config", help="of a .dat: write a config.yaml beside it")
+    ] = False,
     window: Annotated[int, typer.Option(help="of a clip: cycles of each tfp image, odd")] = 41,
     every: Annotated[int, typer.Option(help="of a clip: cycles from image to image")] = 20,
     scale: Annotated[float, typer.Option(help="of a clip: rate that becomes white")] = 1.0,
     rate: Annotated[float, typer.Option(help="of a clip: images a second")] = 25.0,
     json: Json = False,
 ) -> None:
-    """Convert a stream between formats, or render it as a clip in slow motion."""
+    """Convert a stream between formats, or render it as a clip in slow motion.
+
+    What the new format has no place for is said on standard error.
+    """
     from cosim import InputError
-    from cosim.files import FORMATS, open_stream, write_stream
+    from cosim.files import FORMATS, locate_stream, notes_of, open_stream, write_stream
     from scenarios.playback import CLIPS, write_clip
 
-    if source.exists() and out.exists() and source.resolve() == out.resolve():
-        raise InputError("OUT", "another file than IN", str(out), "choose another name")
     if source.suffix.lower() in CLIPS:
         raise InputError(
             "IN", f"a stream ({', '.join(FORMATS)})", f"the clip {source}",
             f"film it: viform run film --set scene.path={source}",
         )  # fmt: skip
-    opened = open_stream(source, size_option(size))
+    if out.exists() and locate_stream(source).resolve() == out.resolve():
+        raise InputError("OUT", "another file than IN", str(out), "choose another name")
+    pixels = size_option(size)
     progress = make_progress()
     try:
+        opened = open_stream(source, pixels)
         if out.suffix.lower() in CLIPS:
+            if head or config:
+                flag = "--head" if head else "--config"
+                raise InputError(flag, "given with a .dat to write", str(out), f"leave {flag} out")
             write_clip(
                 opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress
             )
+            lost = []
         else:
-            write_stream(opened, out)
+            lost = write_stream(opened, out, head=head, config=config)
     finally:
         progress.close()
+    for note in (*notes_of(opened), *lost):
+        progress.note(note)
     if json:
         print_document(
             {"in": str(source), "out": str(out), "cycles": opened.cycles,

@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
-from scenarios.commands.output import Json, print_document, size_option
+from scenarios.commands.output import Json, SilentProgress, print_document, size_option
 
 __all__ = ["image"]
 
 
 def image(
-    stream: Annotated[Path, typer.Argument(help=".dat, .npz, .zarr, or the folder of a run")],
+    stream: Annotated[
+        Path, typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, or the folder of a run")
+    ],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
     method: Annotated[
@@ -28,7 +30,7 @@ def image(
     import math
 
     from cosim import InputError
-    from cosim.files import open_stream
+    from cosim.files import notes_of, open_stream
     from scenarios.png import to_linear_bytes, write_png
     from sensor import METHODS, tau_image, tfi, tfp
 
@@ -45,6 +47,8 @@ def image(
         rate = tfp(opened, at, window) if method == "tfp" else tfi(opened, at)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
+    for note in notes_of(opened):
+        SilentProgress().note(note)
     if json:
         print_document(
             {

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.archive import load_arrays
+from cosim.archive import ArchiveWriter, load_arrays, open_arrays
 
 ARRAYS = {
     "words": np.random.default_rng(1).integers(0, 2**32, (3, 4, 5), np.uint32),
@@ -137,3 +137,65 @@ def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
         load_arrays(tmp_path / "a.npz")
     with pytest.raises(IsADirectoryError):
         load_arrays(tmp_path)
+
+
+def test_what_is_written_in_parts_is_what_numpy_loads(tmp_path: Path) -> None:
+    words = ARRAYS["words"]
+    with (tmp_path / "a.npz").open("wb") as file, ArchiveWriter(file) as archive:
+        archive.write_parts("words", np.uint32, words.shape, (part for part in words))
+        for name in ("a/scalar", "text", "empty"):
+            archive.write(name, ARRAYS[name])
+    assert same(load_arrays(tmp_path / "a.npz"))
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert same(dict(arrays))
+
+
+@pytest.mark.parametrize("parts", [0, 2, 4])
+def test_parts_that_do_not_add_up_are_a_fault(tmp_path: Path, parts: int) -> None:
+    file = io.BytesIO()
+    with pytest.raises(ValueError, match=rf"a of shape \(3, 2\) got {2 * parts} elements"):
+        ArchiveWriter(file).write_parts("a", np.uint8, (3, 2), [np.zeros(2, np.uint8)] * parts)
+
+
+@pytest.mark.parametrize("count", [1, 7, 60, 1000])
+def test_arrays_are_read_in_parts_side_by_side(archive: Path, count: int) -> None:
+    with open_arrays(archive) as readers:
+        assert {name: (r.shape, r.dtype) for name, r in readers.items()} == {
+            name: (a.shape, a.dtype) for name, a in ARRAYS.items()
+        }
+        parts = []
+        while (part := readers["words"].read(count)).size:
+            parts.append(part)
+        assert readers["text"].read(count)[0] == "identity"
+        np.testing.assert_array_equal(np.concatenate(parts), ARRAYS["words"].ravel())
+        assert max(map(len, parts)) <= count
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_damage_is_met_in_parts_as_well(tmp_path_factory, damage, data: st.DataObject) -> None:
+    path = tmp_path_factory.mktemp("parts") / "a.npz"
+    np.savez_compressed(path, **ARRAYS)
+    path.write_bytes(damage(data, path.read_bytes()))
+    try:
+        with open_arrays(path) as readers:
+            found = {}
+            for name, reader in readers.items():
+                whole = int(np.prod(reader.shape))
+                parts = [reader.read(whole // 2), reader.read(whole - whole // 2)]
+                found[name] = np.concatenate(parts).reshape(reader.shape)
+    except ValueError:
+        return
+    assert same(found) or found.keys() != ARRAYS.keys()  # a member that is not named is not seen
+
+
+def test_a_shape_that_leaves_a_rest_is_found_in_parts(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, a=np.arange(36_000).reshape(9000, 4))  # more than is read at once
+    content = path.read_bytes()
+    assert content.count(b"(9000, 4)") == 1
+    path.write_bytes(content.replace(b"(9000, 4)", b"(9000, 2)"))
+    with open_arrays(path) as readers:
+        assert readers["a"].read(5).tolist() == [0, 1, 2, 3, 4]
+        with pytest.raises(ValueError, match="longer than its array"):
+            readers["a"].read(18_000)

@@ -1,0 +1,214 @@
+"""`config.yaml` beside a recording: what other spike software says of a folder of `.dat` files.
+
+Keys: filename, spike_w, spike_h, is_labeled, labeled_data_type, labeled_data_suffix, and with
+labels data_field_identifier and label_field_identifier. `filename` names a recording or, as in the
+sets that come with SpikeCV, the set as a whole. What is read here is the size of the frames; the
+keys about labels are checked and left to the programs that use them.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, cast
+
+import yaml
+
+from cosim.errors import InputError
+from cosim.files.whole import whole
+
+__all__ = [
+    "CONFIG",
+    "Config",
+    "check_config",
+    "config_beside",
+    "read_config",
+    "recording_of",
+    "write_config",
+]
+
+CONFIG = "config.yaml"
+"""The name that such a file has."""
+_LARGEST = 2**16
+"""Bytes of a config.yaml; the public ones have 150."""
+_MOST_PIXELS = 10**9
+
+
+@dataclass(frozen=True)
+class Config:
+    """What a config.yaml says; size is (width, height) of the frames as they are stored."""
+
+    filename: str
+    size: tuple[int, int]
+
+    def names(self, recording: Path) -> bool:
+        """Whether `filename` is this recording's, with or without its ending."""
+        return PurePosixPath(self.filename).name in (recording.name, recording.stem)
+
+
+def _bad(path: Path, given: str) -> InputError:
+    return InputError(
+        f"{path}",
+        "YAML with filename, spike_w and spike_h",
+        given,
+        "mend it, or give the recording itself with its --size WxH",
+    )
+
+
+def _load(path: Path) -> dict[str, Any] | None:
+    """The mapping in a YAML file; None where it is YAML of another kind."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LARGEST + 1)
+    except OSError as exc:
+        raise _bad(path, f"one that cannot be read ({exc.strerror})") from exc
+    if len(content) > _LARGEST:
+        raise _bad(path, f"more than {_LARGEST} bytes")
+    try:
+        document = yaml.safe_load(content)
+    except Exception as exc:  # YAML errors, and those of numbers, dates and nesting in it
+        mark = getattr(exc, "problem_mark", None)
+        where = f" in line {mark.line + 1}" if mark is not None else ""
+        raise _bad(path, f"broken{where} ({getattr(exc, 'problem', None) or exc})"[:200]) from exc
+    return document if isinstance(document, dict) else None
+
+
+def _whole_number(path: Path, document: dict[str, Any], key: str) -> int:
+    value = document.get(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST_PIXELS:
+        raise _bad(path, f"one whose {key} is {_short(value)}")
+    return value
+
+
+def _short(value: object) -> str:
+    """A value in a few words; of a list or a mapping only what it is, for it may be vast."""
+    if isinstance(value, str | int | float | bool) or value is None:
+        return ascii(value)[:40]
+    return f"a {type(value).__name__}"
+
+
+def _check_labels(path: Path, document: dict[str, Any]) -> None:
+    """The keys about labels may be absent; what is there must be what the format says."""
+    for key in ("labeled_data_suffix", "data_field_identifier", "label_field_identifier"):
+        if not isinstance(document.get(key), str | None):
+            raise _bad(path, f"one whose {key} is {_short(document[key])}")
+    if not isinstance(document.get("is_labeled", False), bool):
+        raise _bad(path, f"one whose is_labeled is {_short(document['is_labeled'])}")
+    kinds = document.get("labeled_data_type", [])
+    numbers = kinds if isinstance(kinds, list) else [kinds]
+    if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers):
+        raise _bad(path, f"one whose labeled_data_type is {_short(kinds)}")
+
+
+def _parse(path: Path, document: dict[str, Any]) -> Config:
+    filename = document.get("filename")
+    if not isinstance(filename, str) or not filename.strip():
+        raise _bad(path, f"one whose filename is {_short(filename)}")
+    size = (_whole_number(path, document, "spike_w"), _whole_number(path, document, "spike_h"))
+    if size[0] * size[1] > _MOST_PIXELS:
+        raise _bad(path, f"one of {size[0]}x{size[1]} pixels")
+    _check_labels(path, document)
+    return Config(filename, size)
+
+
+def read_config(path: Path) -> Config:
+    """What a config.yaml says; InputError where it is none."""
+    document = _load(path)
+    if document is None:
+        raise _bad(path, "something else")
+    return _parse(path, document)
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether there is a `.dat` of this name; no name that YAML can spell raises anything."""
+    return path.suffix.lower() == ".dat" and os.path.isfile(path)
+
+
+def config_beside(recording: Path) -> Config | None:
+    """What the config.yaml beside a recording says of it; None where there is none.
+
+    It speaks for every recording of its folder, unless its filename is that of another one there:
+    public sets write the name of the set. A config.yaml without spike_w and spike_h belongs to
+    some other program. Raises InputError where it is broken: a guess at the size could be wrong.
+    """
+    path = recording.with_name(CONFIG)
+    if not path.is_file():
+        return None
+    document = _load(path)
+    if document is None or not {"spike_w", "spike_h"} & set(cast("dict[Any, Any]", document)):
+        return None
+    config = _parse(path, document)
+    if not config.names(recording):
+        name = PurePosixPath(config.filename).name
+        if any(_is_recording(recording.parent / n) for n in (name, f"{name}.dat")):
+            return None
+    return config
+
+
+def recording_of(path: Path) -> tuple[Path, Config]:
+    """The recording that a config.yaml, or the folder it lies in, stands for; and what it says.
+
+    It is the one that `filename` names, else the only `.dat` in the folder.
+    """
+    path = path / CONFIG if path.is_dir() else path
+    config = read_config(path)
+    name = PurePosixPath(config.filename)
+    if not name.is_absolute() and ".." not in name.parts:
+        for found in (path.parent / name, path.parent / f"{name}.dat"):
+            if _is_recording(found):
+                return found, config
+    others = [p for p in path.parent.iterdir() if _is_recording(p)]
+    if len(others) != 1:
+        given = f"{len(others)} others" if others else "none"
+        raise InputError(
+            f"{path.parent}",
+            f"a folder with the recording {ascii(config.filename)[:80]} that its {path.name} names",
+            f"one with {given}",
+            "give the recording itself",
+        )
+    return others[0], config
+
+
+def write_config(recording: Path, size: tuple[int, int]) -> None:
+    """Writes a config.yaml beside a recording of that stored size, without labels.
+
+    One that is there and says the same stays as it is; InputError where it says anything else.
+    """
+    path = recording.with_name(CONFIG)
+    if path.exists():
+        check_config(recording, size)
+        return
+    text = yaml.safe_dump(
+        {
+            "filename": recording.stem,
+            "spike_w": size[0],
+            "spike_h": size[1],
+            "is_labeled": False,
+            "labeled_data_type": [0],  # raw spikes, as public sets number it
+            "labeled_data_suffix": "None",  # as public sets say that there is none
+        },
+        sort_keys=False,
+        default_flow_style=None,
+        allow_unicode=True,
+    )
+    with whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def check_config(recording: Path, size: tuple[int, int]) -> None:
+    """Raises InputError where a config.yaml is beside the recording that does not say this size."""
+    path = recording.with_name(CONFIG)
+    if not path.exists():
+        return
+    try:
+        said = config_beside(recording)
+    except InputError:
+        said = None
+    if said is None or said.size != size:
+        raise InputError(
+            f"{path}",
+            f"absent, or one that says {size[0]}x{size[1]} of {recording.name}",
+            "another" if said is None else f"one that says {said.size[0]}x{said.size[1]}",
+            "leave --config out, or write into another folder",
+        )

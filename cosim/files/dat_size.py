@@ -1,0 +1,69 @@
+"""Which size a `.dat` has: given, said by the config.yaml beside it, or the only one that fits.
+
+The file itself says nothing, and its content cannot be trusted to tell: light decides it. So
+without --size and config.yaml its length decides, among the three sizes that cameras write:
+
+| bytes a frame | frame | is assumed when the length is a multiple |
+|---|---|---|
+| 12 500 | 400 x 250 | of this and not of 13 000 |
+| 13 000 | 416 x 250, with head | of this and not of 12 500 |
+| 125 000 | 1000 x 1000 | never: every such length is 10 frames of 400 x 250 as well |
+
+A multiple of both 12 500 and 13 000 (26 frames or 25, and so on) is refused. A multiple of 125 000
+is read as 400 x 250 with a note that says what else it may be: a refusal would make every 400 x 250
+recording of 10, 200 or 500 frames need a flag, and silence would hide a wrong image.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cosim.errors import InputError
+from cosim.files.config_yaml import CONFIG, Config, config_beside
+from cosim.files.dat import DAT_SIZE, HEAD_SIZE, DatStream, Size, check_dat_size
+
+__all__ = ["guess_size", "open_dat"]
+
+LARGE_SIZE = (1000, 1000)
+_DAT, _HEAD, _LARGE = (check_dat_size(*size) for size in (DAT_SIZE, HEAD_SIZE, LARGE_SIZE))
+
+
+def guess_size(path: Path, length: int) -> tuple[Size, tuple[str, ...]]:
+    """The stored size of a file of so many bytes, and what to tell its reader.
+
+    Raises InputError where 400 x 250 and 416 x 250 both fit.
+    """
+    n = length // _LARGE
+    large = f"1000x1000 ({n} frame{'s' if n > 1 else ''})"
+    if length and length % _DAT == length % _HEAD == 0:
+        fits = [f"400x250 ({length // _DAT} frames)", f"416x250 with head ({length // _HEAD})"]
+        fits += [large] if length % _LARGE == 0 else []
+        raise InputError(
+            f"{path}",
+            "of a size that its length tells",
+            f"{length} bytes, which fit {' and '.join(fits)}",
+            "give --size 400x250, --size 416x250" + (", --size 1000x1000" if fits[2:] else ""),
+        )
+    if length and length % _HEAD == 0:
+        return HEAD_SIZE, (f"{path} is read as 400x250 with head, which its length says",)
+    if length and length % _LARGE == 0:
+        return DAT_SIZE, (
+            f"{path} is read as 400x250 ({length // _DAT} frames); it may be {large}: "
+            "--size says which",
+        )
+    return DAT_SIZE, ()
+
+
+def open_dat(path: Path, size: Size | None = None, config: Config | None = None) -> DatStream:
+    """A `.dat` with the size given, else the one its config.yaml says, else the one that fits."""
+    if size is not None:
+        return DatStream(path, size)
+    said = config or config_beside(path)
+    if said is None:
+        return DatStream(path, *guess_size(path, path.stat().st_size))
+    try:
+        return DatStream(path, said.size)
+    except InputError as exc:
+        raise InputError(
+            exc.what, f"{exc.must}, as its {CONFIG} says", exc.given, exc.mend
+        ) from exc

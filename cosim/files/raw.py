@@ -1,0 +1,186 @@
+"""`.raw`: the words of a SpikeTwo-class camera, 1000 x 1000, 128 000 bytes a frame, with markers.
+
+A capture starts and stops anywhere, so whole frames are looked for, and every marker that is read
+is checked: a block that was lost would shift all that follow. `raw_layout.py` has the layout.
+"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+from cosim.errors import InputError
+from cosim.files.raw_layout import (
+    BLOCK_BYTES,
+    BLOCKS,
+    FRAME_BYTES,
+    HALF,
+    MARKER_MASK,
+    RAW_SIZE,
+    TABLE,
+    markers,
+)
+from cosim.files.whole import whole
+from cosim.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
+
+__all__ = ["RAW_CLOCK", "RawStream", "write_raw"]
+
+RAW_CLOCK = Clock(40_000)
+"""The file says no clock; the chip latches at 40 kHz."""
+
+Bytes = npt.NDArray[np.uint8]
+
+_MARKERS = markers()
+_PLACE = TABLE.row * 2 + TABLE.half
+"""Half row of the chip that each block of a frame is."""
+
+
+def _found(data: Bytes, first: int, count: int) -> npt.NDArray[np.uint16]:
+    """Markers of `count` blocks from byte `first` on."""
+    blocks = data[first : first + count * BLOCK_BYTES].reshape(count, BLOCK_BYTES)
+    low, high = (blocks[:, n].astype(np.uint16) for n in (-2, -1))
+    return (low | high << np.uint16(8)) & np.uint16(MARKER_MASK)
+
+
+def _frame_start(data: Bytes) -> int | None:
+    """The byte within the first frame's length at which most of a frame's markers are right.
+
+    None where fewer than half of them are: the file is something else.
+    """
+    last = min(len(data) - FRAME_BYTES, FRAME_BYTES)
+    low = data[BLOCK_BYTES - 2 : BLOCK_BYTES - 1 + last].astype(np.uint16)
+    high = data[BLOCK_BYTES - 1 : BLOCK_BYTES + last].astype(np.uint16)
+    best, place = BLOCKS // 2 - 1, None
+    for byte in np.flatnonzero((low | high << 8) & MARKER_MASK == _MARKERS[0]):
+        right = int((_found(data, int(byte), BLOCKS) == _MARKERS).sum())
+        if right > best:
+            best, place = right, int(byte)
+        if right == BLOCKS:
+            break
+    return place
+
+
+class RawStream:
+    """A `.raw` file as a spike stream; frames are read, and their markers checked, as they are
+    asked for. Opening checks the first and the last frame and what lies around them.
+
+    notes: how many bytes before the first whole frame and after the last are left out.
+    Raises InputError for a file without whole frames, and where blocks are lost or damaged.
+    """
+
+    shape = RAW_SIZE[::-1]
+    clock = RAW_CLOCK
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        length = path.stat().st_size
+        must = f"1000x1000 raw words with a whole frame of {FRAME_BYTES} bytes"
+        if length < FRAME_BYTES:
+            raise InputError(f"{path}", must, f"{length} bytes", "take a longer capture")
+        self._data: Bytes = np.asarray(np.memmap(path, np.uint8, "r"))
+        start = _frame_start(self._data)
+        if start is None:
+            given = "one without the markers of a frame"
+            raise InputError(f"{path}", must, given, "name a stream without markers .dat")
+        self._start = start
+        self.cycles, rest = divmod(length - start, FRAME_BYTES)
+        lead = start // BLOCK_BYTES
+        wrong = _found(self._data, start % BLOCK_BYTES, lead) != _MARKERS[BLOCKS - lead :]
+        if wrong.any():
+            self._refuse_lead(start % BLOCK_BYTES + int(wrong.nonzero()[0][-1]) * BLOCK_BYTES)
+        self._check(0, 1)
+        self._check(self.cycles - 1, self.cycles)
+        tail = rest // BLOCK_BYTES
+        if (_found(self._data, length - rest, tail) != _MARKERS[:tail]).any():
+            self._refuse()
+        said = [f"{start} before the first whole frame"] if start else []
+        said += [f"{rest} after the last"] if rest else []
+        self.notes = (f"bytes of {path} left out: {', '.join(said)}",) if said else ()
+
+    def _check(self, first: int, stop: int) -> None:
+        """Checks the markers of frames `first` to `stop` (excluded)."""
+        found = _found(self._data, self._start + first * FRAME_BYTES, (stop - first) * BLOCKS)
+        if (found.reshape(-1, BLOCKS) != _MARKERS).any():
+            self._refuse()
+
+    def _refuse(self) -> None:
+        """Names the first wrong block of the file, from which any other may follow."""
+        blocks = (len(self._data) - self._start) // BLOCK_BYTES
+        for first in range(0, blocks, WORD * BLOCKS):
+            count = min(WORD * BLOCKS, blocks - first)
+            found = _found(self._data, self._start + first * BLOCK_BYTES, count)
+            wrong = np.flatnonzero(found != np.resize(_MARKERS, count))
+            if wrong.size:
+                break
+        n = first + int(wrong[0])
+        frame, block = divmod(n, BLOCKS)
+        ahead = _found(self._data, self._start + n * BLOCK_BYTES, min(2, blocks - n))
+        known = np.flatnonzero(ahead[0] == _MARKERS)
+        what = "a damaged marker"
+        if known.size:
+            lost = (int(known[0]) - block) % BLOCKS
+            goes_on = len(ahead) < 2 or ahead[1] == _MARKERS[(known[0] + 1) % BLOCKS]
+            if goes_on:
+                what = f"blocks lost: {lost}" if lost <= BLOCKS // 2 else "out of order"
+        keep = self._start + frame * FRAME_BYTES
+        name = shlex.quote(str(self._path))
+        raise InputError(
+            f"{self._path}",
+            f"{_named(_MARKERS[block])} at byte {self._start + n * BLOCK_BYTES} in frame {frame}",
+            f"{_named(ahead[0])}, {what}",
+            f"keep what comes before frame {frame}: head -c {keep} {name} > OUT.raw"
+            if frame
+            else "take another capture",
+        )
+
+    def _refuse_lead(self, byte: int) -> None:
+        raise InputError(
+            f"{self._path}",
+            "whole up to its first whole frame",
+            f"one with lost or damaged blocks at byte {byte}",
+            f"leave them out: tail -c +{self._start + 1} {shlex.quote(str(self._path))} > OUT.raw",
+        )
+
+    def read_words(self, first: int, stop: int) -> Words:
+        """As `SpikeStream` says; InputError where blocks are lost or damaged."""
+        stop = min(stop, words_for(self.cycles))
+        words = np.empty((max(stop - first, 0), *self.shape), np.uint32)
+        for n in range(len(words)):
+            begin = (first + n) * WORD
+            frames = min(WORD, self.cycles - begin)
+            self._check(begin, begin + frames)
+            byte = self._start + begin * FRAME_BYTES
+            blocks = self._data[byte : byte + frames * FRAME_BYTES].reshape(frames, BLOCKS, -1)
+            halves = np.empty_like(blocks)
+            halves[:, _PLACE] = blocks
+            bits = np.unpackbits(halves, axis=2, bitorder="little")[..., :HALF]
+            words[n] = pack_planes(bits.reshape(frames, *self.shape))[0]
+        return words
+
+
+def _named(marker: np.uint16) -> str:
+    return f"channel {int(marker) >> 14} line {int(marker) >> 4 & 0x3FF}"
+
+
+def write_raw(stream: SpikeStream, path: Path) -> None:
+    """Writes a 1000 x 1000 stream as `.raw`, whole frames from the first byte on. Clock and start
+    are not kept. Raises InputError for another size."""
+    height, width = stream.shape
+    if (width, height) != RAW_SIZE:
+        raise InputError(
+            "the size of a .raw stream", "1000x1000", f"{width}x{height}", "use .npz or .zarr"
+        )
+    marker = np.stack([_MARKERS & 0xFF, _MARKERS >> 8], axis=1).astype(np.uint8)
+    with whole(path) as part, part.open("wb") as file:
+        for w in range(words_for(stream.cycles)):
+            n = min(WORD, stream.cycles - w * WORD)
+            bits = np.zeros((n, BLOCKS, BLOCK_BYTES * 8), np.uint8)
+            planes = unpack_planes(stream.read_words(w, w + 1), 0, n)
+            bits[..., :HALF] = planes.reshape(n, BLOCKS, HALF)
+            blocks = np.packbits(bits, axis=2, bitorder="little")[:, _PLACE]
+            blocks[..., -2:] |= marker
+            file.write(blocks.tobytes())

@@ -1,0 +1,19 @@
+"""A look at the memory that is free, before something large is made in it."""
+
+from __future__ import annotations
+
+import psutil
+
+from cosim.errors import InputError
+
+__all__ = ["check_memory"]
+
+_GIB = 2**30
+
+
+def check_memory(what: str, need: int, mend: str) -> None:
+    """Raises InputError where `need` bytes are more than this machine has free."""
+    free = int(psutil.virtual_memory().available)
+    if need > free:
+        must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"
+        raise InputError(what, must, f"{need / _GIB:.3g} GiB", mend)
