@@ -14,19 +14,31 @@ __all__ = ["convert"]
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help=".dat, .npz, .zarr or a run's folder")
+        Path, typer.Argument(metavar="IN", help=".dat, .npz, .zarr, .fsc or a run's folder")
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help=".dat, .npz, .zarr, or a clip (.mp4)")],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help=".dat, .npz, .zarr, .fsc, or a clip (.mp4)")
+    ],
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     window: Annotated[int, typer.Option(help="of a clip: cycles of each tfp image, odd")] = 41,
     every: Annotated[int, typer.Option(help="of a clip: cycles from image to image")] = 20,
     scale: Annotated[float, typer.Option(help="of a clip: rate that becomes white")] = 1.0,
     rate: Annotated[float, typer.Option(help="of a clip: images a second")] = 25.0,
+    code: Annotated[
+        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
+    ] = None,
+    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None,
+    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None,
+    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None,
+    refine: Annotated[
+        int | None, typer.Option(help="of statistical: widths in the mean after a change")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Convert a stream between formats, or render it as a clip in slow motion."""
     from cosim import InputError
-    from cosim.files import FORMATS, open_stream, write_stream
+    from cosim.files import FORMATS, write_stream
+    from scenarios.coded import choose_code, open_any, write_coded
     from scenarios.playback import CLIPS, write_clip
 
     if source.exists() and out.exists() and source.resolve() == out.resolve():
@@ -36,17 +48,22 @@ def convert(
             "IN", f"a stream ({', '.join(FORMATS)})", f"the clip {source}",
             f"film it: viform run film --set scene.path={source}",
         )  # fmt: skip
-    opened = open_stream(source, size_option(size))
+    coded = choose_code(out, code, k, threshold, threshold_noise, refine)
+    opened, notes = open_any(source, size_option(size))
     progress = make_progress()
     try:
         if out.suffix.lower() in CLIPS:
             write_clip(
                 opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress
             )
+        elif coded is not None:
+            write_coded(opened, out, coded)
         else:
             write_stream(opened, out)
     finally:
         progress.close()
+    for note in notes:
+        progress.note(note)
     if json:
         print_document(
             {"in": str(source), "out": str(out), "cycles": opened.cycles,

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from scenarios.commands.output import Json, print_document, size_option
+from scenarios.commands.output import Json, SilentProgress, print_document, size_option
 
 __all__ = ["image"]
 
 
 def image(
-    stream: Annotated[Path, typer.Argument(help=".dat, .npz, .zarr, or the folder of a run")],
+    stream: Annotated[Path, typer.Argument(help=".dat, .npz, .zarr, .fsc, or the folder of a run")],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
     method: Annotated[
@@ -28,7 +28,7 @@ def image(
     import math
 
     from cosim import InputError
-    from cosim.files import open_stream
+    from scenarios.coded import open_any
     from scenarios.png import to_linear_bytes, write_png
     from sensor import METHODS, tau_image, tfi, tfp
 
@@ -38,13 +38,15 @@ def image(
         raise InputError(
             "--scale", "a number above 0", f"{scale:g}", "white of a run is its white_rate"
         )
-    opened = open_stream(stream, size_option(size))
+    opened, notes = open_any(stream, size_option(size))
     if method == "tau":
         grey = tau_image(opened, at)
     else:
         rate = tfp(opened, at, window) if method == "tfp" else tfi(opened, at)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
+    for note in notes:
+        SilentProgress().note(note)
     if json:
         print_document(
             {

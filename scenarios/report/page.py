@@ -29,6 +29,7 @@ from scenarios.report.pictures import (
     enlarge,
     mark_pixels,
 )
+from scenarios.report.size import size_rows, size_text
 from scenarios.run import Finished
 from sensor import tau_levels
 
@@ -213,9 +214,7 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     # More cycles than the figure has dots for would draw patterns that are not there.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
-    columns = [
-        run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)
-    ]
+    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
     rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
     truth = np.array(rows) * run.white_rate
     figures = run.folder / "figures"
@@ -271,6 +270,12 @@ def _physics(run: Finished) -> str:
     )
 
 
+def _size(run: Finished) -> str:
+    head = ["form", "bits a pixel and cycle", "times smaller than raw"]
+    table = _table(head, size_rows(run.sizes))
+    return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{table}"
+
+
 def _time(run: Finished) -> str:
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
     rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
@@ -324,6 +329,7 @@ def write_report(run: Finished) -> list[str]:
         _accumulation(run),
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
+        _size(run),
         _physics(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin

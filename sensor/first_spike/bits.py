@@ -135,7 +135,7 @@ def read_leb(data, out):  # type: ignore[no-untyped-def]
     """Reads out.size values; whether `data` holds exactly them."""
     at = 0
     for i in range(out.size):
-        value, shift = 0, 0
+        value, shift = np.int64(0), 0
         while True:
             if at == data.size or shift > 28:
                 return False

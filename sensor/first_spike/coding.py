@@ -186,7 +186,8 @@ def decode_band(code: Code, frames: Sequence[memoryview], pixels: int, cycles: i
             columns = _columns(data, LINE_COLUMNS, most)
             if len({len(c) for c in columns[:3]}) > 1:
                 raise Damaged("columns of different lengths")
-            good = from_line(*columns, carry, across, cycles)
+            place, gap, spikes, width, bend, rest, phase = columns
+            good = from_line(place, gap, spikes, width, bend, rest, phase, carry, across, cycles)
         else:
             columns = _columns(data, 4 if code.refine else 3, most)
             if len({len(c) for c in columns}) > 1:

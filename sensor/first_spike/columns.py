@@ -54,6 +54,19 @@ def pack_column(values: Column, level: int | None) -> bytes:
     return _HEAD.pack(order, len(values), len(data)) + data
 
 
+def _content_size(head: bytes) -> int | None:
+    """Bytes that a zstd frame says it holds, None where it does not (RFC 8878, 3.1.1)."""
+    if len(head) < 6 or head[:4] != b"\x28\xb5\x2f\xfd":
+        return None
+    single = head[4] >> 5 & 1
+    at = 5 + (1 - single) + (0, 1, 2, 4)[head[4] & 3]
+    length = (single, 2, 4, 8)[head[4] >> 6]
+    field = head[at : at + length]
+    if not length or len(field) < length:
+        return None
+    return int.from_bytes(field, "little") + (256 if length == 2 else 0)
+
+
 def unpack_column(data: memoryview, most: int) -> tuple[Column, memoryview]:
     """The column that `data` begins with, and what follows it. most: values it may hold.
 
@@ -74,10 +87,13 @@ def unpack_column(data: memoryview, most: int) -> tuple[Column, memoryview]:
         if count > 8 * length or not read_golomb(np.frombuffer(body, np.uint8), tag, values):
             raise Damaged("a column's bits")
         return values, rest
+    size = _content_size(bytes(body[:18]))
+    if size is None or not count <= size <= 5 * count:  # before zstd takes memory for it
+        raise Damaged("a column's zstd")
     try:
         octets = np.frombuffer(Zstd().decode(bytes(body)), np.uint8)
     except Exception as exc:  # what zstd raises is not documented
         raise Damaged("a column's zstd") from exc
-    if not count <= len(octets) <= 5 * count or not read_leb(octets, values):
+    if not read_leb(octets, values):
         raise Damaged("a column's bytes")
     return values, rest

@@ -106,7 +106,7 @@ def to_spaced(records, exact, refine, carry, columns):  # type: ignore[no-untype
         last, held, share = np.int64(carry[p, 0]), np.int64(carry[p, 1]), np.int64(carry[p, 2])
         gap = t - width - last
         columns[0, i] = p - before
-        columns[1, i] = gap // max(held, 1) if exact else gap
+        columns[1, i] = gap // (held if held else 1) if exact else gap
         code = zigzag(width - (2 * held * spikes + share) // (2 * share))
         columns[2, i] = code if refine else code - 1  # without means it is never 0
         columns[3, i] = spikes > 1

@@ -1,11 +1,12 @@
 """`.fsc`: a spike stream as first spikes. All numbers are little-endian.
 
-head    96 bytes: "VIFSC1\\r\\n"; code (1 byte: its place in CODES), refine (1), bytes that are 0 (2),
-        height (4), width (4), words in a chunk (4), pixels in a band (4), cycles (4), start (8,
-        signed), clock (8 and 8: numerator and denominator in Hz), k, threshold, threshold noise
+head    96 bytes: "VIFSC1\\r\\n"; code (1 byte: its place in CODES), refine (1), 2 bytes that
+        are 0, height (4), width (4), words in a chunk (4), pixels in a band (4), cycles (4), start
+        (8, signed), clock (8 and 8: numerator and denominator in Hz), k, threshold, threshold noise
         (8 each, IEEE 754, 0 where nothing was lost), 12 bytes that are 0, CRC-32 of the 92 bytes
         before (4)
-frames  for each chunk, for each band: bytes (4), CRC-32 of number, then data (4), data: columns.py
+frames  for each chunk, for each band: bytes (4), CRC-32 of its number and its data (4), data:
+        columns.py; which columns: follow.py and line.py
 
 `code` says whether the stream is the recorded one (line, repeat) or what is left of it
 (statistical, with the settings it was made with).

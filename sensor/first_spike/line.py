@@ -157,7 +157,7 @@ def from_line(place, gap, spikes, width, bend, rest, phase, carry, words, cycles
                     return False
                 part, r = np.int64(rest[broken]) + 1, np.int64(phase[broken])
                 broken += 1
-            if not 1 <= step <= cycles or part >= max(b, 1) or r >= b:
+            if not 1 <= step <= cycles or part >= b or r >= b:
                 return False
         left = n if n else cycles
         while True:  # t and r hold floor and remainder of (a n + r) / b

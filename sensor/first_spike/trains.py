@@ -14,7 +14,7 @@ the code is lossless, but what it says of a tick is settled only later.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -49,8 +49,13 @@ class FirstSpikes:
 
     def take(self, which: npt.NDArray[np.bool_]) -> FirstSpikes:
         """Those of them where `which`, (n,), is true."""
-        arrays = (a[which] for a in (self.row, self.column, self.time, self.width))
-        return FirstSpikes(*arrays, self.shape, self.ticks, self.clock, self.start)
+        return replace(
+            self,
+            row=self.row[which],
+            column=self.column[which],
+            time=self.time[which],
+            width=self.width[which],
+        )
 
 
 def _pixel(row: Places, column: Places, shape: tuple[int, int]) -> Ticks:
@@ -58,16 +63,17 @@ def _pixel(row: Places, column: Places, shape: tuple[int, int]) -> Ticks:
 
 
 def first_spikes(events: Events) -> FirstSpikes:
-    """The first spikes of a viform. A spike whose interval did not begin at the last one (dead time
-    of an asynchronous chip) is sent too. Raises ValueError for partial spikes."""
+    """The first spikes of a viform. Raises ValueError for what the code cannot hold: partial
+    spikes, and intervals that do not follow one another (a pause after a spike)."""
     if events.level is not None and not bool((events.level == events.levels).all()):
         raise ValueError("the first-spike code holds full spikes alone")
     pixel = _pixel(events.row, events.column, events.shape)
     order = np.lexsort((events.time, pixel))
     pixel, time, width = pixel[order], events.time[order], events.width[order]
-    same = np.append(False, pixel[1:] == pixel[:-1])
-    before, last = np.roll(width, 1), np.roll(time, 1)
-    sent = ~(same & (width == before) & (time - last == width))
+    same = np.append(np.zeros(min(len(pixel), 1), bool), pixel[1:] == pixel[:-1])
+    if not (time - np.where(same, np.roll(time, 1), events.start - 1) == width).all():
+        raise ValueError("intervals must follow one another")
+    sent = ~(same & (width == np.roll(width, 1)))
     # A spike repeats its predecessor's width, so the current width is always the last spike's.
     end = events.start + events.ticks
     closing = np.append(~same[1:], np.ones(min(len(same), 1), bool)) & (time + width < end)
@@ -129,9 +135,7 @@ def without_transitions(first: FirstSpikes) -> FirstSpikes:
     steady = spikes >= 2
     # Nearest steady one at or before, and at or after, each; it counts in the same pixel alone.
     before = np.maximum.accumulate(np.where(steady | head, index, 0)) if n else index
-    after = (
-        np.minimum.accumulate(np.where(steady | tail, index, n - 1)[::-1])[::-1] if n else index
-    )
+    after = np.minimum.accumulate(np.where(steady | tail, index, n - 1)[::-1])[::-1] if n else index
     between = steady[before] & steady[after] & (group[before] == group[after])
     keep = np.empty(n, bool)
     keep[order] = ~(between & (spikes == 1))
