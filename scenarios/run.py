@@ -249,7 +249,9 @@ def run_scenario(
             stream = ZarrStream(folder / "stream.zarr")
             window = scenario.image.window
             shots = take_shots(stream, run.source, run.instants, window, run.white_rate)
+            sizes_begin = time.perf_counter()
             sizes = measure_sizes(stream, run.setting.threshold, run.setting.threshold_noise)
+            seconds["sizes"] = time.perf_counter() - sizes_begin
             result = Result(
                 scenario=name,
                 outcome="degraded" if run.source.degraded else "ok",
@@ -272,7 +274,7 @@ def run_scenario(
             progress.advance(1)
             result.files += _write_images(folder, shots)
             progress.advance(2)
-            seconds["images"] = time.perf_counter() - begin
+            seconds["images"] = time.perf_counter() - begin - seconds["sizes"]
             for note in run.source.degraded:
                 progress.note(note)
             result.files += report(Finished(

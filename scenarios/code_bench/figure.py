@@ -15,7 +15,8 @@ FORMS = (
     ("every spike an event", "#d9a441", lambda r: r["events"]),
     ("repeat + zstd", "#9db4d8", lambda r: r["repeat_zstd"]),
     ("line + zstd", "#2f5fa8", lambda r: r["line_zstd"]),
-    ("statistical, k = 3", "#d9480f", lambda r: r["statistical"]["k3"]),
+    ("statistical, k = 3", "#e8a07f", lambda r: r["statistical"]["k3"]),
+    ("the same, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
 )
 
 
@@ -52,7 +53,7 @@ def draw(document: dict[str, Any], path: Path) -> None:
         ax.grid(axis="y", color=LINE, linewidth=0.5)
         ax.set_axisbelow(True)
     handles, names = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="upper center", ncols=len(FORMS), fontsize=9, frameon=False)
+    figure.legend(handles, names, loc="upper center", ncols=len(FORMS), fontsize=8.5, frameon=False)
     figure.tight_layout(rect=(0, 0, 1, 0.96))
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, format="png")
     plt.close(figure)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarios.stream_size import K, Sizes
+from scenarios.stream_size import REFINE, K, Sizes
 
 __all__ = ["size_rows", "size_text"]
 
@@ -17,7 +17,8 @@ def size_text(sizes: Sizes) -> str:
     return (
         f"Measured on {what}. A first-spike code sends a spike only when the width changes (Huang "
         "2022, section 5.2). repeat and line lose nothing (viform convert RUN out.fsc); "
-        f"statistical drops changes within {K:g} standard deviations of a width."
+        f"statistical drops changes within {K:g} standard deviations of a width "
+        f"and sends the mean of the {REFINE} widths after each that it does not."
     )
 
 
@@ -28,6 +29,6 @@ def size_rows(sizes: Sizes) -> list[list[str]]:
         ("zstd level 3 of that, in the order that is best", sizes.zstd),
         ("first spikes: repeat, the paper's rule", sizes.repeat),
         ("first spikes: line, residual-carrying pixels", sizes.line),
-        (f"first spikes: statistical, k = {K:g} (lossy)", sizes.statistical),
+        (f"first spikes: statistical, k = {K:g}, means of {REFINE} (lossy)", sizes.statistical),
     )
     return [[name, f"{size:.4f}", f"{1 / size:.3g}" if size else "any"] for name, size in named]
