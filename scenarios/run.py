@@ -32,6 +32,7 @@ from scenarios.png import write_linear_png
 from scenarios.result import Metric, Result, Throughput, dumps, viform_version
 from scenarios.scenes import Source, make_source
 from scenarios.schema import ImageSection, Scenario
+from scenarios.stream_size import Sizes, measure_sizes, size_metrics
 from sensor import CameraSetting, SpikeCamera
 
 __all__ = ["Finished", "Progress", "choose_device", "run_scenario"]
@@ -62,6 +63,7 @@ class Finished:
     white_rate: float
     stream: ZarrStream
     shots: list[Shot]
+    sizes: Sizes
     seconds: dict[str, float]
     began: float
     notes: list[str] = field(default_factory=list)
@@ -260,6 +262,9 @@ def run_scenario(
             stream = ZarrStream(folder / "stream.zarr")
             window = scenario.image.window
             shots = take_shots(stream, run.source, run.instants, window, run.white_rate)
+            sizes_begin = time.perf_counter()
+            sizes = measure_sizes(stream, run.setting.threshold, run.setting.threshold_noise)
+            seconds["sizes"] = time.perf_counter() - sizes_begin
             result = Result(
                 scenario=name,
                 outcome="degraded" if run.source.degraded else "ok",
@@ -273,6 +278,7 @@ def run_scenario(
                     "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
                     "white_rate": Metric(run.white_rate, "spikes/cycle"),
                     "f_number": Metric(run.lens.f_number, "1"),
+                    **size_metrics(sizes),
                 },
                 latency=interval_latency(stream.clock, shots),
                 throughput=throughput,
@@ -281,12 +287,12 @@ def run_scenario(
             progress.advance(1)
             result.files += _write_images(folder, shots)
             progress.advance(2)
-            seconds["images"] = time.perf_counter() - begin
+            seconds["images"] = time.perf_counter() - begin - seconds["sizes"]
             for note in run.source.degraded:
                 progress.note(note)
             result.files += report(Finished(
                 result, scenario, folder, run.source, run.setting, run.lens, run.white_rate, stream,
-                shots, seconds, began, [*run.notes, *run.source.notes, *run.source.degraded],
+                shots, sizes, seconds, began, [*run.notes, *run.source.notes, *run.source.degraded],
             ))  # fmt: skip
             result.files.append("result.json")
             progress.advance(3)

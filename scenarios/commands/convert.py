@@ -12,7 +12,7 @@ from scenarios.commands.output import Json, make_progress, print_document, size_
 __all__ = ["convert"]
 
 
-FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz"
+FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc"
 
 
 def convert(
@@ -34,6 +34,15 @@ def convert(
     every: Annotated[int, typer.Option(help="of a clip: cycles from image to image")] = 20,
     scale: Annotated[float, typer.Option(help="of a clip: rate that becomes white")] = 1.0,
     rate: Annotated[float, typer.Option(help="of a clip: images a second")] = 25.0,
+    code: Annotated[
+        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
+    ] = None,
+    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None,
+    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None,
+    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None,
+    refine: Annotated[
+        int | None, typer.Option(help="of statistical: widths in the mean after a change")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Convert a stream between formats, or render it as a clip in slow motion.
@@ -41,7 +50,8 @@ def convert(
     What the new format has no place for is said on standard error.
     """
     from cosim import InputError
-    from cosim.files import FORMATS, locate_stream, notes_of, open_stream, write_stream
+    from cosim.files import FORMATS, locate_stream, write_stream
+    from scenarios.coded import choose_code, is_coded, open_any, write_coded
     from scenarios.playback import CLIPS, write_clip
 
     if source.suffix.lower() in CLIPS:
@@ -49,25 +59,29 @@ def convert(
             "IN", f"a stream ({', '.join(FORMATS)})", f"the clip {source}",
             f"film it: viform run film --set scene.path={source}",
         )  # fmt: skip
-    if out.exists() and locate_stream(source).resolve() == out.resolve():
+    place = source if is_coded(source) else locate_stream(source)
+    if out.exists() and place.resolve() == out.resolve():
         raise InputError("OUT", "another file than IN", str(out), "choose another name")
+    if (head or config) and out.suffix.lower() != ".dat":
+        flag = "--head" if head else "--config"
+        raise InputError(flag, "given with a .dat to write", str(out), f"leave {flag} out")
+    coded = choose_code(out, code, k, threshold, threshold_noise, refine)
     pixels = size_option(size)
+    lost: list[str] = []
     progress = make_progress()
     try:
-        opened = open_stream(source, pixels)
+        opened, notes = open_any(source, pixels)
         if out.suffix.lower() in CLIPS:
-            if head or config:
-                flag = "--head" if head else "--config"
-                raise InputError(flag, "given with a .dat to write", str(out), f"leave {flag} out")
             write_clip(
                 opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress
             )
-            lost = []
+        elif coded is not None:
+            write_coded(opened, out, coded)
         else:
             lost = write_stream(opened, out, head=head, config=config)
     finally:
         progress.close()
-    for note in (*notes_of(opened), *lost):
+    for note in (*notes, *lost):
         progress.note(note)
     if json:
         print_document(

@@ -14,7 +14,8 @@ __all__ = ["image"]
 
 def image(
     stream: Annotated[
-        Path, typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, or the folder of a run")
+        Path,
+        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, or a run's folder"),
     ],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
@@ -30,7 +31,7 @@ def image(
     import math
 
     from cosim import InputError
-    from cosim.files import notes_of, open_stream
+    from scenarios.coded import open_any
     from scenarios.png import to_linear_bytes, write_png
     from sensor import METHODS, tau_image, tfi, tfp
 
@@ -40,14 +41,14 @@ def image(
         raise InputError(
             "--scale", "a number above 0", f"{scale:g}", "white of a run is its white_rate"
         )
-    opened = open_stream(stream, size_option(size))
+    opened, notes = open_any(stream, size_option(size))
     if method == "tau":
         grey = tau_image(opened, at)
     else:
         rate = tfp(opened, at, window) if method == "tfp" else tfi(opened, at)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
-    for note in notes_of(opened):
+    for note in notes:
         SilentProgress().note(note)
     if json:
         print_document(

@@ -29,6 +29,7 @@ from scenarios.report.pictures import (
     enlarge,
     mark_pixels,
 )
+from scenarios.report.size import size_rows, size_text
 from scenarios.run import Finished
 from sensor import tau_levels
 
@@ -208,6 +209,12 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     )
 
 
+def _size(run: Finished) -> str:
+    head = ["form", "bits a pixel and cycle", "times smaller than raw"]
+    rows = table(head, size_rows(run.sizes))
+    return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
+
+
 def _time(run: Finished) -> str:
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
     rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
@@ -275,6 +282,7 @@ def write_report(run: Finished) -> list[str]:
         _accumulation(run),
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
+        _size(run),
         machine(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin

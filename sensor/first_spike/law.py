@@ -1,0 +1,101 @@
+"""What the physics says of widths and of the code of them, in closed form.
+
+A width X of steady light is Gamma(Q) with mean mu ticks (Huang 2022, section 5.1): relative
+standard deviation (RSD) 1/sqrt(Q); threshold noise of s electrons adds (s/Q)^2 to its square. The
+latch tells whole ticks: w = floor(U + X), where U, the phase of the spike before within its tick,
+is uniform. The errors at both ends are uniform and independent once X spreads over a tick: they add
+2/12 = 1/6 tick^2. Without noise the width takes the two whole values around mu = n + f, variance
+f(1 - f): 1/6 on average over f, 1/4 at most.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammainc
+
+__all__ = ["LATCH_VARIANCE", "effective_q", "entropy_bounds", "event_rate", "width_law",
+           "width_sigma"]  # fmt: skip
+
+LATCH_VARIANCE = 1 / 6
+"""Of a latched width, in tick^2, beside that of the interval itself."""
+_PHASES = 256
+"""Midpoints of the phase integral."""
+Law = npt.NDArray[np.float64]
+
+
+def effective_q(q: float, noise: float = 0.0) -> float:
+    """The Q whose shot noise alone has the RSD of threshold q with threshold noise, electrons."""
+    return 1 / (1 / q + (noise / q) ** 2)
+
+
+def width_sigma(mean: float, q: float, noise: float = 0.0) -> float:
+    """Standard deviation of a latched width of `mean` ticks, in ticks."""
+    return math.sqrt(mean**2 / effective_q(q, noise) + LATCH_VARIANCE)
+
+
+def _reach(mean: float, q: float) -> int:
+    """A width that is never met: 12 standard deviations out, and Gamma's heavier tail at small
+    Q."""
+    return math.ceil(mean * (1 + 12 / math.sqrt(q) + 80 / q)) + 2
+
+
+def width_law(mean: float, q: float) -> Law:
+    """P(w = n), n = 0, 1, ...: G(n+1) - 2 G(n) + G(n-1), G the integral of Gamma(q)'s
+    distribution function, x F_q(x) - mean F_{q+1}(x).
+
+    Beyond what the latch can say (w = 0, two spikes in a tick) this law does not hold: ValueError
+    where that has a share above 1e-6.
+    """
+    x = np.arange(-1, _reach(mean, q) + 1, dtype=np.float64).clip(0)
+    scaled = x * q / mean
+    integral = x * gammainc(q, scaled) - mean * gammainc(q + 1, scaled)
+    law = np.diff(integral, 2).clip(0)
+    if law[0] > 1e-6:
+        raise ValueError(f"a mean width of {mean:g} ticks at Q = {q:g} must saturate less")
+    return law / law.sum()
+
+
+def event_rate(mean: float, q: float, k: float, noise: float = 0.0) -> float:
+    """Share of spikes that the statistical code sends of steady light: P(|w - w0| > k sigma(w0)),
+    integrated over the law of the current width w0.
+
+    Widths are taken as independent. w0 is a Markov chain: a width that differs enough takes its
+    place. Were the bound the same for every w0, the chain would be reversible and w0's law that of
+    any width; sigma grows with w0, so the chain's own law is solved for.
+    """
+    law = width_law(mean, effective_q(q, noise))
+    keep = np.flatnonzero(law > 1e-15)
+    n, p = keep.astype(np.float64), law[keep] / law[keep].sum()
+    bound = k * np.sqrt(n**2 / effective_q(q, noise) + LATCH_VARIANCE)
+    moves = np.abs(n[None, :] - n[:, None]) > bound[:, None]
+    leave = moves @ p
+    # Balance: what leaves w0 is what comes to it. With y = pi * leave: y = p * (moves^T pi).
+    chain = moves * p[None, :]
+    chain[np.diag_indices_from(chain)] += 1 - leave
+    system = np.vstack([chain.T - np.eye(len(n)), np.ones(len(n))])
+    wanted = np.append(np.zeros(len(n)), 1.0)
+    stationary = np.linalg.lstsq(system, wanted, rcond=None)[0]
+    return float(stationary @ leave)
+
+
+def _entropy(p: Law) -> npt.NDArray[np.float64]:
+    """Bits, over the last axis."""
+    return -np.sum(np.where(p > 0, p * np.log2(np.where(p > 0, p, 1)), 0), axis=-1)
+
+
+def entropy_bounds(mean: float, q: float) -> tuple[float, float]:
+    """Between which bits a spike the entropy rate of steady light's latched widths lies.
+
+    Below: the width's entropy where the phase of the spike before is known, mean over phases;
+    widths of the past tell at most the phase. Above: the entropy of the width alone. No lossless
+    code of the stream takes less than the first on average; one that knows no more than the law
+    of a width takes the second.
+    """
+    n = np.arange(_reach(mean, q) + 2, dtype=np.float64)
+    phase = ((np.arange(_PHASES) + 0.5) / _PHASES)[:, None]
+    below = gammainc(q, (n[None, :] - phase).clip(0) * q / mean)
+    given = np.diff(below, axis=1, append=1.0)
+    return float(_entropy(given).mean()), float(_entropy(width_law(mean, q)))
