@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import resource
 import shlex
 import time
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim import Summary
-from cosim.files.whole import whole
 from scenarios.fidelity import LEAST_RATE, Shot
 from scenarios.loading import to_toml
 from scenarios.playback import write_clip
-from scenarios.png import Levels, encode, for_display, to_linear_bytes, write_png
+from scenarios.png import Levels, for_display, to_linear_bytes, write_png
 from scenarios.report.figures import interval_figure, overview_figure
+from scenarios.report.parts import cards, write_page
+from scenarios.report.parts import data as _data
+from scenarios.report.parts import figure as _figure
+from scenarios.report.parts import table as _table
 from scenarios.report.pictures import (
     WINDOWS,
     accumulation,
@@ -39,29 +39,6 @@ _LONG = 800
 """Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
 
 
-def _data(content: bytes, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def _figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
-    """A picture with its caption; `exact` keeps every pixel (PNG), else JPEG."""
-    content = encode(image, ".png" if exact else ".jpg")
-    source = _data(content, "image/png" if exact else "image/jpeg")
-    pixels = ' class="pixels"' if exact else ""
-    return (
-        f'<figure class="{css}"><img{pixels} src="{source}" alt="{html.escape(caption)}">'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-    )
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
-
-
 def _cards(run: Finished) -> str:
     result = run.result
 
@@ -75,7 +52,7 @@ def _cards(run: Finished) -> str:
         return "", f"{decibel} dB", f"{method.upper()} against the truth, SSIM {structure}"
 
     spent = time.perf_counter() - run.began
-    cards = [
+    rows = [
         ("first", "unknown", "error against full physics: not measured yet"),
         ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("first", str(len(result.left_out)), "effects left out"),
@@ -83,12 +60,7 @@ def _cards(run: Finished) -> str:
         fidelity("tfi"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
     ]
-    texts = (
-        f'<div class="card {css}"><b>{html.escape(big)}</b>'
-        f'<span class="soft">{html.escape(small)}</span></div>'
-        for css, big, small in cards
-    )
-    return f'<div class="cards">{"".join(texts)}</div>'
+    return cards(rows)
 
 
 def _instants(run: Finished) -> str:
@@ -213,9 +185,7 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     # More cycles than the figure has dots for would draw patterns that are not there.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
-    columns = [
-        run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)
-    ]
+    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
     rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
     truth = np.array(rows) * run.white_rate
     figures = run.folder / "figures"
@@ -338,15 +308,7 @@ def write_report(run: Finished) -> list[str]:
         _time(run),
         _again(run),
     ]
-    css = (files("scenarios.report") / "style.css").read_text()
-    page = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(run.scenario.title)}</title><style>{css}</style></head>"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
-    with whole(run.folder / "report.html") as part:
-        Path(part).write_text(page, encoding="utf-8")
+    write_page(run.folder, run.scenario.title, "".join(body))
     return [
         "figures/overview.png",
         "figures/intervals.png",

@@ -4,12 +4,22 @@ A quantity is text with a unit in the file and a float in the kind's unit here. 
 whole as JSON Schema.
 """
 
+from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.messages import validate
 from scenarios.schema.scenario import ImageSection, Scenario, export
-from scenarios.schema.scenes import FilmScene, SceneSection, StarScene, StepScene, WaveScene
+from scenarios.schema.scenes import (
+    FilmScene,
+    SceneSection,
+    StarScene,
+    StepScene,
+    SunAndStarsScene,
+    WaveScene,
+)
 from scenarios.schema.sensor import LensSection, PatternSection, SensorSection
 
 __all__ = [
+    "AsynchronousSection",
+    "ChannelSection",
     "FilmScene",
     "ImageSection",
     "LensSection",
@@ -19,6 +29,7 @@ __all__ = [
     "SensorSection",
     "StarScene",
     "StepScene",
+    "SunAndStarsScene",
     "WaveScene",
     "export",
     "validate",

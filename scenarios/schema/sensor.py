@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.quantity import (
     Charge,
     Current,
@@ -56,6 +57,9 @@ class SensorSection(Section):
     """The chip and how it is run."""
 
     chip: Literal[tuple(CHIPS)] = "spiketwo"  # type: ignore[valid-type]  # the presets' names
+    readout: Literal["synchronous", "asynchronous"] = Field(
+        default="synchronous", description="latched by the clock, or each pixel when it is full"
+    )
     clock: Frequency = 40e3
     threshold: Charge
     wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
@@ -66,3 +70,7 @@ class SensorSection(Section):
     dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
+    asynchronous: AsynchronousSection | None = None
+    channel: ChannelSection | None = Field(
+        default=None, description="output that asynchronous pixels share; none when absent"
+    )

@@ -46,8 +46,9 @@ def _electrons(level, q, n):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
     pixels, since, part, charge, goals, spikes, width, sent, sent_level, countdown,
-    first_rate, last_rate, begins, ends, stop, table, shot, threshold, seed, tick, shortest, longest,
-    levels, delay, reset, change, start, out_pixel, out_instant, out_width, out_exact, out_level,
+    first_rate, last_rate, begins, ends, stop, table, shot, threshold, seed, tick, shortest,
+    longest, levels, delay, reset, change, start, out_pixel, out_instant, out_width, out_exact,
+    out_level,
 ):  # fmt: skip
     """Runs pixels from number `start` of these arrays on until `stop` (ps), at most the end of the
     piece from `begins` to `ends`. Rates: electrons a picosecond at those two instants.
@@ -138,7 +139,9 @@ def advance(  # type: ignore[no-untyped-def]
                     a, b = 0.0, math.inf
                     if not known:
                         around = change * math.sqrt((sent_level[n] + 0.5) * levels / q)
-                        low = _electrons(max(math.ceil(sent_level[n] - around), 0), threshold, levels)
+                        low = _electrons(
+                            max(math.ceil(sent_level[n] - around), 0), threshold, levels
+                        )
                         most = min(math.floor(sent_level[n] + around), levels - 1)
                         high = _electrons(most + 1, threshold, levels) - 1
                         p = level_law(q, shot, rate0 * longest, low, high)

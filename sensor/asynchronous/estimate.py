@@ -10,6 +10,7 @@ fire is not judged by the lucky ones alone.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,8 @@ class Observed:
 @dataclass(frozen=True)
 class RateEstimate:
     """rate: electrons a second, 0 where nothing was gathered, infinite where every width was held.
-    low, high: 99.9 % confidence from the likelihood's curvature, equal to it at those ends."""
+    low, high: 99.9 % confidence from the likelihood's curvature; where the rate is 0 or infinite,
+    the other bound is where the likelihood has fallen as far."""
 
     rate: float
     low: float
@@ -132,16 +134,26 @@ def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
 
     found = minimize_scalar(loss, bounds=(left, right), method="bounded", options={"xatol": 1e-10})
     peak, rate = -float(found.fun), math.exp(float(found.x))
-    if rate < least * 1.1:
-        return RateEstimate(0.0, 0.0, 0.0)
-    if -loss(math.log(most)) >= peak - 1e-9 * max(abs(peak), 1.0):
-        return RateEstimate(math.inf, math.inf, math.inf)
+    small, large = math.log(least), math.log(most)
+    flat = 1e-9 * max(abs(peak), 1.0)
+    if -loss(small) >= peak - flat:
+        return RateEstimate(0.0, 0.0, math.exp(_fallen(loss, small, large)))
+    if -loss(large) >= peak - flat:
+        return RateEstimate(math.inf, math.exp(_fallen(loss, large, small)), math.inf)
     step = 1e-3
     for _ in range(3):  # a step of one standard deviation measures the curvature best
         drop = 2 * peak + loss(float(found.x) - step) + loss(float(found.x) + step)
         step = min(step / math.sqrt(drop), 1.0) if drop > 0 else 1.0
     spread = math.exp(CONFIDENCE * step)
     return RateEstimate(rate, rate / spread, rate * spread)
+
+
+def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
+    """Where, from `top` towards `away`, the log-likelihood has fallen by half of CONFIDENCE^2."""
+    from scipy.optimize import brentq
+
+    level = loss(top) + CONFIDENCE**2 / 2
+    return float(brentq(lambda x: loss(x) - level, top, away, xtol=1e-6))
 
 
 def mean_rate(model: EventModel, seen: Observed) -> float:

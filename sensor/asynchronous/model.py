@@ -49,8 +49,8 @@ class EventModel:
     def __post_init__(self) -> None:
         if not 1 <= self.threshold < 2**21:
             raise ValueError(f"threshold must be 1 to {2**21 - 1} e, not {self.threshold} e")
-        if PS % self.clock.num or not self.tick:
-            raise ValueError(f"the clock must tick every whole picosecond or more, not {self.clock}")
+        if PS * self.clock.den % self.clock.num:
+            raise ValueError(f"a period must be whole picoseconds, not that of {self.clock}")
         if self.shortest < self.tick:
             raise ValueError(f"the shortest width must be {self.tick} ps or more")
         if self.longest and self.longest < self.shortest:

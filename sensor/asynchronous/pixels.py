@@ -105,9 +105,7 @@ class AsynchronousPixels:
     def _piece(self, piece: Piece, stop: int) -> list[Firings]:
         first = self._rates(piece.first)
         last = first if piece.constant else self._rates(piece.last)
-        spans = [
-            (n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)
-        ]
+        spans = [(n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)]
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             tiles = [pool.submit(self._run, span, first, last, piece, stop) for span in spans]
             try:
@@ -122,23 +120,31 @@ class AsynchronousPixels:
     ) -> list[Firings]:
         """One tile through one piece, buffer by buffer."""
         m, chosen = self.model, slice(*span)
-        state = tuple(array[chosen] for array in self._state)
-        pixels, parts, at, total = self._pixels[chosen], [], 0, 0
+        state = [array[chosen] for array in self._state]  # views: they are written to
+        pixels, parts, at = self._pixels[chosen], [], 0
         # A tile fires about once a pixel where only changes are sent: room for that at first.
         room = min(_BUFFER, 2 * (span[1] - span[0]))
         while at < span[1] - span[0]:
-            out = (
-                np.empty(room, np.uint32), np.empty(room, np.int64), np.empty(room, np.int64),
-                np.empty(room), np.empty(room, np.uint16),
-            )  # fmt: skip
-            at, count, turns = advance(
+            pixel, level = np.empty(room, np.uint32), np.empty(room, np.uint16)
+            instant, width = np.empty(room, np.int64), np.empty(room, np.int64)
+            exact = np.empty(room)
+            at, count, turns = advance(  # type: ignore[call-arg]
                 pixels, *state, first[chosen], last[chosen], piece.start, piece.stop, stop,
                 self._table, m.shot, m.threshold, np.uint64(m.seed), m.tick, m.shortest, m.longest,
-                m.levels, m.delay, m.reset, float(m.change), at, *out,
+                m.levels, m.delay, m.reset, float(m.change), at, pixel, instant, width, exact,
+                level,
             )  # fmt: skip
-            total += turns
-            pixel, instant, width, exact, level = (array[:count].copy() for array in out)
-            parts.append(Firings(pixel, instant, width, exact, level, turns))
+            n = slice(0, count)
+            parts.append(
+                Firings(
+                    pixel[n].copy(),
+                    instant[n].copy(),
+                    width[n].copy(),
+                    exact[n].copy(),
+                    level[n].copy(),
+                    turns,
+                )
+            )
             room = _BUFFER
             self._fired += count
             if self._fired > self._most:

@@ -22,10 +22,11 @@ from sensor.pixel.draws import random_words
 
 __all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]
 
-RARE: Final = 1e-3
-"""Probability of a report above which intervals are drawn one by one."""
 LEAST: Final = 256
 """Intervals in the shortest stretch that is drawn at once."""
+RARE: Final = 1 / LEAST
+"""Probability of a report above which intervals are drawn one by one: stretches would be shorter.
+So a report costs some hundreds of draws at most, whatever happens between."""
 SKIP: Final = np.uint64(48)
 """Second word of the random key of everything here."""
 _NEVER: Final = 1 << 62
