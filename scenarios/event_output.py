@@ -19,16 +19,21 @@ __all__ = ["STREAM", "Output", "gather_events", "write_events"]
 STREAM = "stream.events.npz"
 """The event stream's name in a run's folder."""
 
+_DRAINED = 2**62
 Instants = npt.NDArray[np.int64]
 
 
 @dataclass
 class Output:
     """Takes firings step by step. channel: None lets every one leave as it fires. stop: end of the
-    run, ps; what leaves later is under way and not in the stream."""
+    run, ps.
+
+    late: whether t is taken as an event leaves the channel; what leaves after the end is then under
+    way and not in the stream. Else all that has fired is waited for."""
 
     channel: Channel | None
     stop: int
+    late: bool = False
     parts: list[Firings] = field(default_factory=list)
     leaves: list[Instants] = field(default_factory=list)
     offered: int = 0
@@ -49,10 +54,14 @@ class Output:
         self.leaves.append(sent.leaves)
 
     def crossed(self) -> tuple[Firings, Instants]:
-        """What has crossed by the end, in the order it left, and when, ps."""
+        """What the stream holds, in the order it left, and when it left, ps."""
+        if self.channel is not None and not self.late:
+            rest = self.channel.step(Firings.join([]), _DRAINED)
+            self.parts.append(rest.firings)
+            self.leaves.append(rest.leaves)
         firings = Firings.join(self.parts)
         leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
-        inside = leaves <= self.stop
+        inside = leaves <= (self.stop if self.late else _DRAINED)
         return firings.take(inside), leaves[inside]
 
     def metrics(self, carried: int) -> dict[str, Metric]:

@@ -206,7 +206,8 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     return _Prepared(
         name, scenario, setting, model, lens, white_rate, source, patches,
         [] if patches else _instants(scenario, cycles), event_pixels(scenario, setting, model),
-        Output(None if bus is None else Channel(bus, shape), stop), [*notes, *source.notes],
+        Output(None if bus is None else Channel(bus, shape), stop, _stamped_late(scenario)),
+        [*notes, *source.notes],
     )  # fmt: skip
 
 
@@ -299,7 +300,7 @@ def run_events(
             begin = time.perf_counter()
             sent, leaves = run.output.crossed()
             delay = None if run.output.channel is None else leaves - sent.instant
-            stamps = leaves if _stamped_late(scenario) else sent.instant
+            stamps = leaves if run.output.late else sent.instant
             shape = (run.setting.chip.height, run.setting.chip.width)
             events = gather_events(sent, stamps, run.model, shape, run.stop)
             write_events(events, folder / STREAM)

@@ -29,8 +29,7 @@ def view_figure(
 
     norm = LogNorm(floor, max(float(truth.max()), floor * 10))
     figure, axes = plt.subplots(1, 2, figsize=(11, 5.1), layout="constrained")
-    colours = plt.get_cmap("inferno").copy()
-    colours.set_bad("#7b818c")
+    colours = plt.get_cmap("inferno").with_extremes(bad="#7b818c")
     for ax, image, name in zip(
         axes,
         (np.maximum(truth, floor), np.ma.masked_where(silent, np.maximum(seen, floor))),

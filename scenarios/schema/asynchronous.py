@@ -55,5 +55,7 @@ class ChannelSection(Section):
         default=16, description="events in the queue of buffer = fifo"
     )
     timestamp: Literal["pixel", "channel"] = Field(
-        default="pixel", description="where t is taken: at the pixel, or as it leaves the channel"
+        default="pixel",
+        description="where t is taken: at the pixel, or as it leaves the channel; what leaves it "
+        "after the run's end is then left out",
     )

@@ -35,6 +35,8 @@ def crossing(rate, slope, need):  # type: ignore[no-untyped-def]
     """
     if need <= 0.0:
         return 0.0
+    if slope == 0.0:
+        return need / rate if rate > 0.0 else math.inf
     inside = rate * rate + 2.0 * slope * need
     if inside < 0.0:
         return math.inf

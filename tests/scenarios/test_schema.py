@@ -117,9 +117,10 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("sensor", 7, f"sensor must be a section, not 7; {SCHEMA}"),
         ("sensor.lens", [1], f"sensor.lens must be a section, not [1]; {SCHEMA}"),
         ("scene.kind", "fil",
-         "scene.kind must be one of 'film', 'wave', 'star', 'step', not 'fil'; choose one"),
+         "scene.kind must be one of 'film', 'wave', 'star', 'step', 'sun-and-stars', not 'fil'; "
+         "choose one"),
         ("sensor.chip", "spikethree",
-         "sensor.chip must be 'spiketwo' or 'spikeone', not 'spikethree'; "
+         "sensor.chip must be 'spiketwo', 'spikeone' or 'spikeasync', not 'spikethree'; "
          "write --set sensor.chip='spiketwo'"),
         ("sensor.lens.f_number", 0.1,
          f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),
@@ -128,9 +129,9 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("image.at", [1, -2], f"image.at.1 must be at least 0, not -2; {SCHEMA}"),
         ("image.window", 0, f"image.window must be at least 1, not 0; {SCHEMA}"),
         ("sensor.treshold", "5 e",
-         "sensor.treshold must be one of chip, clock, threshold, wavelength, reset, "
-             "threshold_noise, dead_time, lens, pattern, not an unknown key; did you mean "
-             "sensor.threshold?"),
+         "sensor.treshold must be one of chip, readout, clock, threshold, wavelength, reset, "
+         "threshold_noise, dead_time, lens, pattern, asynchronous, channel, not an unknown key; "
+         "did you mean sensor.threshold?"),
         ("scene.ilumminance", "5 lux",
          "scene.ilumminance must be one of kind, path, start, frame_rate, illuminance, not an "
          "unknown key; did you mean scene.illuminance?"),
