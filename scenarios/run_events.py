@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim import BLOCK, Block, Clock, Events, InputError, Interrupted, Light, Plane, seconds_to_ps
+from cosim import BLOCK, Block, Clock, Events, InputError, Interrupted, Light, seconds_to_ps
 from cosim.lens import Lens
 from scenarios.event_camera import (
     channel_model,
@@ -24,34 +24,31 @@ from scenarios.event_camera import (
     with_defaults,
 )
 from scenarios.event_output import STREAM, Output, gather_events, write_events
+from scenarios.event_result import (
+    EventShot,
+    effect_names,
+    first_instants,
+    judge_shots,
+    spread,
+    take_event_shots,
+    write_shots,
+)
 from scenarios.exposure import choose_lens, lens_notes
-from scenarios.fidelity import Estimate, psnr, ssim, to_white
 from scenarios.folder import begin_folder, claimed, output_folder
 from scenarios.loading import to_toml
 from scenarios.patches import Recovered, dynamic_range, recover
-from scenarios.png import write_linear_png
 from scenarios.progress import Progress
-from scenarios.result import Latency, Metric, Result, Throughput, write_result
+from scenarios.result import Metric, Result, Throughput, write_result
 from scenarios.scenes import Patch, Source, make_source
 from scenarios.schema import Scenario
 from sensor import CameraSetting
-from sensor.asynchronous import EventModel, EventPixels, Firings, latched
-from sensor.asynchronous.image import rate_image
+from sensor.asynchronous import EventModel, EventPixels, Firings
 from sensor.channel import Channel
 
-__all__ = ["EventRun", "EventShot", "light_steps", "run_events"]
+__all__ = ["EventRun", "light_steps", "run_events"]
 
 
 Instants = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class EventShot:
-    """One instant: cycle of sensor.clock, truth, and TFI from events, white = 1, (H, W)."""
-
-    cycle: int
-    truth: Plane
-    tfi: Estimate
 
 
 @dataclass
@@ -105,44 +102,6 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
             "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
         )
     return list(at)
-
-
-def _kept(model: EventModel, setting: CameraSetting, channel: bool) -> list[str]:
-    """Effects that act, by name."""
-    pattern = [e.name for e in setting.kept if e not in setting.effects]
-    made = ["shot noise", "shortest width", "timing clock"]
-    made += ["longest width"] * bool(model.longest)
-    made += ["comparator delay"] * bool(model.delay)
-    made += ["first-spike rule"] * bool(model.change)
-    return [*made, *pattern, *(["shared channel"] if channel else [])]
-
-
-def _spread(stage: str, ps: Instants) -> list[Latency]:
-    if not ps.size:
-        return []
-    least, middle, most = (float(x) / 1e6 for x in (ps.min(), np.median(ps), ps.max()))
-    return [Latency(stage, least, middle, most)]
-
-
-def _shots(
-    events: Events, source: Source, clock: Clock, instants: list[int], model: EventModel,
-    white: float,
-) -> list[EventShot]:  # fmt: skip
-    """TFI of each instant beside the truth. white: electrons a second of white."""
-    shots = []
-    for cycle in instants:
-        middle = clock.middle(cycle)
-        tick = int(latched(np.array([middle]), model.tick)[0])
-        rate = rate_image(events, tick, model.threshold, model.delay / 1e12)
-        shots.append(EventShot(cycle, source.truth(middle), to_white(rate, white)))
-    return shots
-
-
-def _judge(shots: list[EventShot]) -> dict[str, Metric]:
-    return {
-        "tfi_psnr": Metric(float(np.mean([psnr(s.tfi, s.truth) for s in shots])), "dB"),
-        "tfi_ssim": Metric(float(np.mean([ssim(s.tfi, s.truth) for s in shots])), "1"),
-    }
 
 
 def _refuse(resume: bool, device: str | None) -> None:
@@ -254,16 +213,16 @@ def _make_result(
         device="numba on this processor",
         simulated_s=run.scenario.duration,
         tolerance=run.scenario.tolerance,
-        kept=_kept(run.model, run.setting, delay is not None),
+        kept=effect_names(run.model, run.setting, delay is not None),
         metrics={
-            **(dynamic_range(found, run.model, run.stop) if found else _judge(shots)),
+            **(dynamic_range(found, run.model, run.stop) if found else judge_shots(shots)),
             **run.output.metrics(len(sent)),
             "loop_turns": Metric(float(work), "1"),
             "f_number": Metric(run.lens.f_number, "1"),
         },
         latency=[
-            *_spread("first event", _firsts(sent)),
-            *(_spread("channel", delay) if delay is not None else []),
+            *spread("first event", first_instants(sent)),
+            *(spread("channel", delay) if delay is not None else []),
         ],
         throughput=[Throughput("sensor", len(sent) / max(seconds["sensor"], 1e-9), "events/s")],
         files=["scenario.toml", STREAM],
@@ -312,10 +271,12 @@ def run_events(
                 0.0 if device_pattern is None else device_pattern.dark,
             )  # fmt: skip
             white = scenario.scene.illuminance * run.lens.gain * per_lux
-            shots = _shots(events, run.source, run.setting.clock, run.instants, run.model, white)
+            shots = take_event_shots(
+                events, run.source, run.setting.clock, run.instants, run.model, white
+            )
             seconds["estimates"] = time.perf_counter() - begin
             result = _make_result(run, sent, delay, found, shots, seconds, work)
-            result.files += _write_images(folder, shots)
+            result.files += write_shots(folder, shots)
             warnings = [*run.source.degraded, *run.output.losses()]
             for note in warnings:
                 progress.note(note)
@@ -335,21 +296,3 @@ def run_events(
 def _stamped_late(scenario: Scenario) -> bool:
     """Whether t is taken as an event leaves the channel."""
     return scenario.sensor.channel is not None and scenario.sensor.channel.timestamp == "channel"
-
-
-def _firsts(sent: Firings) -> Instants:
-    """Instants at which pixels first fired, ps."""
-    _, first = np.unique(sent.pixel, return_index=True)
-    return sent.instant[first]
-
-
-def _write_images(folder: Path, shots: list[EventShot]) -> list[str]:
-    """Linear pictures of the instants, 8-bit grey; their names in the folder."""
-    names = []
-    if shots:
-        (folder / "images").mkdir(exist_ok=True)
-    for shot in shots:
-        for method in ("truth", "tfi"):
-            names.append(f"images/{method}-{shot.cycle:05d}.png")
-            write_linear_png(folder / names[-1], getattr(shot, method))
-    return names

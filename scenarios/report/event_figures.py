@@ -33,7 +33,7 @@ def view_figure(
     for ax, image, name in zip(
         axes,
         (np.maximum(truth, floor), np.ma.masked_where(silent, np.maximum(seen, floor))),
-        ("true illuminance of the pixels", "what each pixel's last event tells (grey: no event)"),
+        ("true illuminance of the pixels", "what each pixel's last event tells (grey: nothing)"),
         strict=True,
     ):
         shown = ax.imshow(image, norm=norm, cmap=colours, interpolation="nearest")

@@ -56,8 +56,8 @@ def _cards(run: EventRun) -> str:
     if run.found:
         rows += [
             ("", f"{_number(metrics['dynamic_range'], '.1f')} dB",
-             f"dynamic range recovered within {WITHIN:.0%}"),
-            ("", f"{_number(metrics['dynamic_range_formula'], '.1f')} dB", "the paper's formula"),
+             f"recovered within {WITHIN:.0%}; the paper's formula gives "
+             f"{_number(metrics['dynamic_range_formula'], '.1f')} dB"),
             ("", f"{_number(metrics['brightest'])} lux",
              f"brightest, error {_number(metrics['brightest_error'], '+.2%')}"),
             ("", f"{_number(metrics['dimmest'])} lux",
@@ -79,8 +79,9 @@ def _view(run: EventRun) -> str:
     path = run.folder / "figures" / "view.png"
     view_figure(truth, (rate - dark) / per_lux, rate <= 0, min(p.lux for p in run.found) / 2, path)
     return (
-        "<h2>The view</h2><p>One logarithmic scale for both. A pixel whose light after the dark "
-        "current is subtracted is nothing or less is black.</p>" + _plot(path, "the view")
+        "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a reading "
+        "of less than one level; one whose light is no more than the mean dark current is "
+        "black.</p>" + _plot(path, "the view")
     )
 
 

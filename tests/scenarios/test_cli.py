@@ -57,9 +57,9 @@ def words(folder: Path) -> np.ndarray:
          "sensor.threshold must be a charge such as '1000 e' and at least 1 e, not '-5 e'; "
          "write --set sensor.threshold='1000 e'"),
         (["run", "film", "--set", "sensor.treshold=5 e"],
-         "sensor.treshold must be one of chip, clock, threshold, wavelength, reset, "
-         "threshold_noise, dead_time, lens, pattern, not an unknown "
-         "key; did you mean sensor.threshold?"),
+         "sensor.treshold must be one of chip, readout, clock, threshold, wavelength, reset, "
+         "threshold_noise, dead_time, lens, pattern, asynchronous, channel, not an unknown key; "
+         "did you mean sensor.threshold?"),
         (["run", "film", "--set", "title"],
          "--set must be KEY=VALUE such as sensor.clock='20 kHz', not 'title'; add it"),
         (["run", "film", "--tolerance", "inf"],

@@ -131,25 +131,25 @@ def test_the_plain_mean_is_of_rates():
 
 def test_an_image_takes_the_event_that_holds_the_instant():
     """Pixel 0: widths 100 to tick 99, then 40 to tick 139; pixel 1: one event, silent since; pixel
-    2: a reading of level 2 of 4 after 50; pixel 3: nothing."""
+    2: a reading of level 2 of 4 after 50; pixel 3: a reading of level 0; pixel 4: nothing."""
     events = Events(
-        np.array([0, 0, 0, 0], np.uint16),
-        np.array([1, 2, 0, 0], np.uint16),
-        np.array([9, 49, 99, 139]),
-        np.array([10, 50, 100, 40]),
-        (1, 4),
+        np.array([0, 0, 0, 0, 0], np.uint16),
+        np.array([1, 2, 3, 0, 0], np.uint16),
+        np.array([9, 49, 49, 99, 139]),
+        np.array([10, 50, 50, 100, 40]),
+        (1, 5),
         200,
         Clock(10**6),
-        level=np.array([4, 2, 4, 4], np.uint16),
+        level=np.array([4, 2, 0, 4, 4], np.uint16),
         levels=4,
     )
     us = 1e-6
     for tick, first in ((50, 100), (99, 100), (110, 40), (180, 40)):
         image = rate_image(events, tick, 300)
         assert image[0] == pytest.approx(
-            [300 / (first * us), 300 / (10 * us), 300 * 2.5 / 4 / (50 * us), 0]
+            [300 / (first * us), 300 / (10 * us), 300 * 2.5 / 4 / (50 * us), 0, 0]
         )
     assert rate_image(events, 5, 300)[0] == pytest.approx(
-        [300 / (100 * us), 300 / (10 * us), 300 * 2.5 / 4 / (50 * us), 0]
+        [300 / (100 * us), 300 / (10 * us), 300 * 2.5 / 4 / (50 * us), 0, 0]
     )
     assert rate_image(events, 50, 300, delay=5 * us)[0, 1] == pytest.approx(300 / (5 * us))
