@@ -79,8 +79,8 @@ def _view(run: EventRun) -> str:
     path = run.folder / "figures" / "view.png"
     view_figure(truth, (rate - dark) / per_lux, rate <= 0, min(p.lux for p in run.found) / 2, path)
     return (
-        "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a reading "
-        "of less than one level; one whose light is no more than the mean dark current is "
+        "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a "
+        "reading of less than one level; one whose light is no more than the mean dark current is "
         "black.</p>" + _plot(path, "the view")
     )
 

@@ -15,7 +15,8 @@ def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) 
 
     Huang 2022 sections 3.3.2 and 5.2: the width of the event whose interval holds the tick, else
     that of the last event before it, which holds until something else is sent. A reading below
-    threshold counts as the middle of its level, level 0 as nothing. delay: seconds of the comparator, in every width.
+    threshold counts as the middle of its level, level 0 as nothing. delay: seconds of the
+    comparator, in every width.
     """
     height, width = events.shape
     place = events.row.astype(np.int64) * width + events.column

@@ -318,7 +318,8 @@ def test_too_many_events_end_with_advice(viform, tmp_path):
     assert not (tmp_path / "run" / "result.json").exists()
 
 
-def test_the_command_prints_what_it_found(viform, tmp_path):
+def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
+    monkeypatch.setattr("scenarios.report.events.write_events_report", lambda run: [])
     code, out, _ = viform(
         "run", "sun-and-stars", "--out", tmp_path / "run", "--json", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],
