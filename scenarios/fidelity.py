@@ -15,7 +15,8 @@ from scenarios.scenes import Source
 from sensor import interval_rate, isi, tfp
 
 __all__ = [
-    "Shot", "interval_latency", "judge", "psnr", "spike_rate", "ssim", "take_shots", "to_white",
+    "Estimate", "Shot", "interval_latency", "judge", "psnr", "spike_rate", "ssim", "take_shots",
+    "to_white",
 ]  # fmt: skip
 
 LEAST_RATE = 1e-30

@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cosim import InputError
+from cosim.files.whole import whole
 
-__all__ = ["check_room", "claimed", "output_folder"]
+__all__ = ["begin_folder", "check_room", "claimed", "output_folder"]
 
 _GIB = 2**30
 
@@ -56,6 +57,16 @@ def check_room(folder: Path, bits: int) -> None:
             "the stream", f"small enough for the {have:.3g} GiB free at {place}",
             f"up to {need:.3g} GiB", "shorten duration, or choose another --out",
         )  # fmt: skip
+
+
+def begin_folder(folder: Path, scenario: str) -> None:
+    """The scenario's TOML is written first; what an earlier run said of itself here goes."""
+    for name in ("result.json", "report.html"):
+        (folder / name).unlink(missing_ok=True)
+    for picture in (folder / "images").glob("t*-*.png"):
+        picture.unlink()
+    with whole(folder / "scenario.toml") as part:
+        part.write_text(scenario, encoding="utf-8")
 
 
 @contextmanager

@@ -6,9 +6,14 @@ import json
 import math
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
-__all__ = ["Latency", "Metric", "Result", "Throughput", "dumps", "viform_version"]
+from cosim.files.whole import whole
+
+__all__ = [
+    "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
+]  # fmt: skip
 
 
 def viform_version() -> str:
@@ -97,3 +102,9 @@ class Result:
             "throughput": [asdict(row) for row in self.throughput],
             "files": self.files,
         }
+
+
+def write_result(folder: Path, result: Result) -> None:
+    """result.json, last of all: a folder that has it is whole."""
+    with whole(folder / "result.json") as part:
+        part.write_text(dumps(result.document()) + "\n", encoding="utf-8")

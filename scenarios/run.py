@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from cosim import (
     Block,
@@ -21,15 +21,15 @@ from cosim import (
     seconds_to_ps,
 )
 from cosim.files import Recorder, ZarrStream
-from cosim.files.whole import whole
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.folder import check_room, claimed, output_folder
+from scenarios.folder import begin_folder, check_room, claimed, output_folder
 from scenarios.loading import to_toml
 from scenarios.png import write_linear_png
-from scenarios.result import Metric, Result, Throughput, dumps, viform_version
+from scenarios.progress import Progress
+from scenarios.result import Metric, Result, Throughput, viform_version, write_result
 from scenarios.scenes import Source, make_source
 from scenarios.schema import ImageSection, Scenario
 from scenarios.stream_size import Sizes, measure_sizes, size_metrics
@@ -40,14 +40,6 @@ __all__ = ["Finished", "Progress", "choose_device", "run_scenario"]
 
 CHECKPOINT = "checkpoint.npz"
 """In a run's folder while it is not finished."""
-
-
-class Progress(Protocol):
-    """Where a run says how far it is."""
-
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None: ...
 
 
 @dataclass
@@ -128,16 +120,6 @@ def choose_device(wanted: str | None) -> Device | None:
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
-def _begin_folder(folder: Path, scenario: Scenario) -> None:
-    """The scenario is written first; what an earlier run said of itself here goes."""
-    for name in ("result.json", "report.html"):
-        (folder / name).unlink(missing_ok=True)
-    for picture in (folder / "images").glob("t*-*.png"):
-        picture.unlink()
-    with whole(folder / "scenario.toml") as part:
-        part.write_text(to_toml(scenario), encoding="utf-8")
-
-
 def _write_images(folder: Path, shots: list[Shot]) -> list[str]:
     """The linear pictures of every instant, 8-bit grey; their names in the folder."""
     (folder / "images").mkdir(exist_ok=True)
@@ -203,7 +185,7 @@ def _film(
     checkpoint = Checkpoint(folder / CHECKPOINT, _identity(run.scenario))
     if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
         raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
-    _begin_folder(folder, run.scenario)
+    begin_folder(folder, to_toml(run.scenario))
     for note in [*run.notes, *run.source.notes]:
         progress.note(note)
     progress.start(f"{run.name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
@@ -297,8 +279,7 @@ def run_scenario(
             result.files.append("result.json")
             progress.advance(3)
             result.run_time_s = time.perf_counter() - began
-            with whole(folder / "result.json") as part:
-                part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
+            write_result(folder, result)
             (folder / CHECKPOINT).unlink(missing_ok=True)
         except KeyboardInterrupt:
             raise Interrupted(run.cycles, run.cycles, _mend(folder)) from None

@@ -31,26 +31,39 @@ def run(
     """Run a scenario: film it, make images and a report."""
     from scenarios.cli import BEGAN
     from scenarios.loading import load
-    from scenarios.report import write_report
-    from scenarios.run import run_scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     progress = make_progress()
     try:
-        result, folder = run_scenario(
-            name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-            report=write_report,
-        )  # fmt: skip
+        if loaded.sensor.readout == "asynchronous":
+            from scenarios.report.events import write_events_report
+            from scenarios.run_events import run_events
+
+            result, folder = run_events(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_events_report,
+            )  # fmt: skip
+        else:
+            from scenarios.event_camera import refuse_leftovers
+            from scenarios.report import write_report
+            from scenarios.run import run_scenario
+
+            refuse_leftovers(loaded)
+            result, folder = run_scenario(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_report,
+            )  # fmt: skip
     finally:
         progress.close()
     if json:
         print_document(result.document())
         return
     metrics = result.metrics
+    wide = max(12, *(len(key) for key in metrics))
     for key, metric in metrics.items():
         unit = "" if metric.unit == "1" else f" {metric.unit}"
         value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
-        print(f"{key:<12} {value}")
-    print(f"{'run time':<12} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
-    print(f"{'outcome':<12} {result.outcome}")
-    print(f"{'report':<12} {folder / 'report.html'}")
+        print(f"{key:<{wide}} {value}")
+    print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
+    print(f"{'outcome':<{wide}} {result.outcome}")
+    print(f"{'report':<{wide}} {folder / 'report.html'}")

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from cosim import SpikeStream
 from sensor.reconstruct.intervals import spike_cycles
 
-__all__ = ["interval_figure", "overview_figure", "sheet_figure"]
+__all__ = ["INK", "LINE", "MARK", "interval_figure", "overview_figure", "pyplot", "sheet_figure"]
 
 PANEL = 416
 """Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
     """Matplotlib's pyplot, drawing to files whatever screen there is; a second to import."""
     import matplotlib
 
@@ -42,7 +42,7 @@ def interval_figure(
     truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the span.
     span: first cycle shown and the one after the last.
     """
-    plt = _pyplot()
+    plt = pyplot()
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
     ms = 1e3 / stream.clock.hz
     figure, axes = plt.subplots(
@@ -84,7 +84,7 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
     """Pictures side by side under their names: the run at a glance."""
     import cv2
 
-    plt = _pyplot()
+    plt = pyplot()
     height, width = panels[0][1].shape
     figure, axes = plt.subplots(
         1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False
@@ -106,7 +106,7 @@ def sheet_figure(
     """A sheet of pictures: one column an instant under its head, one row a method with its name."""
     import cv2
 
-    plt = _pyplot()
+    plt = pyplot()
     height, width = rows[0][1][0].shape
     wide = min(2.4, 16 / len(heads))
     figure, axes = plt.subplots(

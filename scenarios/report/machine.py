@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim import Summary
-from scenarios.report.elements import table
+from scenarios.report.parts import table
 from scenarios.run import Finished
 from scenarios.schema import SensorSection
 from sensor import SILICON

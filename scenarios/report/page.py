@@ -7,20 +7,17 @@ import resource
 import shlex
 import time
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim.files.whole import whole
 from scenarios.fidelity import LEAST_RATE, Shot
 from scenarios.loading import to_toml
 from scenarios.playback import write_clip
 from scenarios.png import Levels, for_display, to_linear_bytes, write_png
-from scenarios.report.elements import data, figure, table
 from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
 from scenarios.report.machine import machine
+from scenarios.report.parts import cards, data, figure, table, write_page
 from scenarios.report.pictures import (
     WINDOWS,
     accumulation,
@@ -53,7 +50,7 @@ def _cards(run: Finished) -> str:
         return "", f"{decibel} dB", f"{method.upper()} against the truth, SSIM {structure}"
 
     spent = time.perf_counter() - run.began
-    cards = [
+    rows = [
         ("first", "unknown", "error against full physics: not measured yet"),
         ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("first", str(len(result.left_out)), "effects left out"),
@@ -61,12 +58,7 @@ def _cards(run: Finished) -> str:
         fidelity("tfi"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
     ]
-    texts = (
-        f'<div class="card {css}"><b>{html.escape(big)}</b>'
-        f'<span class="soft">{html.escape(small)}</span></div>'
-        for css, big, small in cards
-    )
-    return f'<div class="cards">{"".join(texts)}</div>'
+    return cards(rows)
 
 
 def _instants(run: Finished) -> str:
@@ -297,15 +289,7 @@ def write_report(run: Finished) -> list[str]:
         _time(run),
         _again(run),
     ]
-    css = (files("scenarios.report") / "style.css").read_text()
-    page = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(run.scenario.title)}</title><style>{css}</style></head>"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
-    with whole(run.folder / "report.html") as part:
-        Path(part).write_text(page, encoding="utf-8")
+    write_page(run.folder, run.scenario.title, "".join(body))
     return [
         "figures/overview.png",
         "figures/instants.png",

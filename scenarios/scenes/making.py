@@ -8,9 +8,17 @@ from pathlib import Path
 from cosim import Clock, InputError
 from scenarios.scenes.film import FilmSource
 from scenarios.scenes.paced import PacedSource
+from scenarios.scenes.sky import SkySource
 from scenarios.scenes.source import AnalyticSource, Source
 from scenarios.scenes.step import StepSource
-from scenarios.schema import FilmScene, SceneSection, ShockwaveScene, StarScene, StepScene
+from scenarios.schema import (
+    FilmScene,
+    SceneSection,
+    ShockwaveScene,
+    StarScene,
+    StepScene,
+    SunAndStarsScene,
+)
 
 __all__ = ["make_source"]
 
@@ -20,6 +28,8 @@ def make_source(scene: SceneSection, shape: tuple[int, int], clock: Clock, cycle
     if isinstance(scene, StepScene):
         stop = clock.edge(cycles)
         return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at, stop)
+    if isinstance(scene, SunAndStarsScene):
+        return SkySource(shape, scene.illuminance, scene.dimmest, scene.background, clock)
     if isinstance(scene, FilmScene) and scene.path is not None:
         return FilmSource(
             Path(scene.path), shape, scene.illuminance, clock, cycles, scene.start, scene.frame_rate

@@ -4,6 +4,7 @@ A quantity is text with a unit in the file and a float in the kind's unit here. 
 whole as JSON Schema.
 """
 
+from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.messages import validate
 from scenarios.schema.scenario import ImageSection, Scenario, export
 from scenarios.schema.scenes import (
@@ -12,11 +13,14 @@ from scenarios.schema.scenes import (
     ShockwaveScene,
     StarScene,
     StepScene,
+    SunAndStarsScene,
     WaveScene,
 )
 from scenarios.schema.sensor import LensSection, PatternSection, SensorSection
 
 __all__ = [
+    "AsynchronousSection",
+    "ChannelSection",
     "FilmScene",
     "ImageSection",
     "LensSection",
@@ -27,6 +31,7 @@ __all__ = [
     "ShockwaveScene",
     "StarScene",
     "StepScene",
+    "SunAndStarsScene",
     "WaveScene",
     "export",
     "validate",

@@ -9,7 +9,8 @@ from pydantic import Field
 from scenarios.schema.quantity import Frequency, Illuminance, Quantity, Reflectance, Section, Time
 
 __all__ = [
-    "FilmScene", "SceneSection", "ShockwaveScene", "StarScene", "StepScene", "WaveScene",
+    "FilmScene", "SceneSection", "ShockwaveScene", "StarScene", "StepScene", "SunAndStarsScene",
+    "WaveScene",
 ]  # fmt: skip
 
 
@@ -81,6 +82,18 @@ class StepScene(Section):
     at: Time = Field(default=0.032, description="instant of the step")
 
 
+class SunAndStarsScene(Section):
+    """The sun and stars down to the darkest, as discs of known light (Huang 2022, section 4.5)."""
+
+    kind: Literal["sun-and-stars"]
+    illuminance: Illuminance = Field(description="of the sun's disc")
+    dimmest: Illuminance = Field(default=1e-6, description="of the dimmest star")
+    background: Annotated[float, Quantity("illuminance", least=0, most=1e9)] = Field(
+        default=0.0, description="between the stars"
+    )
+
+
 SceneSection = Annotated[
-    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene, Field(discriminator="kind")
+    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene,
+    Field(discriminator="kind"),
 ]

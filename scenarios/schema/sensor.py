@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.quantity import (
     Capacitance,
     Charge,
@@ -64,6 +65,9 @@ class SensorSection(Section):
     preset: Literal["ideal", "silicon"] = Field(
         default="ideal", description="silicon: every fault absent here gets the size assumed for it"
     )
+    readout: Literal["synchronous", "asynchronous"] = Field(
+        default="synchronous", description="latched by the clock, or each pixel when it is full"
+    )
     clock: Frequency = 40e3
     threshold: Charge
     threshold_level: Annotated[int, Field(ge=1, le=LEVELS)] = Field(
@@ -87,6 +91,10 @@ class SensorSection(Section):
     )
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
+    asynchronous: AsynchronousSection | None = None
+    channel: ChannelSection | None = Field(
+        default=None, description="output that asynchronous pixels share; none when absent"
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -10,53 +10,22 @@ from numba import njit, prange
 
 from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
+from sensor.pixel.draws import look_up, random_words
 from sensor.pixel.fixed_point import Charge
-from sensor.pixel.interval import KNOTS, MANTISSA_BITS
 from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 
 __all__ = ["CompiledPixels"]
 
-_LOW = np.uint64(0xFFFFFFFF)
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _STREAM = np.uint64(SHOT_NOISE.stream)
 
 
 @njit(cache=True)
-def _random_word(pixel, block, slot, seed):  # type: ignore[no-untyped-def]
-    """Word `slot` of Philox4x32-10 at counter (pixel, block high, block low, 0)."""
-    c0, c1, c2, c3 = pixel, block >> np.uint64(32), block & _LOW, np.uint64(0)
-    k0, k1 = seed, _STREAM
-    for _ in range(10):
-        p0 = np.uint64(0xD2511F53) * c0
-        p1 = np.uint64(0xCD9E8D57) * c2
-        c0, c1 = (p1 >> np.uint64(32)) ^ c1 ^ k0, p1 & _LOW
-        c2, c3 = (p0 >> np.uint64(32)) ^ c3 ^ k1, p0 & _LOW
-        k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
-        k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
-    if slot == 0:
-        return c0
-    if slot == 1:
-        return c1
-    if slot == 2:
-        return c2
-    return c3
-
-
-@njit(cache=True)
 def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
-    """Threshold of spike k (the lookup of interval.py)."""
-    word = np.int64(_random_word(pixel, k >> np.uint64(2), k & np.uint64(3), seed))
-    base, y = np.int64(0), word
-    if word >> 31:
-        base, y = np.int64(KNOTS), word ^ np.int64(0xFFFFFFFF)
-    exponent = np.int64(0)
-    while (y >> exponent) >= 2 << MANTISSA_BITS:
-        exponent += 1
-    mantissa = y >> exponent
-    index = base + (exponent << MANTISSA_BITS) + mantissa
-    fraction = ((y - (mantissa << exponent)) << 16) >> exponent
-    low = table[index]
-    return low + (((table[min(index + 1, table.size - 1)] - low) * fraction) >> 16)
+    """Threshold of spike k: word k mod 4 of counter k div 4."""
+    c0, c1, c2, c3 = random_words(pixel, k >> np.uint64(2), np.uint64(0), seed, _STREAM)
+    slot = k & np.uint64(3)
+    return look_up(table, c0 if slot == 0 else c1 if slot == 1 else c2 if slot == 2 else c3)
 
 
 @njit(cache=True, parallel=True)

@@ -117,10 +117,11 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("sensor", 7, f"sensor must be a section, not 7; {SCHEMA}"),
         ("sensor.lens", [1], f"sensor.lens must be a section, not [1]; {SCHEMA}"),
         ("scene.kind", "fil",
-         "scene.kind must be one of 'film', 'wave', 'shockwave', 'star', 'step', not 'fil'; "
+         "scene.kind must be one of 'film', 'wave', 'shockwave', 'star', 'step', 'sun-and-stars', "
+         "not 'fil'; "
          "choose one"),
         ("sensor.chip", "spikethree",
-         "sensor.chip must be 'spiketwo' or 'spikeone', not 'spikethree'; "
+         "sensor.chip must be 'spiketwo', 'spikeone' or 'spikeasync', not 'spikethree'; "
          "write --set sensor.chip='spiketwo'"),
         ("sensor.lens.f_number", 0.1,
          f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),

@@ -156,6 +156,7 @@ def test_rows_of_a_chip_simulated_alone_are_the_rows_of_the_whole() -> None:
 def test_every_number_of_a_chip_says_where_it_is_from() -> None:
     for chip in CHIPS.values():
         said = chip.provenance()
-        assert set(said.values()) == {"published", "assumed"}
-        assert said["width"] == "published" and said["quantum_efficiency"] == "assumed"
+        assert set(said.values()) <= {"published", "assumed"}
+        assert said["quantum_efficiency"] == "assumed"
+        assert said["width"] == ("assumed" if chip.name == "spikeasync" else "published")
         assert chip.assumed <= set(said)

@@ -1,0 +1,139 @@
+"""The asynchronous camera that a scenario asks for: its pixels and its channel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cosim import PS, Clock, InputError, seconds_to_ps
+from scenarios.exposure import camera_setting
+from scenarios.schema import AsynchronousSection, Scenario
+from sensor import CameraSetting
+from sensor.asynchronous import AsynchronousPixels, EventModel, EventPixels
+from sensor.channel import ChannelModel
+
+__all__ = [
+    "channel_model", "event_model", "event_pixels", "event_setting", "refuse_leftovers",
+    "with_defaults",
+]  # fmt: skip
+
+
+def with_defaults(scenario: Scenario) -> Scenario:
+    """The scenario with [sensor.asynchronous] written out."""
+    if scenario.sensor.asynchronous is not None:
+        return scenario
+    sensor = scenario.sensor.model_copy(update={"asynchronous": AsynchronousSection()})
+    return scenario.model_copy(update={"sensor": sensor})
+
+
+def refuse_leftovers(scenario: Scenario) -> None:
+    """Raises InputError where a synchronous chip is given what only an asynchronous one has."""
+    for name in ("asynchronous", "channel"):
+        if getattr(scenario.sensor, name) is not None:
+            raise InputError(
+                f"sensor.{name}", "given with sensor.readout = asynchronous", "alone",
+                "set sensor.readout=asynchronous or leave it out",
+            )  # fmt: skip
+
+
+def _section(scenario: Scenario) -> AsynchronousSection:
+    return scenario.sensor.asynchronous or AsynchronousSection()
+
+
+def event_setting(scenario: Scenario) -> CameraSetting:
+    """Chip, light and device as for any camera; the array as large as the scenario says."""
+    sensor, section = scenario.sensor, _section(scenario)
+    for name, value, plain in (
+        ("reset", sensor.reset, "residual"),
+        ("threshold_noise", sensor.threshold_noise, 0),
+    ):
+        if value != plain:
+            raise InputError(
+                f"sensor.{name}", f"{plain} with readout = asynchronous", f"{value}",
+                "leave it out: these pixels fire at their threshold and start from nothing",
+            )  # fmt: skip
+    setting = camera_setting(scenario)
+    chip = replace(
+        setting.chip,
+        width=section.width or setting.chip.width,
+        height=section.height or setting.chip.height,
+        assumed=setting.chip.assumed
+        | ({"width"} if section.width else set())
+        | ({"height"} if section.height else set()),
+    )
+    return replace(setting, chip=chip)
+
+
+def event_model(scenario: Scenario) -> EventModel:
+    """The pixel's rules; raises InputError for what they cannot be."""
+    sensor, section = scenario.sensor, _section(scenario)
+    key = "sensor.asynchronous"
+    if sensor.threshold != round(sensor.threshold):
+        raise InputError(
+            "sensor.threshold", "whole electrons with readout = asynchronous",
+            f"{sensor.threshold:g} e", f"write {round(sensor.threshold)} e",
+        )  # fmt: skip
+    clock = Clock.from_hz(section.timing)
+    if PS * clock.den % clock.num:
+        raise InputError(
+            f"{key}.timing", "a clock of whole picoseconds a period, such as 1 GHz or 800 MHz",
+            f"{section.timing:g} Hz", "choose one",
+        )  # fmt: skip
+    tick = PS * clock.den // clock.num
+    shortest = seconds_to_ps(section.shortest_width)
+    if shortest < tick:
+        raise InputError(
+            f"{key}.shortest_width", f"at least a period of the timing clock, {tick} ps",
+            f"{shortest} ps", "lengthen it or raise timing",
+        )  # fmt: skip
+    longest = 0 if section.longest_width is None else seconds_to_ps(section.longest_width)
+    if longest and longest < shortest:
+        raise InputError(
+            f"{key}.longest_width", f"at least the shortest, {section.shortest_width:g} s",
+            f"{section.longest_width:g} s", "lengthen it",
+        )  # fmt: skip
+    if section.levels > 1 and not longest:
+        raise InputError(
+            f"{key}.levels", "given with longest_width", "alone", f"add {key}.longest_width"
+        )
+    if section.levels > sensor.threshold:
+        raise InputError(
+            f"{key}.levels", f"at most one an electron, {sensor.threshold:g}",
+            f"{section.levels}", "lower it",
+        )  # fmt: skip
+    return EventModel(
+        round(sensor.threshold),
+        scenario.seed,
+        clock,
+        shortest,
+        longest,
+        section.levels,
+        seconds_to_ps(section.comparator_delay),
+        seconds_to_ps(sensor.dead_time),
+        section.change,
+    )
+
+
+def event_pixels(scenario: Scenario, setting: CameraSetting, model: EventModel) -> EventPixels:
+    """The pixels of the scenario's kind."""
+    return AsynchronousPixels(
+        model,
+        (setting.chip.height, setting.chip.width),
+        setting.electrons_per_lux,
+        setting.pattern,
+        most=_section(scenario).most_events,
+    )
+
+
+def channel_model(scenario: Scenario) -> ChannelModel | None:
+    """The shared output, None where every event leaves as it fires."""
+    section = scenario.sensor.channel
+    if section is None:
+        return None
+    if section.buffer == "fifo" and section.arbitration != "fifo":
+        raise InputError(
+            "sensor.channel.arbitration", "fifo with buffer = fifo: a queue is served in order",
+            section.arbitration, "change one of them",
+        )  # fmt: skip
+    return ChannelModel(
+        max(1, round(PS / section.rate)), section.arbitration, section.buffer, section.depth
+    )

@@ -1,0 +1,120 @@
+"""Events on their way out of a run: through the channel, into one stream, onto the disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Events
+from cosim.files.whole import whole
+from scenarios.result import Metric
+from sensor.asynchronous import EventModel, Firings, latched
+from sensor.channel import Channel
+
+__all__ = ["STREAM", "Output", "gather_events", "write_events"]
+
+STREAM = "stream.events.npz"
+"""The event stream's name in a run's folder."""
+
+_DRAINED = 2**62
+Instants = npt.NDArray[np.int64]
+
+
+@dataclass
+class Output:
+    """Takes firings step by step. channel: None lets every one leave as it fires. stop: end of the
+    run, ps.
+
+    late: whether t is taken as an event leaves the channel; what leaves after the end is then under
+    way and not in the stream. Else all that has fired is waited for."""
+
+    channel: Channel | None
+    stop: int
+    late: bool = False
+    parts: list[Firings] = field(default_factory=list)
+    leaves: list[Instants] = field(default_factory=list)
+    offered: int = 0
+
+    @property
+    def lost(self) -> int:
+        return 0 if self.channel is None else self.channel.lost
+
+    def take(self, firings: Firings, stop: int) -> None:
+        """What fired since the last step, which ends at `stop`."""
+        self.offered += len(firings)
+        if self.channel is None:
+            self.parts.append(firings)
+            self.leaves.append(firings.instant)
+            return
+        sent = self.channel.step(firings, stop)
+        self.parts.append(sent.firings)
+        self.leaves.append(sent.leaves)
+
+    def crossed(self) -> tuple[Firings, Instants]:
+        """What the stream holds, in the order it left, and when it left, ps."""
+        if self.channel is not None and not self.late:
+            rest = self.channel.step(Firings.join([]), _DRAINED)
+            self.parts.append(rest.firings)
+            self.leaves.append(rest.leaves)
+        firings = Firings.join(self.parts)
+        leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
+        inside = leaves <= (self.stop if self.late else _DRAINED)
+        return firings.take(inside), leaves[inside]
+
+    def metrics(self, carried: int) -> dict[str, Metric]:
+        """Offered = carried + lost + under way; the load is the share of time the bus needs."""
+        figures = {
+            "events_offered": Metric(float(self.offered), "1"),
+            "events_carried": Metric(float(carried), "1"),
+            "events_lost": Metric(float(self.lost), "1"),
+            "events_under_way": Metric(float(self.offered - self.lost - carried), "1"),
+        }
+        if self.channel is not None:
+            load = self.offered * self.channel.model.service / self.stop
+            figures["channel_load"] = Metric(load, "1")
+        return figures
+
+    def losses(self) -> list[str]:
+        """What a user must know of lost events."""
+        if not self.lost:
+            return []
+        return [
+            f"{self.lost} of {self.offered} events ({self.lost / self.offered:.2g}) found their "
+            "place taken and are lost: raise sensor.channel.rate, or send changes alone "
+            "(sensor.asynchronous.change)"
+        ]
+
+
+def gather_events(
+    firings: Firings, stamps: Instants, model: EventModel, shape: tuple[int, int], stop: int
+) -> Events:
+    """The stream as it is read out, stamped with `stamps` (ps)."""
+    ticks = latched(stamps, model.tick)
+    order = np.argsort(ticks, kind="stable")
+    made = firings.take(order)
+    return Events(
+        (made.pixel // shape[1]).astype(np.uint16),
+        (made.pixel % shape[1]).astype(np.uint16),
+        ticks[order],
+        made.width,
+        shape,
+        -(-stop // model.tick),
+        model.clock,
+        level=made.level if model.longest else None,
+        levels=model.levels,
+    )
+
+
+def write_events(events: Events, path: Path) -> None:
+    """The event stream as one numpy archive."""
+    with whole(path) as part, part.open("wb") as file:
+        arrays = {} if events.level is None else {"level": events.level}
+        np.savez_compressed(
+            file, allow_pickle=False, row=events.row, column=events.column, time=events.time,
+            width=events.width, levels=events.levels, shape=np.array(events.shape, np.int64),
+            ticks=events.ticks, clock=np.array([events.clock.num, events.clock.den], np.int64),
+            start=events.start, **arrays,
+        )  # fmt: skip

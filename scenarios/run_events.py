@@ -1,0 +1,298 @@
+"""A run with event readout: pixels that speak for themselves, their channel, what is made of it.
+
+The seam is `sensor.asynchronous.EventPixels`: step(light, start, stop) gives the firings of that
+time. What those pixels are is theirs: spikes, or absolute intensities on change.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import BLOCK, Block, Clock, Events, InputError, Interrupted, Light, seconds_to_ps
+from cosim.lens import Lens
+from scenarios.event_camera import (
+    channel_model,
+    event_model,
+    event_pixels,
+    event_setting,
+    with_defaults,
+)
+from scenarios.event_output import STREAM, Output, gather_events, write_events
+from scenarios.event_result import (
+    EventShot,
+    effect_names,
+    first_instants,
+    judge_shots,
+    spread,
+    take_event_shots,
+    write_shots,
+)
+from scenarios.exposure import choose_lens, lens_notes
+from scenarios.folder import begin_folder, claimed, output_folder
+from scenarios.loading import to_toml
+from scenarios.patches import Recovered, dynamic_range, recover
+from scenarios.progress import Progress
+from scenarios.result import Metric, Result, Throughput, write_result
+from scenarios.scenes import Patch, Source, make_source
+from scenarios.schema import Scenario
+from sensor import CameraSetting
+from sensor.asynchronous import EventModel, EventPixels, Firings
+from sensor.channel import Channel
+
+__all__ = ["EventRun", "light_steps", "run_events"]
+
+
+Instants = npt.NDArray[np.int64]
+
+
+@dataclass
+class EventRun:
+    """What a run with event readout leaves in memory for its report.
+
+    sent: firings that crossed the channel; events: the same as the file has them. stop: the run's
+    end, ps. delay: of each in the channel, ps, None without one.
+    """
+
+    result: Result
+    scenario: Scenario
+    folder: Path
+    source: Source
+    setting: CameraSetting
+    model: EventModel
+    lens: Lens
+    white_rate: float
+    events: Events
+    sent: Firings
+    stop: int
+    found: list[Recovered]
+    shots: list[EventShot]
+    delay: Instants | None
+    seconds: dict[str, float]
+    began: float
+    notes: list[str] = field(default_factory=list)
+
+
+def light_steps(
+    source: Source, relay: Callable[[Light], Light], clock: Clock, stop: int
+) -> Iterator[tuple[Light, int, int]]:
+    """(light on the pixels, start, stop) one after another up to `stop` (ps): the whole run at once
+    where the light that the scene gives reaches so far, else blocks of the clock."""
+    cycle, start = 0, 0
+    cycles = clock.cycle_at(stop - 1) + 1
+    while start < stop:
+        block = Block(cycle, min(BLOCK, cycles - cycle))
+        light = relay(source.step(None, block))
+        until = stop if light.pieces[-1].stop >= stop else min(stop, clock.edge(block.stop))
+        yield light, start, until
+        start, cycle = until, block.stop
+
+
+def _instants(scenario: Scenario, cycles: int) -> list[int]:
+    """Cycles of sensor.clock whose images are made; five evenly spaced ones unless given."""
+    at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
+    late = [n for n in at if n >= cycles]
+    if late:
+        raise InputError(
+            "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
+        )
+    return list(at)
+
+
+def _refuse(resume: bool, device: str | None) -> None:
+    """Options of the synchronous camera that this one has not."""
+    if resume:
+        raise InputError(
+            "--resume", "for readout = synchronous", "for asynchronous", "run it afresh"
+        )
+    if device is not None and device.lower() != "numba":
+        raise InputError(
+            "--device", "numba with readout = asynchronous", device, "leave it out: these pixels "
+            "run on the processor",
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """A checked run: everything that can be refused has been."""
+
+    name: str
+    scenario: Scenario
+    setting: CameraSetting
+    model: EventModel
+    lens: Lens
+    white_rate: float
+    source: Source
+    patches: list[Patch]
+    instants: list[int]
+    pixels: EventPixels
+    output: Output
+    notes: list[str]
+
+    @property
+    def stop(self) -> int:
+        """End of the run, ps."""
+        return self.output.stop
+
+    @property
+    def cycles(self) -> int:
+        """Cycles of sensor.clock, the last one begun."""
+        return self.setting.clock.cycle_at(self.stop - 1) + 1
+
+
+def _prepare(name: str, scenario: Scenario) -> _Prepared:
+    setting, model = event_setting(scenario), event_model(scenario)
+    bus = channel_model(scenario)
+    stop = seconds_to_ps(scenario.duration)
+    if stop < model.tick:
+        raise InputError(
+            "duration", f"at least a period of the timing clock, {model.tick} ps", f"{stop} ps",
+            "lengthen it",
+        )  # fmt: skip
+    cycles = setting.clock.cycle_at(stop - 1) + 1
+    shape = (setting.chip.height, setting.chip.width)
+    lens = choose_lens(scenario, setting)
+    white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
+    source = make_source(scenario.scene, shape, setting.clock, cycles)
+    patches: list[Patch] = getattr(source, "patches", [])
+    chosen = scenario.sensor.lens.f_number is None
+    notes = lens_notes(scenario, lens, white_rate)[:1] if chosen else []  # nothing saturates
+    return _Prepared(
+        name, scenario, setting, model, lens, white_rate, source, patches,
+        [] if patches else _instants(scenario, cycles), event_pixels(scenario, setting, model),
+        Output(None if bus is None else Channel(bus, shape), stop, _stamped_late(scenario)),
+        [*notes, *source.notes],
+    )  # fmt: skip
+
+
+def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
+    """Runs the chain; seconds of every stage, and turns of the pixels' loop."""
+    clock, chip = run.setting.clock, run.setting.chip
+    progress.start(f"{run.name}: {chip.width} x {chip.height} asynchronous pixels", run.cycles)
+    seconds, work = {"scene": 0.0, "sensor": 0.0, "channel": 0.0}, 0
+    last = time.perf_counter()
+    done = 0
+    try:
+        for light, start, until in light_steps(
+            run.source, run.lens.relay(chip.pitch), clock, run.stop
+        ):
+            begin = time.perf_counter()
+            firings = run.pixels.step(light, start, until)
+            middle = time.perf_counter()
+            run.output.take(firings, until)
+            end = time.perf_counter()
+            for stage, spent in zip(
+                seconds, (begin - last, middle - begin, end - middle), strict=True
+            ):
+                seconds[stage] += spent
+            last, work = end, work + firings.work
+            done = clock.cycle_at(until - 1) + 1
+            progress.advance(done)
+    except KeyboardInterrupt:
+        raise Interrupted(done, run.cycles, _AFRESH) from None
+    return seconds, work
+
+
+_AFRESH = "run it afresh with another --out"
+
+
+def _make_result(
+    run: _Prepared, sent: Firings, delay: Instants | None, found: list[Recovered],
+    shots: list[EventShot], seconds: dict[str, float], work: int,
+) -> Result:  # fmt: skip
+    degraded = [*run.source.degraded, *run.output.losses()]
+    return Result(
+        scenario=run.name,
+        outcome="degraded" if degraded else "ok",
+        seed=run.scenario.seed,
+        device="numba on this processor",
+        simulated_s=run.scenario.duration,
+        tolerance=run.scenario.tolerance,
+        kept=effect_names(run.model, run.setting, delay is not None),
+        metrics={
+            **(dynamic_range(found, run.model, run.stop) if found else judge_shots(shots)),
+            **run.output.metrics(len(sent)),
+            "loop_turns": Metric(float(work), "1"),
+            "f_number": Metric(run.lens.f_number, "1"),
+        },
+        latency=[
+            *spread("first event", first_instants(sent)),
+            *(spread("channel", delay) if delay is not None else []),
+        ],
+        throughput=[Throughput("sensor", len(sent) / max(seconds["sensor"], 1e-9), "events/s")],
+        files=["scenario.toml", STREAM],
+    )
+
+
+def run_events(
+    name: str,
+    scenario: Scenario,
+    out: Path | None,
+    *,
+    resume: bool = False,
+    device: str | None = None,
+    progress: Progress,
+    began: float,
+    report: Callable[[EventRun], list[str]],
+) -> tuple[Result, Path]:
+    """Runs a scenario with asynchronous readout and writes its folder, `result.json` last.
+
+    began: time.perf_counter() at the command's start. report: writes figures and report.html and
+    returns their names. An interrupted run leaves no result.json and is run afresh.
+    Raises InputError for input that cannot be used, Interrupted.
+    """
+    _refuse(resume, device)
+    output_folder(name, out, False)
+    scenario = with_defaults(scenario)
+    run = _prepare(name, scenario)
+    with claimed(name, out, False) as folder:
+        begin_folder(folder, to_toml(scenario))
+        for note in run.notes:
+            progress.note(note)
+        seconds, work = _expose(run, progress)
+        try:
+            begin = time.perf_counter()
+            sent, leaves = run.output.crossed()
+            delay = None if run.output.channel is None else leaves - sent.instant
+            stamps = leaves if run.output.late else sent.instant
+            shape = (run.setting.chip.height, run.setting.chip.width)
+            events = gather_events(sent, stamps, run.model, shape, run.stop)
+            write_events(events, folder / STREAM)
+            seconds["recorder"] = time.perf_counter() - begin
+            begin = time.perf_counter()
+            device_pattern, per_lux = run.setting.pattern, run.setting.electrons_per_lux
+            found = recover(
+                run.patches, sent, run.model, run.stop, run.lens.gain, per_lux,
+                0.0 if device_pattern is None else device_pattern.dark,
+            )  # fmt: skip
+            white = scenario.scene.illuminance * run.lens.gain * per_lux
+            shots = take_event_shots(
+                events, run.source, run.setting.clock, run.instants, run.model, white
+            )
+            seconds["estimates"] = time.perf_counter() - begin
+            result = _make_result(run, sent, delay, found, shots, seconds, work)
+            result.files += write_shots(folder, shots)
+            warnings = [*run.source.degraded, *run.output.losses()]
+            for note in warnings:
+                progress.note(note)
+            result.files += report(EventRun(
+                result, scenario, folder, run.source, run.setting, run.model, run.lens,
+                run.white_rate, events, sent, run.stop, found, shots, delay, seconds, began,
+                [*run.notes, *warnings],
+            ))  # fmt: skip
+            result.files.append("result.json")
+            result.run_time_s = time.perf_counter() - began
+            write_result(folder, result)
+        except KeyboardInterrupt:
+            raise Interrupted(run.cycles, run.cycles, _AFRESH) from None
+    return result, folder
+
+
+def _stamped_late(scenario: Scenario) -> bool:
+    """Whether t is taken as an event leaves the channel."""
+    return scenario.sensor.channel is not None and scenario.sensor.channel.timestamp == "channel"

@@ -1,0 +1,123 @@
+"""The asynchronous pixel's setting, and what it sends: spikes at their own instants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS, Clock
+
+__all__ = ["EventModel", "Firings", "latched"]
+
+
+@dataclass(frozen=True)
+class EventModel:
+    """The rules of one interval, Huang 2022 sections 4.3 to 4.5 and 5.2. Times in picoseconds.
+
+    threshold: Q, whole electrons. seed: of the run, below 2^32. clock: that times and widths are
+    measured with; its period is a whole number of picoseconds.
+
+    shortest: least width that the circuit can read out, at least a period. A pixel that is full
+    sooner stays full, loses what arrives, and fires when this time is up. longest: after it the
+    charge is read without a spike and the pixel is reset; 0 for never. levels: N of that reading,
+    which is floor(N charge / Q). delay: of the comparator; it counts in the width. reset: dead time
+    after each spike or reading, in which light is lost. The period under steady light is therefore
+    max(Q/light + delay, shortest) + reset.
+
+    change: a spike is sent only when its width differs from the last one sent by more than
+    `change` times that width's relative standard deviation 1/sqrt(Q); a reading, when its level
+    does by more than `change` times the Poisson deviation of the last one sent, or when the last
+    was a spike. 0 sends everything. The pixel compares widths as they are, before the clock
+    measures them.
+
+    shot: shot noise; without it every threshold is Q.
+    """
+
+    threshold: int
+    seed: int
+    clock: Clock
+    shortest: int
+    longest: int = 0
+    levels: int = 1
+    delay: int = 0
+    reset: int = 0
+    change: float = 0.0
+    shot: bool = True
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.threshold < 2**21:
+            raise ValueError(f"threshold must be 1 to {2**21 - 1} e, not {self.threshold} e")
+        if PS * self.clock.den % self.clock.num:
+            raise ValueError(f"a period must be whole picoseconds, not that of {self.clock}")
+        if self.shortest < self.tick:
+            raise ValueError(f"the shortest width must be {self.tick} ps or more")
+        if self.longest and self.longest < self.shortest:
+            raise ValueError("the longest width must not be below the shortest")
+        if not 1 <= self.levels < 2**16 or (self.levels > 1 and not self.longest):
+            raise ValueError("levels must be 1 to 65535, and 1 without a longest width")
+        if min(self.delay, self.reset) < 0 or not 0 <= self.change < np.inf:
+            raise ValueError("delay, reset and change must be 0 or more")
+
+    @property
+    def tick(self) -> int:
+        """Period of the clock in picoseconds."""
+        return PS * self.clock.den // self.clock.num
+
+    def electrons(self, level: int) -> tuple[int, int]:
+        """The least and the most electrons that read as `level`."""
+        q, n = self.threshold, self.levels
+        return -(-level * q // n), min(-(-(level + 1) * q // n), q) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Firings:
+    """What pixels send, in order of time; those of one picosecond in the order of their numbers.
+
+    pixel: (n,) uint32, number in the array. instant: (n,) int64, picoseconds, rounded up. width:
+    (n,) int64 ticks, from the tick in which the interval began to the one in which it ended. exact:
+    (n,) float64, the width in picoseconds before the clock measured it. level: (n,) uint16, of
+    `EventModel.levels`, which itself is a full spike. work: turns of the inner loop that this took.
+    """
+
+    pixel: npt.NDArray[np.uint32]
+    instant: npt.NDArray[np.int64]
+    width: npt.NDArray[np.int64]
+    exact: npt.NDArray[np.float64]
+    level: npt.NDArray[np.uint16]
+    work: int = 0
+
+    def __len__(self) -> int:
+        return len(self.instant)
+
+    def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Firings:
+        """Those of a mask or of indices."""
+        return Firings(
+            self.pixel[chosen], self.instant[chosen], self.width[chosen], self.exact[chosen],
+            self.level[chosen], self.work,
+        )  # fmt: skip
+
+    @staticmethod
+    def join(parts: list[Firings]) -> Firings:
+        """Several one after another, as they are."""
+        if not parts:
+            empty = np.zeros(0, np.int64)
+            return Firings(
+                empty.astype(np.uint32), empty, empty, empty.astype(np.float64),
+                empty.astype(np.uint16),
+            )  # fmt: skip
+        return Firings(
+            np.concatenate([p.pixel for p in parts]),
+            np.concatenate([p.instant for p in parts]),
+            np.concatenate([p.width for p in parts]),
+            np.concatenate([p.exact for p in parts]),
+            np.concatenate([p.level for p in parts]),
+            sum(p.work for p in parts),
+        )
+
+
+def latched(instant: npt.NDArray[np.int64], tick: int) -> npt.NDArray[np.int64]:
+    """The tick that latches an instant (ps): tick k lasts from after k to (k + 1) periods, as a
+    synchronous chip latches at the end of a cycle what fired in it."""
+    return -(-instant // tick) - 1
