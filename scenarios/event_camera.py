@@ -45,10 +45,13 @@ def event_setting(scenario: Scenario) -> CameraSetting:
     for name, value, plain in (
         ("reset", sensor.reset, "residual"),
         ("threshold_noise", sensor.threshold_noise, 0),
+        ("capacitance", sensor.capacitance, None),
+        ("row_skew", sensor.row_skew, 0),
     ):
         if value != plain:
             raise InputError(
-                f"sensor.{name}", f"{plain} with readout = asynchronous", f"{value}",
+                f"sensor.{name}",
+                f"{'absent' if plain is None else plain} with readout = asynchronous", f"{value}",
                 "leave it out: these pixels fire at their threshold and start from nothing",
             )  # fmt: skip
     setting = camera_setting(scenario)
@@ -107,7 +110,7 @@ def event_model(scenario: Scenario) -> EventModel:
         shortest,
         longest,
         section.levels,
-        seconds_to_ps(section.comparator_delay),
+        seconds_to_ps(sensor.comparator_delay),
         seconds_to_ps(sensor.dead_time),
         section.change,
     )

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import BLOCK, Block, Clock, Events, InputError, Interrupted, Light, seconds_to_ps
+from cosim.files import write_events
 from cosim.lens import Lens
 from scenarios.event_camera import (
     channel_model,
@@ -23,7 +24,7 @@ from scenarios.event_camera import (
     event_setting,
     with_defaults,
 )
-from scenarios.event_output import STREAM, Output, gather_events, write_events
+from scenarios.event_output import STREAM, Output, gather_events
 from scenarios.event_result import (
     EventShot,
     effect_names,
@@ -44,6 +45,7 @@ from scenarios.schema import Scenario
 from sensor import CameraSetting
 from sensor.asynchronous import EventModel, EventPixels, Firings
 from sensor.channel import Channel
+from sensor.crosstalk import crosstalk_map
 
 __all__ = ["EventRun", "light_steps", "run_events"]
 
@@ -170,6 +172,15 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     )  # fmt: skip
 
 
+def _relay(run: _Prepared) -> Callable[[Light], Light]:
+    """From the scene's light to what the pixels gather: the lens, and cross-talk."""
+    lens = run.lens.relay(run.setting.chip.pitch)
+    if not run.setting.crosstalk:
+        return lens
+    spread = crosstalk_map(run.setting.crosstalk)
+    return lambda light: spread(lens(light))
+
+
 def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
     """Runs the chain; seconds of every stage, and turns of the pixels' loop."""
     clock, chip = run.setting.clock, run.setting.chip
@@ -178,9 +189,7 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
     last = time.perf_counter()
     done = 0
     try:
-        for light, start, until in light_steps(
-            run.source, run.lens.relay(chip.pitch), clock, run.stop
-        ):
+        for light, start, until in light_steps(run.source, _relay(run), clock, run.stop):
             begin = time.perf_counter()
             firings = run.pixels.step(light, start, until)
             middle = time.perf_counter()
@@ -205,10 +214,9 @@ def _make_result(
     run: _Prepared, sent: Firings, delay: Instants | None, found: list[Recovered],
     shots: list[EventShot], seconds: dict[str, float], work: int,
 ) -> Result:  # fmt: skip
-    degraded = [*run.source.degraded, *run.output.losses()]
     return Result(
         scenario=run.name,
-        outcome="degraded" if degraded else "ok",
+        outcome="degraded" if run.source.degraded else "ok",
         seed=run.scenario.seed,
         device="numba on this processor",
         simulated_s=run.scenario.duration,

@@ -82,7 +82,7 @@ class SensorSection(Section):
         default=None, description="its kTC noise is added to the threshold noise"
     )
     dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
-    comparator_delay: Time = Field(default=0.0, description="at most a cycle")
+    comparator_delay: Time = Field(default=0.0, description="from full to fired; at most a cycle")
     row_skew: Share = Field(
         default=0.0, description="share of a cycle in which the rows are sampled one after another"
     )
@@ -114,6 +114,9 @@ class SensorSection(Section):
             sizes["threshold_noise"] = Quantity("charge").write(noise)
         except (ValueError, TypeError):
             del sizes["threshold_noise"]
+        if data.get("readout", "synchronous") != "synchronous":  # what these pixels do not have
+            for name in ("row_skew", "threshold_noise"):
+                sizes.pop(name, None)
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
