@@ -30,7 +30,7 @@ from scenarios.fidelity import psnr, to_white
 from scenarios.scenes import AnalyticSource, Source
 from scenarios.scenes.step import StepSource
 from scenarios.scenes.wave import Wave
-from scenarios.schema.continuous import ContinuousSection
+from scenarios.schema import ContinuousSection
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp
 from sensor.continuous import ContinuousCamera
 
