@@ -47,7 +47,7 @@ __all__ = ["STREAM", "ContinuousRun", "run_continuous"]
 STREAM = "stream.intensities.npz"
 """The reports' name in a run's folder."""
 METHOD = ("continuous",)
-SHOWN = 8
+SHOWN = 10
 """Pixels whose reports are drawn."""
 
 
@@ -107,7 +107,7 @@ def _longest_step(setting: ContinuousSetting, cycles: int) -> int:
     arithmetic of its ticks has room for."""
     if setting.noise:
         return BLOCK
-    room = 2**61 // (PS * setting.clock.den)
+    room = 2**60 // (PS * setting.clock.den)
     if not room:
         raise InputError(
             "sensor.clock", "a frequency of fewer digits without shot noise",
