@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim import BLOCK, Block, Clock, InputError, Light
+from cosim import BLOCK, Block, Clock, InputError, Lens, Light
 from scenarios.result import Latency
 from scenarios.scenes import Source
 from scenarios.schema import Scenario
 from sensor import CameraSetting
+from sensor.crosstalk import crosstalk_map
 
 __all__ = [
-    "AFRESH", "choose_instants", "light_steps", "refuse_keys", "refuse_leftovers",
+    "AFRESH", "choose_instants", "light_steps", "make_relay", "refuse_keys", "refuse_leftovers",
     "refuse_options", "resized", "spread", "with_section",
 ]  # fmt: skip
 
@@ -93,6 +94,15 @@ def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
             "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
         )
     return list(at)
+
+
+def make_relay(lens: Lens, camera: CameraSetting) -> Callable[[Light], Light]:
+    """From the scene's light to what each pixel gathers: the lens, and cross-talk."""
+    through = lens.relay(camera.chip.pitch)
+    if not camera.crosstalk:
+        return through
+    mixed = crosstalk_map(camera.crosstalk)
+    return lambda light: mixed(through(light))
 
 
 def light_steps(

@@ -13,7 +13,6 @@ from cosim import (
     InputError,
     Intensities,
     Interrupted,
-    Light,
     join_intensities,
     seconds_to_ps,
 )
@@ -34,13 +33,19 @@ from scenarios.fidelity import judge
 from scenarios.folder import begin_folder, claimed, output_folder, write_images
 from scenarios.loading import to_toml
 from scenarios.progress import Progress
-from scenarios.readout import AFRESH, choose_instants, light_steps, refuse_options, spread
+from scenarios.readout import (
+    AFRESH,
+    choose_instants,
+    light_steps,
+    make_relay,
+    refuse_options,
+    spread,
+)
 from scenarios.result import Metric, Result, Throughput, write_result
 from scenarios.scenes import Source, make_source
 from scenarios.schema import SPIKING, Scenario
 from sensor import CameraSetting
 from sensor.continuous import ContinuousCamera, ContinuousSetting
-from sensor.crosstalk import crosstalk_map
 
 __all__ = ["STREAM", "ContinuousRun", "run_continuous"]
 
@@ -92,14 +97,6 @@ class _Prepared:
         """Electrons a second of white."""
         lux = self.scenario.scene.illuminance * self.lens.gain
         return lux * self.setting.electrons_per_lux
-
-    def relay(self) -> Callable[[Light], Light]:
-        """From the scene to the light that each pixel gathers."""
-        lens = self.lens.relay(self.setting.chip.pitch)
-        if not self.camera.crosstalk:
-            return lens
-        mixed = crosstalk_map(self.camera.crosstalk)
-        return lambda light: mixed(lens(light))
 
 
 def _longest_step(setting: ContinuousSetting, cycles: int) -> int:
@@ -161,12 +158,12 @@ def _expose(
     clock, chip = run.setting.clock, run.setting.chip
     progress.start(f"{run.name}: {chip.width} x {chip.height} continuous pixels", run.cycles)
     seconds, stop = {"scene": 0.0, "sensor": 0.0}, clock.edge(run.cycles)
-    pixels = ContinuousCamera(run.setting)
+    pixels, relay = ContinuousCamera(run.setting), make_relay(run.lens, run.camera)
     parts: list[Intensities] = []
     count = done = 0
     last = time.perf_counter()
     try:
-        for given, start, until in light_steps(run.source, run.relay(), clock, stop, run.most):
+        for given, start, until in light_steps(run.source, relay, clock, stop, run.most):
             light.take(given, stop)
             begin = time.perf_counter()
             parts.append(pixels.step(given, start, until))
