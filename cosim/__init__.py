@@ -5,7 +5,7 @@ from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.effects import Bound, Effect, Summary
 from cosim.errors import InputError, Interrupted, ViformError
 from cosim.events import Events, events_of, viform_of
-from cosim.intensities import Intensities, intensity_image, join_intensities
+from cosim.intensities import Intensities, intensity_image, join_intensities, last_reports
 from cosim.lens import Lens
 from cosim.light import Box, Light, Piece, Plane
 from cosim.loop import BLOCK, Block, Checkpoint, run_blocks
@@ -35,6 +35,7 @@ __all__ = [
     "events_of",
     "intensity_image",
     "join_intensities",
+    "last_reports",
     "run_blocks",
     "seconds_to_ps",
     "viform_of",

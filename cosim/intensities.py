@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cosim.clock import Clock
 
-__all__ = ["Intensities", "intensity_image", "join_intensities"]
+__all__ = ["Intensities", "intensity_image", "join_intensities", "last_reports"]
 
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
@@ -124,18 +124,28 @@ def join_intensities(parts: Sequence[Intensities]) -> Intensities:
     )
 
 
-def intensity_image(reports: Intensities, tick: int) -> Values:
-    """The last value that each pixel has reported by the end of a tick, electrons a second,
-    (H, W) float64; NaN where there is none yet.
+def last_reports(reports: Intensities, tick: int) -> Ticks:
+    """The last report of each pixel by the end of a tick: its place in the stream, (H, W) int64;
+    -1 where there is none yet.
 
     Raises ValueError for a tick outside the stream.
     """
     last = reports.start + reports.ticks - 1
     if not reports.start <= tick <= last:
         raise ValueError(f"tick must be from {reports.start} to {last}, not {tick}")
-    image = np.full(reports.shape[0] * reports.shape[1], np.nan)
+    place = np.full(reports.shape[0] * reports.shape[1], -1, np.int64)
     n = int(np.searchsorted(reports.time, tick, side="right"))
-    # from the newest back, so that the first place of a pixel is its last report
-    pixel, place = np.unique(reports.pixel[:n][::-1], return_index=True)
-    image[pixel] = reports.value[:n][::-1][place]
-    return image.reshape(reports.shape)
+    np.maximum.at(place, reports.pixel[:n], np.arange(n))  # in the order of time
+    return place.reshape(reports.shape)
+
+
+def intensity_image(reports: Intensities, tick: int) -> Values:
+    """The last value that each pixel has reported by the end of a tick, electrons a second,
+    (H, W) float64; NaN where there is none yet.
+
+    Raises ValueError for a tick outside the stream.
+    """
+    place = last_reports(reports, tick)
+    image = np.full(reports.shape, np.nan)
+    image[place >= 0] = reports.value[place[place >= 0]]
+    return image

@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 from cosim import InputError
-from scenarios.schema.continuous import ContinuousSection
+from scenarios.exposure import camera_setting
+from scenarios.readout import refuse_keys, resized, with_section
+from scenarios.schema import ContinuousSection, Scenario
 from sensor import CameraSetting
 from sensor.continuous import ContinuousSetting, Converter, quiet_floor
 
-__all__ = ["continuous_setting"]
+__all__ = ["continuous_camera", "continuous_setting", "with_defaults"]
+
+
+def with_defaults(scenario: Scenario) -> Scenario:
+    """The scenario with [sensor.continuous] written out."""
+    return with_section(scenario, "continuous", ContinuousSection())
+
+
+def continuous_camera(scenario: Scenario) -> CameraSetting:
+    """Chip, light and device as for any camera; the array as large as the scenario says.
+
+    Raises InputError for keys that only a pixel which spikes gives a meaning.
+    """
+    sensor = scenario.sensor
+    section = sensor.continuous or ContinuousSection()
+    refuse_keys(
+        "continuous",
+        (
+            ("reset", sensor.reset, "residual"),
+            ("threshold_noise", sensor.threshold_noise, 0),
+            ("capacitance", sensor.capacitance, None),
+            ("dead_time", sensor.dead_time, 0),
+            ("comparator_delay", sensor.comparator_delay, 0),
+            ("row_skew", sensor.row_skew, 0),
+        ),
+        "leave it out: these pixels do not spike (sensor.continuous has keys of their own)",
+    )
+    return resized(camera_setting(scenario), section.width, section.height)
 
 
 def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> ContinuousSetting:

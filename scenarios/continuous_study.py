@@ -1,13 +1,12 @@
-"""Continuous photographing beside spikes, on small scenes: `python -m scenarios.continuous_study`.
+"""`viform bench continuous`: continuous photographing beside spikes, on small scenes.
 
-Prints the table of docs/continuous.md and, given a name, draws its figure. Both sensors see the
-same light, with shot noise, on the same pixels; white makes 0.6 spikes a cycle.
+The table and the figure of docs/continuous.md. Both sensors see the same light, with shot noise,
+on the same pixels; white makes 0.6 spikes a cycle.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,16 +24,17 @@ from cosim import (
     intensity_image,
     join_intensities,
 )
+from cosim.opencl import Device
 from scenarios.continuous import continuous_setting
 from scenarios.fidelity import psnr, to_white
 from scenarios.scenes import AnalyticSource, Source
 from scenarios.scenes.step import StepSource
 from scenarios.scenes.wave import Wave
-from scenarios.schema.continuous import ContinuousSection
+from scenarios.schema import ContinuousSection
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp
 from sensor.continuous import ContinuousCamera
 
-__all__ = ["Row", "compare", "main", "traces_figure"]
+__all__ = ["Row", "compare", "markdown", "traces_figure"]
 
 CLOCK = Clock(40_000)
 THRESHOLD, WHITE_RATE, WINDOW = 1000.0, 0.6, 41
@@ -96,10 +96,13 @@ def _fidelity(source: Source, image: Any) -> float:
 
 
 def compare(
-    shape: tuple[int, int] = (100, 100), scenes: tuple[str, ...] = ("step", "wave")
+    shape: tuple[int, int] = (100, 100),
+    scenes: tuple[str, ...] = ("step", "wave"),
+    device: Device | None = None,
 ) -> list[Row]:
     """Both sensors on each scene: spikes read as TFP and TFI, and continuous photographing with
-    its defaults and with one key changed at a time."""
+    its defaults and with one key changed at a time. device: of the spike camera, None for numba;
+    the rows are the same."""
     camera = _camera(shape)
     white = WHITE_RATE * THRESHOLD * CLOCK.hz  # electrons a second
     sections = {
@@ -115,7 +118,7 @@ def compare(
     sources = _sources(shape, _white(camera))
     for name in scenes:
         source = sources[name]
-        blocks = _run(SpikeCamera(camera, None), source)
+        blocks = _run(SpikeCamera(camera, device), source)
         stream = Viform(np.concatenate([b.words for b in blocks]), CYCLES, CLOCK)
         spikes = int(np.bitwise_count(stream.words).sum(dtype=np.int64)) / pixels / seconds
         for method, image in (
@@ -198,23 +201,19 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
     axes[-1].set_xlabel("ms")
     axes[-1].set_xlim(0, cycles * ms)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, format="png")
     plt.close(figure)
     return found
 
 
-def main(arguments: list[str]) -> None:
-    """Prints the table; draws the figure to the name given, if any."""
-    if arguments:
-        traces_figure(Path(arguments[0]))
-    print("| scene | sensor | reports/s a pixel | bits/s a pixel | PSNR, dB |")
-    print("|---|---|---|---|---|")
-    for row in compare():
-        print(
-            f"| `{row.scene}` | {row.sensor} | {row.reports:.0f} | {row.bits:.0f} | "
-            f"{row.psnr:.1f} |"
-        )
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def markdown(rows: list[Row]) -> str:
+    """The rows as a table."""
+    lines = [
+        "| scene | sensor | reports/s a pixel | bits/s a pixel | PSNR, dB |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| `{row.scene}` | {row.sensor} | {row.reports:.0f} | {row.bits:.0f} | {row.psnr:.1f} |"
+        for row in rows
+    ]
+    return "\n".join(lines)

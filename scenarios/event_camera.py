@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cosim import PS, Clock, InputError, seconds_to_ps
 from scenarios.exposure import camera_setting
+from scenarios.readout import refuse_keys, resized, with_section
 from scenarios.schema import AsynchronousSection, Scenario
 from sensor import CameraSetting
 from sensor.asynchronous import AsynchronousPixels, EventModel, EventPixels
 from sensor.channel import ChannelModel
 
-__all__ = [
-    "channel_model", "event_model", "event_pixels", "event_setting", "refuse_leftovers",
-    "with_defaults",
-]  # fmt: skip
+__all__ = ["channel_model", "event_model", "event_pixels", "event_setting", "with_defaults"]
 
 
 def with_defaults(scenario: Scenario) -> Scenario:
     """The scenario with [sensor.asynchronous] written out."""
-    if scenario.sensor.asynchronous is not None:
-        return scenario
-    sensor = scenario.sensor.model_copy(update={"asynchronous": AsynchronousSection()})
-    return scenario.model_copy(update={"sensor": sensor})
-
-
-def refuse_leftovers(scenario: Scenario) -> None:
-    """Raises InputError where a synchronous chip is given what only an asynchronous one has."""
-    for name in ("asynchronous", "channel"):
-        if getattr(scenario.sensor, name) is not None:
-            raise InputError(
-                f"sensor.{name}", "given with sensor.readout = asynchronous", "alone",
-                "set sensor.readout=asynchronous or leave it out",
-            )  # fmt: skip
+    return with_section(scenario, "asynchronous", AsynchronousSection())
 
 
 def _section(scenario: Scenario) -> AsynchronousSection:
@@ -42,28 +25,17 @@ def _section(scenario: Scenario) -> AsynchronousSection:
 def event_setting(scenario: Scenario) -> CameraSetting:
     """Chip, light and device as for any camera; the array as large as the scenario says."""
     sensor, section = scenario.sensor, _section(scenario)
-    for name, value, plain in (
-        ("reset", sensor.reset, "residual"),
-        ("threshold_noise", sensor.threshold_noise, 0),
-        ("capacitance", sensor.capacitance, None),
-        ("row_skew", sensor.row_skew, 0),
-    ):
-        if value != plain:
-            raise InputError(
-                f"sensor.{name}",
-                f"{'absent' if plain is None else plain} with readout = asynchronous", f"{value}",
-                "leave it out: these pixels fire at their threshold and start from nothing",
-            )  # fmt: skip
-    setting = camera_setting(scenario)
-    chip = replace(
-        setting.chip,
-        width=section.width or setting.chip.width,
-        height=section.height or setting.chip.height,
-        assumed=setting.chip.assumed
-        | ({"width"} if section.width else set())
-        | ({"height"} if section.height else set()),
+    refuse_keys(
+        "asynchronous",
+        (
+            ("reset", sensor.reset, "residual"),
+            ("threshold_noise", sensor.threshold_noise, 0),
+            ("capacitance", sensor.capacitance, None),
+            ("row_skew", sensor.row_skew, 0),
+        ),
+        "leave it out: these pixels fire at their threshold and start from nothing",
     )
-    return replace(setting, chip=chip)
+    return resized(camera_setting(scenario), section.width, section.height)
 
 
 def event_model(scenario: Scenario) -> EventModel:

@@ -4,7 +4,9 @@ good the simulation is."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,15 +17,26 @@ from scenarios.scenes import Source
 from sensor import interval_rate, isi, tfp
 
 __all__ = [
-    "Estimate", "Shot", "interval_latency", "judge", "psnr", "spike_rate", "ssim", "take_shots",
-    "to_white",
+    "METHODS", "Estimate", "Imaged", "Shot", "interval_latency", "judge", "psnr", "spike_rate",
+    "ssim", "take_shots", "to_white",
 ]  # fmt: skip
 
+METHODS = ("tfp", "tfi")
+"""Estimates of a synchronous run."""
 LEAST_RATE = 1e-30
 """Spikes a cycle below which white counts as this much: smaller numbers leave float32."""
 
 
 Estimate = npt.NDArray[np.float64]
+
+
+class Imaged(Protocol):
+    """One instant: its cycle, its true reflectance, and an estimate under each method's name."""
+
+    @property
+    def cycle(self) -> int: ...
+    @property
+    def truth(self) -> Plane: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +53,7 @@ class Shot:
     tau: npt.NDArray[np.int64]
 
 
-def to_white(rate: Plane, white_rate: float) -> Estimate:
+def to_white(rate: npt.NDArray[np.floating[Any]], white_rate: float) -> Estimate:
     """Linear estimate of reflectance: spikes a cycle, scaled so that white = 1, in [0, 1].
 
     In float64, so that a picture of it is the one `viform image --scale WHITE_RATE` makes: 1/2 a
@@ -87,10 +100,10 @@ def take_shots(
     return shots
 
 
-def judge(shots: list[Shot]) -> dict[str, Metric]:
-    """PSNR and SSIM of both methods, mean over the instants."""
+def judge(shots: Sequence[Imaged], methods: Sequence[str] = METHODS) -> dict[str, Metric]:
+    """PSNR and SSIM of each method, mean over the instants."""
     means = {}
-    for method in ("tfp", "tfi"):
+    for method in methods:
         pairs = [(getattr(shot, method), shot.truth) for shot in shots]
         means[f"{method}_psnr"] = Metric(float(np.mean([psnr(*pair) for pair in pairs])), "dB")
         means[f"{method}_ssim"] = Metric(float(np.mean([ssim(*pair) for pair in pairs])), "1")

@@ -5,14 +5,16 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from cosim import InputError
 from cosim.files.whole import whole
+from scenarios.fidelity import METHODS, Imaged
+from scenarios.png import write_linear_png
 
-__all__ = ["begin_folder", "check_room", "claimed", "output_folder"]
+__all__ = ["begin_folder", "check_room", "claimed", "output_folder", "write_images"]
 
 _GIB = 2**30
 
@@ -67,6 +69,20 @@ def begin_folder(folder: Path, scenario: str) -> None:
         picture.unlink()
     with whole(folder / "scenario.toml") as part:
         part.write_text(scenario, encoding="utf-8")
+
+
+def write_images(
+    folder: Path, shots: Sequence[Imaged], methods: Sequence[str] = METHODS
+) -> list[str]:
+    """The linear pictures of every instant, 8-bit grey; their names in the folder."""
+    if shots:
+        (folder / "images").mkdir(exist_ok=True)
+    names = []
+    for shot in shots:
+        for method in ("truth", *methods):
+            names.append(f"images/{method}-{shot.cycle:05d}.png")
+            write_linear_png(folder / names[-1], getattr(shot, method))
+    return names
 
 
 @contextmanager

@@ -25,9 +25,8 @@ from cosim.lens import Lens
 from cosim.opencl import Device, open_device
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.folder import begin_folder, check_room, claimed, output_folder
+from scenarios.folder import begin_folder, check_room, claimed, output_folder, write_images
 from scenarios.loading import to_toml
-from scenarios.png import write_linear_png
 from scenarios.progress import Progress
 from scenarios.result import Metric, Result, Throughput, viform_version, write_result
 from scenarios.scenes import Source, make_source
@@ -118,17 +117,6 @@ class _RelayStage:
 def choose_device(wanted: str | None) -> Device | None:
     """The OpenCL device asked for; None for "numba", the compiled form on this processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
-
-
-def _write_images(folder: Path, shots: list[Shot]) -> list[str]:
-    """The linear pictures of every instant, 8-bit grey; their names in the folder."""
-    (folder / "images").mkdir(exist_ok=True)
-    names = []
-    for shot in shots:
-        for method in ("truth", "tfp", "tfi"):
-            names.append(f"images/{method}-{shot.cycle:05d}.png")
-            write_linear_png(folder / names[-1], getattr(shot, method))
-    return names
 
 
 @dataclass(frozen=True)
@@ -267,7 +255,7 @@ def run_scenario(
                 files=["scenario.toml", "stream.zarr"],
             )
             progress.advance(1)
-            result.files += _write_images(folder, shots)
+            result.files += write_images(folder, shots)
             progress.advance(2)
             seconds["images"] = time.perf_counter() - begin - seconds["sizes"]
             for note in run.source.degraded:

@@ -7,14 +7,14 @@ time. What those pixels are is theirs: spikes, or absolute intensities on change
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import BLOCK, Block, Clock, Events, InputError, Interrupted, Light, seconds_to_ps
+from cosim import Events, InputError, Interrupted, seconds_to_ps
 from cosim.files import write_events
 from cosim.lens import Lens
 from scenarios.event_camera import (
@@ -29,25 +29,30 @@ from scenarios.event_result import (
     EventShot,
     effect_names,
     first_instants,
-    judge_shots,
-    spread,
     take_event_shots,
-    write_shots,
 )
 from scenarios.exposure import choose_lens, lens_notes
-from scenarios.folder import begin_folder, claimed, output_folder
+from scenarios.fidelity import judge
+from scenarios.folder import begin_folder, claimed, output_folder, write_images
 from scenarios.loading import to_toml
 from scenarios.patches import Recovered, dynamic_range, recover
 from scenarios.progress import Progress
+from scenarios.readout import (
+    AFRESH,
+    choose_instants,
+    light_steps,
+    make_relay,
+    refuse_options,
+    spread,
+)
 from scenarios.result import Metric, Result, Throughput, write_result
 from scenarios.scenes import Patch, Source, make_source
 from scenarios.schema import Scenario
 from sensor import CameraSetting
 from sensor.asynchronous import EventModel, EventPixels, Firings
 from sensor.channel import Channel
-from sensor.crosstalk import crosstalk_map
 
-__all__ = ["EventRun", "light_steps", "run_events"]
+__all__ = ["EventRun", "run_events"]
 
 
 Instants = npt.NDArray[np.int64]
@@ -78,45 +83,6 @@ class EventRun:
     seconds: dict[str, float]
     began: float
     notes: list[str] = field(default_factory=list)
-
-
-def light_steps(
-    source: Source, relay: Callable[[Light], Light], clock: Clock, stop: int
-) -> Iterator[tuple[Light, int, int]]:
-    """(light on the pixels, start, stop) one after another up to `stop` (ps): the whole run at once
-    where the light that the scene gives reaches so far, else blocks of the clock."""
-    cycle, start = 0, 0
-    cycles = clock.cycle_at(stop - 1) + 1
-    while start < stop:
-        block = Block(cycle, min(BLOCK, cycles - cycle))
-        light = relay(source.step(None, block))
-        until = stop if light.pieces[-1].stop >= stop else min(stop, clock.edge(block.stop))
-        yield light, start, until
-        start, cycle = until, block.stop
-
-
-def _instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles of sensor.clock whose images are made; five evenly spaced ones unless given."""
-    at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
-    late = [n for n in at if n >= cycles]
-    if late:
-        raise InputError(
-            "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
-        )
-    return list(at)
-
-
-def _refuse(resume: bool, device: str | None) -> None:
-    """Options of the synchronous camera that this one has not."""
-    if resume:
-        raise InputError(
-            "--resume", "for readout = synchronous", "for asynchronous", "run it afresh"
-        )
-    if device is not None and device.lower() != "numba":
-        raise InputError(
-            "--device", "numba with readout = asynchronous", device, "leave it out: these pixels "
-            "run on the processor",
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,19 +132,11 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     notes = lens_notes(scenario, lens, white_rate)[:1] if chosen else []  # nothing saturates
     return _Prepared(
         name, scenario, setting, model, lens, white_rate, source, patches,
-        [] if patches else _instants(scenario, cycles), event_pixels(scenario, setting, model),
+        [] if patches else choose_instants(scenario, cycles),
+        event_pixels(scenario, setting, model),
         Output(None if bus is None else Channel(bus, shape), stop, _stamped_late(scenario)),
         [*notes, *source.notes],
     )  # fmt: skip
-
-
-def _relay(run: _Prepared) -> Callable[[Light], Light]:
-    """From the scene's light to what the pixels gather: the lens, and cross-talk."""
-    lens = run.lens.relay(run.setting.chip.pitch)
-    if not run.setting.crosstalk:
-        return lens
-    spread = crosstalk_map(run.setting.crosstalk)
-    return lambda light: spread(lens(light))
 
 
 def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
@@ -189,7 +147,9 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
     last = time.perf_counter()
     done = 0
     try:
-        for light, start, until in light_steps(run.source, _relay(run), clock, run.stop):
+        for light, start, until in light_steps(
+            run.source, make_relay(run.lens, run.setting), clock, run.stop
+        ):
             begin = time.perf_counter()
             firings = run.pixels.step(light, start, until)
             middle = time.perf_counter()
@@ -203,11 +163,8 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
             done = clock.cycle_at(until - 1) + 1
             progress.advance(done)
     except KeyboardInterrupt:
-        raise Interrupted(done, run.cycles, _AFRESH) from None
+        raise Interrupted(done, run.cycles, AFRESH) from None
     return seconds, work
-
-
-_AFRESH = "run it afresh with another --out"
 
 
 def _make_result(
@@ -223,7 +180,7 @@ def _make_result(
         tolerance=run.scenario.tolerance,
         kept=effect_names(run.model, run.setting, delay is not None),
         metrics={
-            **(dynamic_range(found, run.model, run.stop) if found else judge_shots(shots)),
+            **(dynamic_range(found, run.model, run.stop) if found else judge(shots, ("tfi",))),
             **run.output.metrics(len(sent)),
             "loop_turns": Metric(float(work), "1"),
             "f_number": Metric(run.lens.f_number, "1"),
@@ -254,7 +211,7 @@ def run_events(
     returns their names. An interrupted run leaves no result.json and is run afresh.
     Raises InputError for input that cannot be used, Interrupted.
     """
-    _refuse(resume, device)
+    refuse_options("asynchronous", resume, device)
     output_folder(name, out, False)
     scenario = with_defaults(scenario)
     run = _prepare(name, scenario)
@@ -284,7 +241,7 @@ def run_events(
             )
             seconds["estimates"] = time.perf_counter() - begin
             result = _make_result(run, sent, delay, found, shots, seconds, work)
-            result.files += write_shots(folder, shots)
+            result.files += write_images(folder, shots, ("tfi",))
             warnings = [*run.source.degraded, *run.output.losses()]
             for note in warnings:
                 progress.note(note)
@@ -297,7 +254,7 @@ def run_events(
             result.run_time_s = time.perf_counter() - began
             write_result(folder, result)
         except KeyboardInterrupt:
-            raise Interrupted(run.cycles, run.cycles, _AFRESH) from None
+            raise Interrupted(run.cycles, run.cycles, AFRESH) from None
     return result, folder
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,56 +12,85 @@ from scenarios.commands.output import Json, print_document
 
 __all__ = ["bench"]
 
-CODE = "code"
+Study = tuple[dict[str, Any], str, Callable[[Path], object]]
+"""A study's document, its tables, and what draws its figure."""
 
 
-def _bench_code(device: str | None, figure: Path | None, json: bool) -> None:
-    from cosim.files.whole import whole
+def _code(device: str | None) -> Study:
+    """Sizes of streams."""
     from scenarios.code_bench import bench_code, draw, markdown
     from scenarios.run import choose_device
+
+    document = bench_code(choose_device(device))
+    return document, markdown(document), lambda part: draw(document, part)
+
+
+def _continuous(device: str | None) -> Study:
+    """Continuous photographing beside spikes."""
+    from dataclasses import asdict
+
+    from scenarios.continuous_study import compare, markdown, traces_figure
+    from scenarios.run import choose_device
+
+    rows = compare(device=choose_device(device))
+    return {"rows": [asdict(row) for row in rows]}, markdown(rows), traces_figure
+
+
+STUDIES = {"code": _code, "continuous": _continuous}
+
+
+def _print_study(name: str, device: str | None, figure: Path | None, json: bool) -> None:
+    from cosim.files.whole import whole
 
     if figure is not None and figure.suffix.lower() != ".png":
         from cosim import InputError
 
         raise InputError("--figure", "a name ending in .png", str(figure), "give it one")
-    document = bench_code(choose_device(device))
+    document, tables, draw = STUDIES[name](device)
     if figure is not None:
         with whole(figure) as part:
-            draw(document, part)
+            draw(part)
     if json:
         print_document(document)
     else:
-        print(markdown(document))
+        print(tables)
 
 
 def bench(
     part: Annotated[
-        str | None, typer.Argument(help="one part alone, such as sensor; code: sizes of streams")
+        str | None,
+        typer.Argument(
+            help="one part alone, such as sensor; code: sizes of streams; continuous: absolute "
+            "intensities beside spikes"
+        ),
     ] = None,
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="of code: PNG to draw")] = None,
+    figure: Annotated[Path | None, typer.Option(help="of code or continuous: PNG to draw")] = None,
     json: Json = False,
 ) -> None:
     """Measure throughput against real time, a measured ceiling and the plain way.
 
-    `bench code` measures no time but how small streams become; it takes minutes.
+    `bench code` and `bench continuous` measure no time but how small streams become, and what
+    continuous photographing makes of the same light; the first takes minutes.
     """
     from cosim import InputError
     from scenarios.bench import PARTS
     from scenarios.bench import bench as measure
     from scenarios.run import choose_device
 
-    if part is not None and part not in (*PARTS, CODE):
+    known = (*PARTS, *STUDIES)
+    if part is not None and part not in known:
         raise InputError(
-            "the part", f"one of {', '.join((*PARTS, CODE))}", repr(part), "leave it out for all"
+            "the part", f"one of {', '.join(known)}", repr(part), "leave it out for all"
         )
-    if figure is not None and part != CODE:
-        raise InputError("--figure", "given with bench code", "without", "leave it out")
-    if part == CODE:
-        _bench_code(device, figure, json)
+    if part is not None and part in STUDIES:
+        _print_study(part, device, figure, json)
         return
+    if figure is not None:
+        drawn = " or ".join(f"bench {name}" for name in STUDIES)
+        raise InputError("--figure", f"given with {drawn}", "without", "leave it out")
     document = measure(choose_device(device), [part] if part else list(PARTS))
     if json:
         print_document(document)

@@ -31,10 +31,12 @@ def run(
     """Run a scenario: film it, make images and a report."""
     from scenarios.cli import BEGAN
     from scenarios.loading import load
+    from scenarios.readout import refuse_leftovers
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     progress = make_progress()
     try:
+        refuse_leftovers(loaded)
         if loaded.sensor.readout == "asynchronous":
             from scenarios.report.events import write_events_report
             from scenarios.run_events import run_events
@@ -43,12 +45,18 @@ def run(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
                 report=write_events_report,
             )  # fmt: skip
+        elif loaded.sensor.readout == "continuous":
+            from scenarios.report.continuous import write_continuous_report
+            from scenarios.run_continuous import run_continuous
+
+            result, folder = run_continuous(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_continuous_report,
+            )  # fmt: skip
         else:
-            from scenarios.event_camera import refuse_leftovers
             from scenarios.report import write_report
             from scenarios.run import run_scenario
 
-            refuse_leftovers(loaded)
             result, folder = run_scenario(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
                 report=write_report,

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import html
-import resource
 import shlex
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -22,17 +20,13 @@ from scenarios.report.event_figures import (
     width_figure,
 )
 from scenarios.report.figures import overview_figure
-from scenarios.report.parts import cards, data, figure, table, write_page
+from scenarios.report.machine import optics
+from scenarios.report.parts import cards, figure, opening, plot, run_time, table, write_page
 from scenarios.run_events import EventRun
 from sensor.asynchronous import latched
 from sensor.asynchronous.image import rate_image
 
 __all__ = ["write_events_report"]
-
-
-def _plot(path: Path, name: str) -> str:
-    source = data(path.read_bytes(), "image/png")
-    return f'<figure class="plot"><img src="{source}" alt="{html.escape(name)}"></figure>'
 
 
 def _number(value: float | None, digits: str = ".3g") -> str:
@@ -81,7 +75,7 @@ def _view(run: EventRun) -> str:
     return (
         "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a "
         "reading of less than one level; one whose light is no more than the mean dark current is "
-        "black.</p>" + _plot(path, "the view")
+        "black.</p>" + plot(path, "the view")
     )
 
 
@@ -104,7 +98,7 @@ def _patches(run: EventRun) -> str:
         "the reading of its charge, or its silence, which says that fewer electrons came than the "
         "threshold. The estimate is the light under which all of them together are most likely, "
         "less the mean dark current; the plain mean of Q/width and of readings rounded down stands "
-        "beside it.</p>" + _plot(path, "recovered against true") + table(head, rows)
+        "beside it.</p>" + plot(path, "recovered against true") + table(head, rows)
     )
 
 
@@ -145,13 +139,13 @@ def _traffic(run: EventRun) -> str:
         assert top.estimate is not None
         rate = top.estimate * run.setting.electrons_per_lux + dark
         width_figure(run.sent.width[mine], rate, run.model, top.patch.name, figures / "widths.png")
-        small += _plot(figures / "widths.png", "widths of the brightest patch")
+        small += plot(figures / "widths.png", "widths of the brightest patch")
     section = run.scenario.sensor.channel
     said = "There is no shared channel: every event leaves as it fires."
     if section is not None and run.delay is not None and run.delay.size:
         service = round(1e12 / section.rate)
         delay_figure(run.delay, service, figures / "channel.png")
-        small += _plot(figures / "channel.png", "delay in the channel")
+        small += plot(figures / "channel.png", "delay in the channel")
         place = f"{section.buffer} buffer"
         if section.buffer == "fifo":
             place += f" of {section.depth}"
@@ -171,7 +165,7 @@ def _traffic(run: EventRun) -> str:
     ]  # fmt: skip
     return (
         f"<h2>Events</h2><p>{html.escape(said)}</p>"
-        + _plot(figures / "events.png", "events over time")
+        + plot(figures / "events.png", "events over time")
         + f'<div class="grid by2" style="margin:10px 0">{small}</div>'
         + table(["what", "value"], rows)
     )
@@ -195,10 +189,7 @@ def _machine(run: EventRun) -> str:
          "scenario"],
         ["PRNU, threshold FPN",
          f"{device.prnu:.1%}, {device.threshold_fpn:.1%}" if device else "none", "scenario"],
-        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
-        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
-        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
-        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+        *optics(setting),
         ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}: {run.lens.gain:.3g} lux "
          "on the pixel for one on the scene", "scenario"],
     ]  # fmt: skip
@@ -210,14 +201,10 @@ def _machine(run: EventRun) -> str:
 
 
 def _again(run: EventRun) -> str:
-    rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    rows.append(["peak memory", f"{peak:.2f} GiB"])
     line = f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"
     arrays = f'events = numpy.load("{STREAM}")   # row, column, time, width, level, ...'
     return (
-        f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>"
-        + table(["stage", "took"], rows)
+        run_time(run.result, run.seconds)
         + "<h2>Make it again</h2><p>The same bits, however the run is split.</p>"
         + f"<pre>{html.escape(line + chr(10) + arrays)}</pre>"
         + f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
@@ -231,13 +218,13 @@ def write_events_report(run: EventRun) -> list[str]:
     shown = [_view(run), _patches(run)] if run.found else [_images(run)]
     shown += [_traffic(run), _machine(run)]
     run.seconds["report"] = time.perf_counter() - begin
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
-    caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
     body = [
-        f"<h1>{html.escape(run.scenario.title)}</h1>",
-        f'<p class="soft">{html.escape(run.setting.chip.title)}, asynchronous readout, seed '
-        f"{run.result.seed}, viform {run.result.version}.{caveat}</p>",
-        f"<ul>{notes}</ul>",
+        opening(
+            run.scenario.title,
+            f"{run.setting.chip.title}, asynchronous readout",
+            run.result,
+            run.notes,
+        ),
         _cards(run),
         *shown,
         _again(run),

@@ -6,19 +6,31 @@ from cosim import Summary
 from scenarios.report.parts import table
 from scenarios.run import Finished
 from scenarios.schema import SensorSection
-from sensor import SILICON
+from sensor import SILICON, CameraSetting
 
-__all__ = ["machine"]
+__all__ = ["faults", "machine", "optics"]
 
 
-def _faults(section: SensorSection) -> list[list[str]]:
+def optics(setting: CameraSetting) -> list[list[str]]:
+    """A row for each number of the pixel's optics."""
+    chip = setting.chip
+    provenance = chip.provenance()
+    return [
+        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
+        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
+        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
+        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+    ]
+
+
+def faults(section: SensorSection) -> list[list[str]]:
     """A row for each fault of the device: its size, and on what ground the preset assumes it."""
 
     def sizes(of: SensorSection) -> dict[str, object]:
         told = of.model_dump(mode="json")
         return told | (told["pattern"] or {})
 
-    same = ("chip", "threshold", "threshold_level")
+    same = ("chip", "readout", "threshold", "threshold_level")
     given = sizes(section)
     silicon = {name: given[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))
@@ -43,10 +55,7 @@ def machine(run: Finished) -> str:
         ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
-        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
-        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
-        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
-        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+        *optics(setting),
         ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
          f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
          "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
@@ -56,7 +65,7 @@ def machine(run: Finished) -> str:
     if scenario.sensor.threshold_level < chip.threshold_levels:
         level = f"{scenario.sensor.threshold_level} of {chip.threshold_levels}"
         numbers.insert(3, ["threshold level", f"{level}, taken to be linear", "scenario"])
-    numbers += _faults(scenario.sensor)
+    numbers += faults(scenario.sensor)
     darkest = min(float(s.truth.min()) for s in run.shots)
     per_cycle = run.white_rate * setting.threshold
     summary = Summary(

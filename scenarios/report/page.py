@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import resource
 import shlex
 import time
 from dataclasses import dataclass
@@ -17,7 +16,16 @@ from scenarios.playback import write_clip
 from scenarios.png import Levels, for_display, to_linear_bytes, write_png
 from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
 from scenarios.report.machine import machine
-from scenarios.report.parts import cards, data, figure, table, write_page
+from scenarios.report.parts import (
+    cards,
+    data,
+    figure,
+    opening,
+    plot,
+    run_time,
+    table,
+    write_page,
+)
 from scenarios.report.pictures import (
     WINDOWS,
     accumulation,
@@ -192,12 +200,11 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     marks = mark_pixels(for_display(shot.tfp), points)
     write_png(figures / "pixels.png", marks)
     marked = figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
-    source = data((figures / "intervals.png").read_bytes(), "image/png")
     return (
         "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
         "high as the light it tells, its area one threshold (after figure 5 of Huang 2022).</p>"
-        f'<figure class="plot"><img src="{source}" alt="interval plots"></figure>'
-        f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
+        + plot(figures / "intervals.png", "interval plots")
+        + f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
     )
 
 
@@ -205,16 +212,6 @@ def _size(run: Finished) -> str:
     head = ["form", "bits a pixel and cycle", "times smaller than raw"]
     rows = table(head, size_rows(run.sizes))
     return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
-
-
-def _time(run: Finished) -> str:
-    rows = [[stage, f"{spent:.2f} s"] for stage, spent in run.seconds.items()]
-    rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in run.result.throughput]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    rows.append(["peak memory", f"{peak:.2f} GiB"])
-    return f"<h2>Run time</h2><p>On {html.escape(run.result.device)}.</p>" + table(
-        ["stage", "took"], rows
-    )
 
 
 def _again(run: Finished) -> str:
@@ -265,8 +262,6 @@ def write_report(run: Finished) -> list[str]:
     long = _expose_long(run, middle)
     _overview(run, middle, long)
     _sheet(run)
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in run.notes)
-    caveat = "" if run.result.outcome == "ok" else f" <b>Outcome: {run.result.outcome}.</b>"
     pictures = [
         _playback(run),
         _instants(run),
@@ -279,14 +274,16 @@ def write_report(run: Finished) -> list[str]:
     ]
     run.seconds["report"] = time.perf_counter() - begin
     body = [
-        f"<h1>{html.escape(run.scenario.title)}</h1>",
-        f'<p class="soft">{html.escape(run.setting.chip.title)}, '
-        f"{run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles, "
-        f"seed {run.result.seed}, viform {run.result.version}.{caveat}</p>",
-        f"<ul>{notes}</ul>",
+        opening(
+            run.scenario.title,
+            f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, "
+            f"{run.stream.cycles} cycles",
+            run.result,
+            run.notes,
+        ),
         _cards(run),
         *pictures,
-        _time(run),
+        run_time(run.result, run.seconds),
         _again(run),
     ]
     write_page(run.folder, run.scenario.title, "".join(body))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import base64
 import html
+import resource
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cosim.files.whole import whole
 from scenarios.png import encode
+from scenarios.result import Result
 
-__all__ = ["cards", "data", "figure", "table", "write_page"]
+__all__ = ["cards", "data", "figure", "opening", "plot", "run_time", "table", "write_page"]
 
 
 def data(content: bytes, kind: str) -> str:
@@ -45,6 +47,33 @@ def cards(rows: list[tuple[str, str, str]]) -> str:
         for css, big, small in rows
     )
     return f'<div class="cards">{"".join(texts)}</div>'
+
+
+def plot(path: Path, name: str) -> str:
+    """A figure that has been written, as it is."""
+    source = data(path.read_bytes(), "image/png")
+    return f'<figure class="plot"><img src="{source}" alt="{html.escape(name)}"></figure>'
+
+
+def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
+    """The page's head: title, what ran, whether anything is less than asked for, notes."""
+    caveat = "" if result.outcome == "ok" else f" <b>Outcome: {result.outcome}.</b>"
+    told = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return (
+        f'<h1>{html.escape(title)}</h1><p class="soft">{html.escape(camera)}, seed {result.seed}, '
+        f"viform {result.version}.{caveat}</p><ul>{told}</ul>"
+    )
+
+
+def run_time(result: Result, seconds: dict[str, float]) -> str:
+    """What every stage took, and the most memory."""
+    rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
+    rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in result.throughput]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    rows.append(["peak memory", f"{peak:.2f} GiB"])
+    return f"<h2>Run time</h2><p>On {html.escape(result.device)}.</p>" + table(
+        ["stage", "took"], rows
+    )
 
 
 def write_page(folder: Path, title: str, body: str) -> None:

@@ -5,6 +5,7 @@ whole as JSON Schema.
 """
 
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
+from scenarios.schema.continuous import ContinuousSection
 from scenarios.schema.messages import validate
 from scenarios.schema.scenario import ImageSection, Scenario, export
 from scenarios.schema.scenes import (
@@ -16,11 +17,13 @@ from scenarios.schema.scenes import (
     SunAndStarsScene,
     WaveScene,
 )
-from scenarios.schema.sensor import LensSection, PatternSection, SensorSection
+from scenarios.schema.sensor import SPIKING, LensSection, PatternSection, SensorSection
 
 __all__ = [
+    "SPIKING",
     "AsynchronousSection",
     "ChannelSection",
+    "ContinuousSection",
     "FilmScene",
     "ImageSection",
     "LensSection",

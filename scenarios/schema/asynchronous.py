@@ -8,7 +8,7 @@ from pydantic import Field
 
 from scenarios.schema.quantity import Duration, Frequency, Section
 
-__all__ = ["AsynchronousSection", "ChannelSection"]
+__all__ = ["AsynchronousSection", "ChannelSection", "Side"]
 
 Side = Annotated[int, Field(ge=1, le=65535)]
 

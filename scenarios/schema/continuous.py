@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from scenarios.schema.asynchronous import Side
 from scenarios.schema.quantity import Quantity, Section, Time
 
 __all__ = ["ContinuousSection"]
@@ -40,3 +41,8 @@ class ContinuousSection(Section):
     # 4.09e10 photons a second at 1e5 lux and QE 0.7 are 2.9e10 (Huang 2022 section 4.3).
     full_scale: Threshold = Field(default=3e10, description="largest value of the converter")
     shot_noise: bool = True
+    width: Side | None = Field(default=None, description="pixels; the chip's own when absent")
+    height: Side | None = Field(default=None, description="pixels; the chip's own when absent")
+    most_reports: Annotated[int, Field(ge=1, le=10**9)] = Field(
+        default=20_000_000, description="a run with more ends; some 100 bytes of memory each"
+    )

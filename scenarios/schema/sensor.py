@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
+from scenarios.schema.continuous import ContinuousSection
 from scenarios.schema.quantity import (
     Capacitance,
     Charge,
@@ -23,8 +24,10 @@ from scenarios.schema.quantity import (
 )
 from sensor import CHIPS, SILICON
 
-__all__ = ["LensSection", "PatternSection", "SensorSection"]
+__all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
+SPIKING = ("row_skew", "comparator_delay", "dead_time", "threshold_noise", "threshold_fpn")
+"""Faults that only a pixel which spikes has."""
 LEVELS = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
@@ -65,8 +68,10 @@ class SensorSection(Section):
     preset: Literal["ideal", "silicon"] = Field(
         default="ideal", description="silicon: every fault absent here gets the size assumed for it"
     )
-    readout: Literal["synchronous", "asynchronous"] = Field(
-        default="synchronous", description="latched by the clock, or each pixel when it is full"
+    readout: Literal["synchronous", "asynchronous", "continuous"] = Field(
+        default="synchronous",
+        description="spikes latched by the clock, spikes as pixels are full, or absolute "
+        "intensities as they change",
     )
     clock: Frequency = 40e3
     threshold: Charge
@@ -92,6 +97,7 @@ class SensorSection(Section):
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
     asynchronous: AsynchronousSection | None = None
+    continuous: ContinuousSection | None = None
     channel: ChannelSection | None = Field(
         default=None, description="output that asynchronous pixels share; none when absent"
     )
@@ -114,9 +120,9 @@ class SensorSection(Section):
             sizes["threshold_noise"] = Quantity("charge").write(noise)
         except (ValueError, TypeError):
             del sizes["threshold_noise"]
-        if data.get("readout", "synchronous") != "synchronous":  # what these pixels do not have
-            for name in ("row_skew", "threshold_noise"):
-                sizes.pop(name, None)
+        without = {"synchronous": (), "asynchronous": ("row_skew", "threshold_noise")}
+        for name in without.get(data.get("readout", "synchronous"), SPIKING):
+            sizes.pop(name, None)
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern

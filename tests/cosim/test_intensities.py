@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim import Clock, InputError, Intensities, intensity_image, join_intensities
+from cosim import Clock, InputError, Intensities, intensity_image, join_intensities, last_reports
 from cosim.files import read_intensities, write_intensities
 
 CLOCK = Clock(2997, 100)
@@ -58,14 +58,16 @@ def test_an_image_of_many_reports_is_what_a_loop_finds() -> None:
     reports = Intensities(
         row.astype(np.uint16), column.astype(np.uint16), time, value, (5, 7), 60, CLOCK
     )
-    image = np.full((5, 7), np.nan)
-    for t, r, c, v in zip(time, row, column, value, strict=True):
-        image[r, c] = v
+    image, place = np.full((5, 7), np.nan), np.full((5, 7), -1)
+    for n, (t, r, c, v) in enumerate(zip(time, row, column, value, strict=True)):
+        image[r, c], place[r, c] = v, n
         if t == 30:
             np.testing.assert_array_equal(
                 intensity_image(reports, 30)[there[30]], value[time == 30]
             )
     np.testing.assert_array_equal(intensity_image(reports, 59), image)
+    np.testing.assert_array_equal(last_reports(reports, 59), place)
+    assert (last_reports(reports, 0)[~there[0]] == -1).all()
 
 
 def test_parts_join() -> None:

@@ -16,9 +16,10 @@ from cosim import Clock, Interrupted
 from cosim.files import read_events
 from scenarios.commands.output import SilentProgress
 from scenarios.loading import load
+from scenarios.readout import light_steps
 from scenarios.report.events import write_events_report
 from scenarios.result import Result
-from scenarios.run_events import EventRun, light_steps, run_events
+from scenarios.run_events import EventRun, run_events
 from scenarios.scenes.sky import FINE, Sky, star_levels
 from sensor.asynchronous import AsynchronousPixels
 
