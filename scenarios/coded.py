@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim import InputError, SpikeStream
-from cosim.files import notes_of, open_stream
+from cosim.files import open_stream
 from cosim.units import KINDS, parse_quantity
 from sensor.first_spike import CODES, FSC, Code, read_fsc, write_fsc
 
@@ -18,10 +18,9 @@ def is_coded(path: Path) -> bool:
 
 
 def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, list[str]]:
-    """A stream of any format, and what a user must know of it. Raises InputError."""
+    """A stream of any format, and what a user must know beside `notes_of` it. Raises InputError."""
     if not is_coded(path):
-        opened = open_stream(path, size)
-        return opened, list(notes_of(opened))
+        return open_stream(path, size), []
     stream, code = read_fsc(path)
     height, width = stream.shape
     if size not in (None, (width, height)):

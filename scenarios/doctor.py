@@ -57,7 +57,12 @@ def _python() -> Check:
 
 def _packages() -> Check:
     """Every package the project needs is there and can be imported."""
-    modules = {"opencv-python-headless": "cv2", "scikit-image": "skimage", "tomli-w": "tomli_w"}
+    modules = {
+        "opencv-python-headless": "cv2",
+        "pyyaml": "yaml",
+        "scikit-image": "skimage",
+        "tomli-w": "tomli_w",
+    }
     missing, there = [], 0
     for requirement in requires("viform") or []:
         if "extra ==" in requirement:

@@ -27,7 +27,12 @@ def event_setting(scenario: Scenario) -> CameraSetting:
     sensor, section = scenario.sensor, _section(scenario)
     refuse_keys(
         "asynchronous",
-        (("reset", sensor.reset, "residual"), ("threshold_noise", sensor.threshold_noise, 0)),
+        (
+            ("reset", sensor.reset, "residual"),
+            ("threshold_noise", sensor.threshold_noise, 0),
+            ("capacitance", sensor.capacitance, None),
+            ("row_skew", sensor.row_skew, 0),
+        ),
         "leave it out: these pixels fire at their threshold and start from nothing",
     )
     return resized(camera_setting(scenario), section.width, section.height)
@@ -77,7 +82,7 @@ def event_model(scenario: Scenario) -> EventModel:
         shortest,
         longest,
         section.levels,
-        seconds_to_ps(section.comparator_delay),
+        seconds_to_ps(sensor.comparator_delay),
         seconds_to_ps(sensor.dead_time),
         section.change,
     )

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Events
-from cosim.files.whole import whole
 from scenarios.result import Metric
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.channel import Channel
 
-__all__ = ["STREAM", "Output", "gather_events", "write_events"]
+__all__ = ["STREAM", "Output", "gather_events"]
 
 STREAM = "stream.events.npz"
 """The event stream's name in a run's folder."""
@@ -106,15 +104,3 @@ def gather_events(
         level=made.level if model.longest else None,
         levels=model.levels,
     )
-
-
-def write_events(events: Events, path: Path) -> None:
-    """The event stream as one numpy archive."""
-    with whole(path) as part, part.open("wb") as file:
-        arrays = {} if events.level is None else {"level": events.level}
-        np.savez_compressed(
-            file, allow_pickle=False, row=events.row, column=events.column, time=events.time,
-            width=events.width, levels=events.levels, shape=np.array(events.shape, np.int64),
-            ticks=events.ticks, clock=np.array([events.clock.num, events.clock.den], np.int64),
-            start=events.start, **arrays,
-        )  # fmt: skip

@@ -47,7 +47,6 @@ def effect_names(model: EventModel, setting: CameraSetting, channel: bool) -> li
     pattern = [e.name for e in setting.kept if e not in setting.effects]
     made = ["shot noise", "shortest width", "timing clock"]
     made += ["longest width"] * bool(model.longest)
-    made += ["comparator delay"] * bool(model.delay)
     made += ["first-spike rule"] * bool(model.change)
     return [*made, *pattern, *(["shared channel"] if channel else [])]
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Events, InputError, Interrupted, seconds_to_ps
+from cosim.files import write_events
 from cosim.lens import Lens
 from scenarios.event_camera import (
     channel_model,
@@ -23,7 +24,7 @@ from scenarios.event_camera import (
     event_setting,
     with_defaults,
 )
-from scenarios.event_output import STREAM, Output, gather_events, write_events
+from scenarios.event_output import STREAM, Output, gather_events
 from scenarios.event_result import (
     EventShot,
     effect_names,
@@ -36,7 +37,14 @@ from scenarios.folder import begin_folder, claimed, output_folder, write_images
 from scenarios.loading import to_toml
 from scenarios.patches import Recovered, dynamic_range, recover
 from scenarios.progress import Progress
-from scenarios.readout import AFRESH, choose_instants, light_steps, refuse_options, spread
+from scenarios.readout import (
+    AFRESH,
+    choose_instants,
+    light_steps,
+    make_relay,
+    refuse_options,
+    spread,
+)
 from scenarios.result import Metric, Result, Throughput, write_result
 from scenarios.scenes import Patch, Source, make_source
 from scenarios.schema import Scenario
@@ -137,11 +145,9 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
     progress.start(f"{run.name}: {chip.width} x {chip.height} asynchronous pixels", run.cycles)
     seconds, work = {"scene": 0.0, "sensor": 0.0, "channel": 0.0}, 0
     last = time.perf_counter()
-    done = 0
+    done, relay = 0, make_relay(run.lens, run.setting)
     try:
-        for light, start, until in light_steps(
-            run.source, run.lens.relay(chip.pitch), clock, run.stop
-        ):
+        for light, start, until in light_steps(run.source, relay, clock, run.stop):
             begin = time.perf_counter()
             firings = run.pixels.step(light, start, until)
             middle = time.perf_counter()
@@ -163,10 +169,9 @@ def _make_result(
     run: _Prepared, sent: Firings, delay: Instants | None, found: list[Recovered],
     shots: list[EventShot], seconds: dict[str, float], work: int,
 ) -> Result:  # fmt: skip
-    degraded = [*run.source.degraded, *run.output.losses()]
     return Result(
         scenario=run.name,
-        outcome="degraded" if degraded else "ok",
+        outcome="degraded" if run.source.degraded else "ok",
         seed=run.scenario.seed,
         device="numba on this processor",
         simulated_s=run.scenario.duration,

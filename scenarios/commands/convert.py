@@ -50,7 +50,7 @@ def convert(
     What the new format has no place for is said on standard error.
     """
     from cosim import InputError
-    from cosim.files import FORMATS, locate_stream, write_stream
+    from cosim.files import FORMATS, locate_stream, notes_of, write_stream
     from scenarios.coded import choose_code, is_coded, open_any, write_coded
     from scenarios.playback import CLIPS, write_clip
 
@@ -81,7 +81,7 @@ def convert(
             lost = write_stream(opened, out, head=head, config=config)
     finally:
         progress.close()
-    for note in (*notes, *lost):
+    for note in (*notes, *notes_of(opened), *lost):
         progress.note(note)
     if json:
         print_document(

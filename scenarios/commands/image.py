@@ -31,6 +31,7 @@ def image(
     import math
 
     from cosim import InputError
+    from cosim.files import notes_of
     from scenarios.coded import open_any
     from scenarios.png import to_linear_bytes, write_png
     from sensor import METHODS, tau_image, tfi, tfp
@@ -48,7 +49,7 @@ def image(
         rate = tfp(opened, at, window) if method == "tfp" else tfi(opened, at)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
-    for note in notes:
+    for note in (*notes, *notes_of(opened)):
         SilentProgress().note(note)
     if json:
         print_document(

@@ -2,7 +2,7 @@
 
 Huang 2022 section 4.5 asks for 1e5 lux and 1e-4 lux at once. Every disc is a patch of pixels under
 one illuminance, so what a camera makes of it can be told in per cent: the sun, a star a decade down
-to FINE lux, and four a decade below, to find where a camera gives up.
+to FINE lux, and five a decade below, to find where a camera gives up.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ import numpy.typing as npt
 from cosim import Box, Clock, InputError, Plane
 from scenarios.scenes.source import AnalyticSource
 
-__all__ = ["FINE", "Patch", "Sky", "SkySource", "star_levels"]
+__all__ = ["FINE", "JUST_BELOW", "Patch", "Sky", "SkySource", "star_levels"]
 
 FINE = 1e-2
-"""Lux from which on stars stand four a decade."""
+"""Lux from which on stars stand five a decade."""
+JUST_BELOW = 0.9
+"""Of a decade: where a camera's range is said to end at one, a star beyond it tells."""
 _PER_DECADE = 4
 _SUN = (0.27, 0.27, 0.17)
 """Its centre down and across, and its radius, in heights, widths and the lesser of both."""
@@ -38,15 +40,19 @@ class Patch:
 
 
 def star_levels(sun: float, dimmest: float) -> list[float]:
-    """Lux of the stars, brightest first: by decades below the sun, from FINE on by quarters."""
+    """Lux of the stars, brightest first: by decades below the sun; from FINE on by quarters of a
+    decade, and one just below each decade."""
     levels: list[float] = []
     quarters = 0
     while len(levels) < _MOST:
-        quarters += _PER_DECADE if not levels or levels[-1] > FINE * 1.0001 else 1
-        lux = sun * 10.0 ** (-quarters / _PER_DECADE)
-        if lux < dimmest * 0.9999:
-            break
-        levels.append(lux)
+        coarse = not levels or levels[-1] > FINE * 1.0001
+        quarters += _PER_DECADE if coarse else 1
+        decade = sun * 10.0 ** (-quarters / _PER_DECADE)
+        whole = not coarse and quarters % _PER_DECADE == 0
+        for lux in (decade, JUST_BELOW * decade)[: 1 + whole]:
+            if lux < dimmest * 0.9999:
+                return levels
+            levels.append(lux)
     return levels
 
 

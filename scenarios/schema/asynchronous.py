@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from scenarios.schema.quantity import Duration, Frequency, Section, Time
+from scenarios.schema.quantity import Duration, Frequency, Section
 
 __all__ = ["AsynchronousSection", "ChannelSection", "Side"]
 
@@ -28,7 +28,6 @@ class AsynchronousSection(Section):
     timing: Frequency = Field(
         default=1e9, description="clock that measures times and widths; whole picoseconds a period"
     )
-    comparator_delay: Time = Field(default=0.0, description="from full to fired, in the width")
     change: Annotated[float, Field(ge=0, le=1000)] = Field(
         default=0.0,
         description="relative standard deviations by which a width must leave the last one sent to "

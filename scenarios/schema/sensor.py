@@ -28,6 +28,11 @@ __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
 SPIKING = ("row_skew", "comparator_delay", "dead_time", "threshold_noise", "threshold_fpn")
 """Faults that only a pixel which spikes has."""
+ABSENT: dict[Any, tuple[str, ...]] = {
+    "asynchronous": ("row_skew", "threshold_noise"),
+    "continuous": SPIKING,
+}
+"""Faults of the preset that pixels of a readout do not have."""
 LEVELS = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
@@ -87,7 +92,7 @@ class SensorSection(Section):
         default=None, description="its kTC noise is added to the threshold noise"
     )
     dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
-    comparator_delay: Time = Field(default=0.0, description="at most a cycle")
+    comparator_delay: Time = Field(default=0.0, description="from full to fired; at most a cycle")
     row_skew: Share = Field(
         default=0.0, description="share of a cycle in which the rows are sampled one after another"
     )
@@ -120,8 +125,9 @@ class SensorSection(Section):
             sizes["threshold_noise"] = Quantity("charge").write(noise)
         except (ValueError, TypeError):
             del sizes["threshold_noise"]
-        if data.get("readout") == "continuous":
-            sizes = {n: v for n, v in sizes.items() if n not in SPIKING}
+        sizes = {
+            n: v for n, v in sizes.items() if n not in ABSENT.get(str(data.get("readout")), ())
+        }
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern

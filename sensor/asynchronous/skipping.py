@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numba import njit
 
+from cosim.philox_compiled import random_words
 from sensor.asynchronous.gamma import tails, xdensity
-from sensor.pixel.draws import random_words
 
 __all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]
 

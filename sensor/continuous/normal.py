@@ -16,14 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["STREAM", "four_words", "normal", "quantile", "quantile_table"]
+__all__ = ["STREAM", "normal", "quantile", "quantile_table"]
 
-STREAM = 48
+STREAM = 64
 """Second word of the random key of everything that continuous photographing draws."""
 
-_STREAM = np.uint64(STREAM)
-_LOW = np.uint64(0xFFFFFFFF)
-_32 = np.uint64(32)
 _CELL_BITS = 21
 _CELLS = 1 << (32 - _CELL_BITS)
 _TAIL = _CELLS // 50
@@ -36,21 +33,6 @@ def quantile_table() -> npt.NDArray[np.float64]:
     from scipy.special import ndtri
 
     return np.asarray(ndtri(np.arange(_CELLS + 1) / _CELLS), np.float64)
-
-
-@njit(cache=True)
-def four_words(pixel, block, draw, seed):  # type: ignore[no-untyped-def]
-    """Philox4x32-10 at counter (pixel, block high, block low, draw), key (seed, STREAM)."""
-    c0, c1, c2, c3 = pixel, block >> _32, block & _LOW, draw
-    k0, k1 = seed, _STREAM
-    for _ in range(10):
-        p0 = np.uint64(0xD2511F53) * c0
-        p1 = np.uint64(0xCD9E8D57) * c2
-        c0, c1 = (p1 >> _32) ^ c1 ^ k0, p1 & _LOW
-        c2, c3 = (p0 >> _32) ^ c3 ^ k1, p0 & _LOW
-        k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
-        k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
-    return c0, c1, c2, c3
 
 
 # fmt: off

@@ -20,7 +20,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from sensor.continuous.normal import four_words, normal
+from cosim.philox_compiled import random_words
+from sensor.continuous.normal import STREAM, normal
 from sensor.continuous.state import CHUNK
 
 __all__ = ["FILTER", "INITIAL", "MEASURED", "stationary", "walk"]
@@ -29,13 +30,14 @@ FILTER, MEASURED, INITIAL = 0, 1, 2
 """Fourth word of the counter: the monitor's noise, the rest of a measurement's, the initial
 current."""
 
+_STREAM = np.uint64(STREAM)
 _FILTER, _MEASURED, _INITIAL = np.uint64(FILTER), np.uint64(MEASURED), np.uint64(INITIAL)
 
 
 @njit(cache=True)
 def _word(pixel, tick, draw, seed):  # type: ignore[no-untyped-def]
     """Word tick mod 4 of block tick div 4."""
-    w0, w1, w2, w3 = four_words(pixel, tick >> np.uint64(2), draw, seed)
+    w0, w1, w2, w3 = random_words(pixel, tick >> np.uint64(2), draw, seed, _STREAM)
     slot = tick & np.uint64(3)
     return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
 
@@ -100,7 +102,7 @@ def walk(  # type: ignore[no-untyped-def]
                 tick = tick0 + j
                 if tick >> 2 != block:
                     block = tick >> 2
-                    w0, w1, w2, w3 = four_words(pixel, np.uint64(block), _FILTER, seed)
+                    w0, w1, w2, w3 = random_words(pixel, np.uint64(block), _FILTER, seed, _STREAM)
                 slot = tick & 3
                 word = w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
                 noise = deviation * normal(word, table)

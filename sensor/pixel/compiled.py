@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from cosim.philox_compiled import random_words
 from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
-from sensor.pixel.draws import look_up, random_words
+from sensor.pixel.draws import look_up
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 

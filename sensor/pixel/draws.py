@@ -1,4 +1,4 @@
-"""Random draws inside compiled loops: Philox words and the interval's law, for numba."""
+"""The interval's law inside compiled loops, for numba."""
 
 from __future__ import annotations
 
@@ -7,26 +7,7 @@ from numba import njit
 
 from sensor.pixel.interval import KNOTS, MANTISSA_BITS
 
-__all__ = ["look_up", "random_words"]
-
-_LOW = np.uint64(0xFFFFFFFF)
-_32 = np.uint64(32)
-
-
-@njit(cache=True)
-def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
-    """The four words of Philox4x32-10 at counter (pixel, index high, index low, draw), key (seed,
-    stream), as uint64."""
-    c0, c1, c2, c3 = pixel, index >> _32, index & _LOW, draw
-    k0, k1 = seed, stream
-    for _ in range(10):
-        p0 = np.uint64(0xD2511F53) * c0
-        p1 = np.uint64(0xCD9E8D57) * c2
-        c0, c1 = (p1 >> _32) ^ c1 ^ k0, p1 & _LOW
-        c2, c3 = (p0 >> _32) ^ c3 ^ k1, p0 & _LOW
-        k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
-        k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
-    return c0, c1, c2, c3
+__all__ = ["look_up"]
 
 
 @njit(cache=True)

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim import Interrupted
+from cosim import Clock, Interrupted
+from cosim.files import read_events
 from scenarios.commands.output import SilentProgress
 from scenarios.loading import load
 from scenarios.readout import light_steps
@@ -60,8 +61,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, EventRun]:
 def test_widths_to_ten_seconds_span_180_db(whole):
     result, run = whole
     true, recovered, formula = decibels(result)
-    assert true > 179.999 and formula == pytest.approx(180)
-    assert recovered == pytest.approx(true, abs=20 * math.log10(1.2 / 0.8))
+    assert formula == pytest.approx(180)
+    assert true > 180 and recovered > 180
     assert abs(result.metrics["brightest_error"].value) < 0.01
     assert abs(result.metrics["dimmest_error"].value) < 0.2
     assert result.metrics["brightest"].value == 1e5
@@ -91,8 +92,7 @@ def test_the_ranges_of_section_4_5(tmp_path, sets, formula, least, most):
                         "sensor.asynchronous.height=160", *sets)  # fmt: skip
     true, recovered, said = decibels(result)
     assert said == pytest.approx(formula)
-    assert least - 0.001 < true < most
-    assert recovered > least - 20 * math.log10(1.2 / 0.8)
+    assert least < true < most and recovered > least
     for one in run.found[: int(result.metrics["patches_recovered"].value)]:
         assert abs(one.error) <= 0.2
         assert one.fired + one.read + one.silent == one.pixels
@@ -110,12 +110,16 @@ def test_the_dark_costs_nothing(tmp_path):
 # The scene.
 
 
-def test_stars_stand_a_decade_apart_and_four_a_decade_where_it_is_dark():
+def test_stars_stand_a_decade_apart_and_five_a_decade_where_it_is_dark():
     levels = star_levels(1e5, 1e-6)
     ratios = np.array(levels[:-1]) / np.array(levels[1:])
     coarse = np.array(levels[:-1]) > FINE * 1.001
     assert ratios[coarse] == pytest.approx(10)
-    assert ratios[~coarse] == pytest.approx(10**0.25)
+    just_below = [x for x in levels if any(math.isclose(x, 0.9 * 10.0**-n) for n in range(9))]
+    quarters = [x for x in levels if x not in just_below]
+    assert just_below == pytest.approx([9e-4, 9e-5, 9e-6])
+    fine = np.array([x for x in quarters if x < FINE * 1.001])
+    assert fine[:-1] / fine[1:] == pytest.approx(10**0.25)
     assert levels[0] == 1e4 and levels[-1] == pytest.approx(1e-6)
     assert star_levels(1.0, 0.5) == []
 
@@ -130,7 +134,7 @@ def test_patches_do_not_touch_and_hold_their_light(shape):
         assert plane[patch.mask] == pytest.approx(patch.lux, rel=1e-6)
     assert plane[count == 0] == pytest.approx(1e-7, rel=1e-6)
     assert [p.lux for p in sky.patches] == [1e5, *star_levels(1e5, 1e-6)]
-    assert len(sky.points()) == 24
+    assert len(sky.points()) == 27
 
 
 # The folder.
@@ -167,15 +171,9 @@ def test_the_page_is_one_file_without_a_network(whole):
 
 def test_the_stream_holds_what_was_sent(whole):
     _, run = whole
-    with np.load(run.folder / "stream.events.npz") as file:
-        arrays = dict(file)
-    assert set(arrays) == {
-        "row", "column", "time", "width", "levels", "shape", "ticks", "clock", "start",
-    }  # fmt: skip
-    assert arrays["ticks"] == 10**10 and arrays["clock"].tolist() == [10**9, 1]
-    assert np.array_equal(arrays["time"], run.events.time)
-    place = arrays["row"].astype(int) * 96 + arrays["column"]
-    assert len(np.unique(place)) <= len(place) == len(run.sent)
+    events = read_events(run.folder / "stream.events.npz")
+    assert events == run.events and len(events) == len(run.sent)
+    assert events.ticks == 10**10 and events.clock == Clock(10**9)
 
 
 def test_the_scenario_in_the_folder_makes_the_same_events(whole, tmp_path):
@@ -202,7 +200,7 @@ def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatc
 def test_a_slow_channel_delays_and_loses_and_says_so(tmp_path):
     sets = (*SMALL, "duration=20 ms", "sensor.channel.rate=50 kHz", "sensor.asynchronous.change=4")
     result, run = shoot(tmp_path / "late", *sets, "sensor.channel.timestamp=channel")
-    assert result.outcome == "degraded"
+    assert result.outcome == "ok"  # it is the camera that loses them, not the simulation
     assert "found their place taken" in run.notes[-1]
     metrics = {name: m.value for name, m in result.metrics.items()}
     assert metrics["events_lost"] > 0 and metrics["events_under_way"] > 0
@@ -285,7 +283,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
         (("scene.dimmest=2e5 lux",), "scene.dimmest must be below the sun's 100000 lux"),
         (
             ("sensor.asynchronous.width=5", "sensor.asynchronous.height=5"),
-            "large enough for 23 stars",
+            "large enough for 26 stars",
         ),
         (("duration=0.1 ns",), "duration must be at least a period of the timing clock"),
         (("sensor.readout=synchronous",), "sensor.asynchronous must be given with sensor.readout"),

@@ -16,6 +16,7 @@ from scipy.stats import chi2, norm
 
 from cosim import Clock, Light, Piece, intensity_image
 from cosim.philox import philox4x32
+from cosim.philox_compiled import random_words
 from sensor.continuous import (
     ContinuousCamera,
     ContinuousSetting,
@@ -23,7 +24,7 @@ from sensor.continuous import (
     quiet_floor,
     sampled_exit_time,
 )
-from sensor.continuous.normal import STREAM, four_words, normal, quantile, quantile_table
+from sensor.continuous.normal import STREAM, normal, quantile, quantile_table
 from tests.sensor.continuous_scene import TAU, current, light, run, setting
 
 MS = 10**9
@@ -48,7 +49,7 @@ def check_mean_and_variance(values: np.ndarray, mean: float, variance: float) ->
 
 def test_normal_numbers_are_the_quantiles_of_philox_words() -> None:
     block, pixel, draw, seed = 2**40 + 7, 5, 1, 9
-    ours = four_words(*(np.uint64(x) for x in (pixel, block, draw, seed)))
+    ours = random_words(*(np.uint64(x) for x in (pixel, block, draw, seed, STREAM)))
     assert [int(w) for w in ours] == [
         int(w) for w in philox4x32((pixel, block >> 32, block & 0xFFFFFFFF, draw), (seed, STREAM))
     ]
