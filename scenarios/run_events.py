@@ -145,11 +145,9 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
     progress.start(f"{run.name}: {chip.width} x {chip.height} asynchronous pixels", run.cycles)
     seconds, work = {"scene": 0.0, "sensor": 0.0, "channel": 0.0}, 0
     last = time.perf_counter()
-    done = 0
+    done, relay = 0, make_relay(run.lens, run.setting)
     try:
-        for light, start, until in light_steps(
-            run.source, make_relay(run.lens, run.setting), clock, run.stop
-        ):
+        for light, start, until in light_steps(run.source, relay, clock, run.stop):
             begin = time.perf_counter()
             firings = run.pixels.step(light, start, until)
             middle = time.perf_counter()

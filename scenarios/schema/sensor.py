@@ -28,6 +28,11 @@ __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
 SPIKING = ("row_skew", "comparator_delay", "dead_time", "threshold_noise", "threshold_fpn")
 """Faults that only a pixel which spikes has."""
+ABSENT: dict[Any, tuple[str, ...]] = {
+    "asynchronous": ("row_skew", "threshold_noise"),
+    "continuous": SPIKING,
+}
+"""Faults of the preset that pixels of a readout do not have."""
 LEVELS = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
@@ -120,9 +125,9 @@ class SensorSection(Section):
             sizes["threshold_noise"] = Quantity("charge").write(noise)
         except (ValueError, TypeError):
             del sizes["threshold_noise"]
-        without = {"synchronous": (), "asynchronous": ("row_skew", "threshold_noise")}
-        for name in without.get(data.get("readout", "synchronous"), SPIKING):
-            sizes.pop(name, None)
+        sizes = {
+            n: v for n, v in sizes.items() if n not in ABSENT.get(str(data.get("readout")), ())
+        }
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
