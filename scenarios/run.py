@@ -148,7 +148,9 @@ def _prepare(name: str, scenario: Scenario, device: str | None) -> _Prepared:
         if scenario.sensor.lens.f_number is not None
         else scenario.sensor.lens.white_rate
     )
-    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
+    source = make_source(
+        scenario.scene, (chip.height, chip.width), clock, cycles, setting.reach == (0, 0)
+    )
     opened = choose_device(device)
     notes = lens_notes(scenario, lens, white_rate)
     return _Prepared(

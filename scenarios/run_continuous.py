@@ -127,7 +127,7 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
         )  # fmt: skip
     instants = choose_instants(scenario, cycles)
     lens = choose_lens(scenario, camera)
-    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles)
+    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles, aligned=False)
     return _Prepared(
         name, scenario, camera, setting, lens, source, cycles, _longest_step(setting, cycles),
         section.most_reports, instants,

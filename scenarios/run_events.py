@@ -126,7 +126,7 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     shape = (setting.chip.height, setting.chip.width)
     lens = choose_lens(scenario, setting)
     white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
-    source = make_source(scenario.scene, shape, setting.clock, cycles)
+    source = make_source(scenario.scene, shape, setting.clock, cycles, aligned=False)
     patches: list[Patch] = getattr(source, "patches", [])
     chosen = scenario.sensor.lens.f_number is None
     notes = lens_notes(scenario, lens, white_rate)[:1] if chosen else []  # nothing saturates

@@ -55,7 +55,7 @@ SILICON = Silicon(
     comparator_delay=Sized(20e-9, "assumed", _USUAL),
     dead_time=Sized(50e-9, "assumed", "SCSim's reset delay, 0.2 % of a 25 us cycle"),
     threshold_noise=Sized(
-        0.005, "assumed", "fits the interval variances of a public recording; SCSim has 0.0058"
+        0.0058, "assumed", "SCSim's calibration; fits the interval variances of a recording"
     ),
     crosstalk=Sized(0.01, "assumed", _USUAL),
     prnu=Sized(0.058, "assumed", "SCSim's calibration"),

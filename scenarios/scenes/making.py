@@ -23,7 +23,13 @@ from scenarios.schema import (
 __all__ = ["make_source"]
 
 
-def make_source(scene: SceneSection, shape: tuple[int, int], clock: Clock, cycles: int) -> Source:
+def make_source(
+    scene: SceneSection,
+    shape: tuple[int, int],
+    clock: Clock,
+    cycles: int,
+    aligned: bool = True,
+) -> Source:
     """The scene on a (height, width) grid for a run of so many cycles."""
     if isinstance(scene, StepScene):
         stop = clock.edge(cycles)
@@ -45,14 +51,14 @@ def make_source(scene: SceneSection, shape: tuple[int, int], clock: Clock, cycle
         star = Star(shape, spokes=scene.spokes, revolutions=scene.rotation)
         return AnalyticSource(star, scene.illuminance, clock)
     if isinstance(scene, ShockwaveScene):
-        return _shockwave(scene, shape, clock, cycles)
+        return _shockwave(scene, shape, clock, cycles, aligned)
     from scenarios.scenes.wave import Wave
 
     return AnalyticSource(Wave(shape, rate=scene.rate), scene.illuminance, clock)
 
 
 def _shockwave(
-    scene: ShockwaveScene, shape: tuple[int, int], clock: Clock, cycles: int
+    scene: ShockwaveScene, shape: tuple[int, int], clock: Clock, cycles: int, aligned: bool
 ) -> PacedSource:
     from scenarios.scenes.shockwave import Shockwave
 
@@ -71,7 +77,7 @@ def _shockwave(
         name, _, rest = str(exc).partition(" must be ")
         must, _, given = rest.rpartition(", not ")
         raise InputError(f"scene.{name}", must, given, "change it") from exc
-    source = PacedSource(tunnel, scene.illuminance, clock)
+    source = PacedSource(tunnel, scene.illuminance, clock, aligned)
     if tunnel.episodes()[-1][1] * clock.hz > cycles:
         source.degraded.append("the run ends before the flow is steady: lengthen duration")
     return source

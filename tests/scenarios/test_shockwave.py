@@ -27,7 +27,7 @@ from scenarios.scenes.gasdynamics import (
     stalling,
     start_flow,
 )
-from scenarios.scenes.paced import PacedSource
+from scenarios.scenes.paced import PARTS, PacedSource
 from scenarios.scenes.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
 from scenarios.scenes.shockwave import Shockwave
 from scenarios.scenes.sightlines import WIDTH
@@ -309,16 +309,42 @@ def test_a_cycles_light_is_that_of_a_finer_drawing(cycle):
     assert error.mean() < 5e-3 * 100 * seconds  # measured 3.4e-3 where one step does a cycle
 
 
-def test_light_does_not_depend_on_how_a_run_is_split():
+@pytest.mark.parametrize("share", [0.3, 0.5])
+@pytest.mark.parametrize("cycle", [83, 95, 120])
+def test_a_window_that_cuts_cycles_sees_the_light_of_a_finer_drawing(cycle, share):
     scene = Shockwave(SMALL)
-    whole = PacedSource(scene, 50.0, CLOCK).step(None, Block(0, 320))
-    source = PacedSource(scene, 50.0, CLOCK)
+    source, whole = PacedSource(scene, 100.0, CLOCK, False), PacedSource(scene, 100.0, CLOCK)
+    start, middle, stop = (CLOCK.edge(cycle + k) for k in range(3))
+    late = round(share * (middle - start))
+    window = start + late, middle + late
+    m = 1024
+    times = (start + (stop - start) * np.arange(m + 1) / m) / PS
+    planes = np.stack([scene.reflectance(t) for t in times]).astype(np.float64) * 100
+    inside = (times >= window[0] / PS - 1e-12) & (times <= window[1] / PS + 1e-12)
+    finer = np.trapezoid(planes[inside], times[inside], axis=0)
+    finer *= (window[1] - window[0]) / PS / (times[inside][-1] - times[inside][0])
+    variation = np.abs(np.diff(planes, axis=0)).sum(axis=0)
+    seconds, n = (middle - start) / PS, min(source._steps[c] for c in (cycle, cycle + 1))
+    bound = variation * seconds * (0.5 / n + 0.25 / PARTS + 4 / m) + 2e-6 * 100 * seconds
+    block = Block(cycle, 2)
+    error = np.abs(source.step(None, block).integral(*window) - finer)
+    assert np.all(error <= bound)
+    # One mean a cycle is worse by far where a cycle takes many pictures.
+    single = np.abs(whole.step(None, block).integral(*window) - finer)
+    assert n <= PARTS or np.sqrt((error**2).mean()) < 0.5 * np.sqrt((single**2).mean())
+
+
+@pytest.mark.parametrize("aligned", [True, False])
+def test_light_does_not_depend_on_how_a_run_is_split(aligned):
+    scene = Shockwave(SMALL)
+    whole = PacedSource(scene, 50.0, CLOCK, aligned).step(None, Block(0, 320))
+    source = PacedSource(scene, 50.0, CLOCK, aligned)
     for start, cycles in ((0, 64), (64, 30), (94, 100), (194, 126)):
         light = source.step(None, Block(start, cycles))
         for cycle in (start, start + cycles // 2, start + cycles - 1):
             span = CLOCK.edge(cycle), CLOCK.edge(cycle + 1)
             np.testing.assert_array_equal(light.integral(*span), whole.integral(*span))
-    late = PacedSource(scene, 50.0, CLOCK).step(None, Block(310, 4))
+    late = PacedSource(scene, 50.0, CLOCK, aligned).step(None, Block(310, 4))
     assert np.array_equal(late.at(CLOCK.edge(312)), whole.at(CLOCK.edge(312)))
 
 
