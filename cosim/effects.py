@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from cosim.streams import Stream
+
 __all__ = ["Bound", "Effect", "Summary"]
 
 
@@ -41,13 +43,13 @@ class Bound:
 
 @dataclass(frozen=True)
 class Effect:
-    """name: as reports print it. source: of its equation. stream: second word of its random key,
-    one for each effect. define: macro that turns it on in a kernel. fragment: its OpenCL source.
+    """name: as reports print it. source: of its equation. stream: of its draws.
+    define: macro that turns it on in a kernel. fragment: its OpenCL source.
     """
 
     name: str
     source: str
-    stream: int
+    stream: Stream
     define: str
     fragment: Callable[[], str]
     bound: Callable[[Summary], Bound]

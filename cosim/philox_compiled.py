@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["random_words"]
+__all__ = ["pick", "random_words", "word_at"]
 
 _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
@@ -25,3 +25,18 @@ def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-d
         k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
         k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
     return c0, c1, c2, c3
+
+
+@njit(cache=True)
+def pick(index, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
+    """Word index mod 4 of four."""
+    slot = index & 3
+    return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
+
+
+@njit(cache=True)
+def word_at(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
+    """Word index mod 4 of counter (pixel, index div 4, draw), as `random_words` takes it: four
+    indices share a counter."""
+    w0, w1, w2, w3 = random_words(pixel, index >> np.uint64(2), draw, seed, stream)
+    return pick(index, w0, w1, w2, w3)

@@ -14,13 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.philox import philox4x32
+from cosim.streams import Stream
 
 __all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
 
 DOUBLING: Final = 6.5
 """Kelvin in which dark current doubles: 6 to 7 for silicon near room temperature."""
-_STREAM: Final = 16
-"""Second word of the random key; the first is the device seed, so no run's noise shares it."""
 _GRAIN: Final = 1 << 24
 
 Gain = npt.NDArray[np.float64]
@@ -65,7 +64,7 @@ class DevicePattern:
         from scipy.special import ndtri
 
         def words(draw: int) -> list[npt.NDArray[np.float64]]:
-            four = philox4x32((pixels, 0, 0, draw), (self.device_seed, _STREAM))
+            four = philox4x32((pixels, 0, 0, draw), (self.device_seed, Stream.PATTERN))
             return [(w.astype(np.float64) + 0.5) / 2.0**32 for w in four]
 
         light, dark, threshold, _ = (ndtri(u) for u in words(0))

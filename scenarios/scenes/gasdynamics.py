@@ -29,7 +29,9 @@ __all__ = [
     "fan",
     "nozzle",
     "prandtl_meyer",
+    "reflected",
     "shock_angle",
+    "shock_mach",
     "stagnation_ratio",
     "stalling",
     "start_flow",
@@ -84,6 +86,18 @@ def behind_normal(mach: float) -> tuple[float, float, float, float]:
     rho = (GAMMA + 1.0) * m2 / ((GAMMA - 1.0) * m2 + 2.0)
     after = math.sqrt(((GAMMA - 1.0) * m2 + 2.0) / (2.0 * GAMMA * m2 - (GAMMA - 1.0)))
     return p, rho, p / rho, after
+
+
+def shock_mach(ratio: float) -> float:
+    """Mach number of the normal shock across which pressure rises by `ratio` (93)."""
+    return math.sqrt(((GAMMA + 1.0) * ratio + (GAMMA - 1.0)) / (2.0 * GAMMA))
+
+
+def reflected(ratio: float) -> float:
+    """Pressure ratio across the shock that a wall throws back, so that the gas comes to rest, where
+    one of `ratio` ran into gas at rest (Anderson, Modern Compressible Flow, section 7.3)."""
+    above, below = GAMMA + 1.0, GAMMA - 1.0
+    return ((2.0 * GAMMA + below) * ratio - below) / (below * ratio + above)
 
 
 def _deflection(mach: float, beta: float) -> float:
@@ -218,7 +232,7 @@ def start_flow(flow: Gas, chamber: float, temperature: float) -> Start:
 
     def side(gas: Gas) -> tuple[Gas, float]:
         """The gas behind its shock, and the shock's Mach number relative to the gas before it."""
-        mach = math.sqrt(((GAMMA + 1.0) * p / gas.pressure + (GAMMA - 1.0)) / (2.0 * GAMMA))
+        mach = shock_mach(p / gas.pressure)
         return Gas(p, gas.density * behind_normal(mach)[1], velocity), mach
 
     cold, against = side(flow)

@@ -29,6 +29,8 @@ from scenarios.scenes.gasdynamics import (
     behind_normal,
     detachment,
     nozzle,
+    reflected,
+    shock_mach,
     stalling,
     start_flow,
 )
@@ -321,11 +323,9 @@ def _parts(scene: Shockwave) -> _Parts:
     way = waves.starting * scene.radius / waves.cold.velocity
     steady = flows(body, at, up, way)
     bench = Bench.build(scene.shape, view.pixel, scene.knife, hidden.astype(np.float32))
-    # The primary shock thrown back from a wall: pressure ratio ((3g - 1) p - (g - 1)) / ((g - 1) p
-    # + g + 1), so that the gas comes to rest (Anderson, Modern Compressible Flow, section 7.3).
-    p = waves.hot.pressure / waves.rest.pressure
-    back = (8.0 * p - 1.0) / (p + 6.0)
-    gain = (behind_normal(math.sqrt((6.0 * back + 1.0) / 7.0))[1] - 1.0) * waves.hot.density
+    # The primary shock thrown back from a wall.
+    back = reflected(waves.hot.pressure / waves.rest.pressure)
+    gain = (behind_normal(shock_mach(back))[1] - 1.0) * waves.hot.density
     echo = gain * (WIDTH * math.sin(scene.angle) if scene.model == "wedge" else 2.0 * body.height)
     return _Parts(
         waves, body, bench, np.asarray(x, np.float64), np.asarray(y, np.float64),

@@ -18,6 +18,7 @@ from numba import njit
 
 from scenarios.scenes.gasdynamics import (
     GAMMA,
+    GAS,
     Fan,
     Gas,
     behind_normal,
@@ -173,7 +174,7 @@ class Wedge:
         p, rho, mach = self.behind
         stream = self.stream
         cold = stream.temperature * p / rho
-        speed = mach * math.sqrt(GAMMA * 287.05 * cold)
+        speed = mach * math.sqrt(GAMMA * GAS * cold)
         per_metre = rho * stream.density * speed / viscosity(cold)
         adiabatic = cold * (1.0 + 0.85 * (stagnation_ratio(mach) - 1.0))  # recovery factor 0.85
         grow = 5.0 + (0.2 + 0.9 * WALL / adiabatic) * (GAMMA - 1.0) * mach * mach
@@ -194,8 +195,11 @@ class Wedge:
 
 
 @njit(cache=True)
-def _layer_density(x, r, radius, off, curve, slope, mach, stag, pitot, corner, wake, rays, ratios):  # type: ignore[no-untyped-def]
-    """Density between a sphere's bow shock and its surface, at one point."""
+def _layer_density(  # type: ignore[no-untyped-def]
+    x, r, radius, off, curve, slope, gamma, mach, stag, pitot, corner, wake, rays, ratios
+):
+    """Density between a sphere's bow shock and its surface, at one point. gamma is an argument, for
+    a compiled loop from the cache would keep the constant of its own day."""
     root = math.sqrt(1.0 + (r * slope / curve) ** 2)
     front = -off + curve / (slope * slope) * (root - 1.0)
     if x <= front:
@@ -203,7 +207,7 @@ def _layer_density(x, r, radius, off, curve, slope, mach, stag, pitot, corner, w
     steep = r / (curve * root)  # dx/dr of the shock
     sine2 = 1.0 / (1.0 + steep * steep)
     m2 = max(mach * mach * sine2, 1.0)
-    ahead = 2.4 * m2 / (0.4 * m2 + 2.0)
+    ahead = (gamma + 1.0) * m2 / ((gamma - 1.0) * m2 + 2.0)
     if x < radius:
         far = math.hypot(x - radius, r)
         gap = far - radius
@@ -212,7 +216,7 @@ def _layer_density(x, r, radius, off, curve, slope, mach, stag, pitot, corner, w
         gap, toward = r - radius, 0.0
     gap = max(gap, 0.0)
     newton = 1.0 + (pitot - 1.0) * toward * toward
-    wall = stag * (newton / pitot) ** (1.0 / 1.4)
+    wall = stag * (newton / pitot) ** (1.0 / gamma)
     depth = (x - front) * math.sqrt(sine2)
     part = gap / max(gap + depth, 1e-12)
     rho = wall + part * (ahead - wall)
@@ -318,6 +322,6 @@ class Sphere:
         )  # fmt: skip
         _path(
             x.ravel(), np.abs(y).ravel(), out, steps, self.radius, *self._shape(swell),
-            self.stream.mach, stag, pitot, self.base, wake, rays, ratios,
+            GAMMA, self.stream.mach, stag, pitot, self.base, wake, rays, ratios,
         )  # fmt: skip
         return out

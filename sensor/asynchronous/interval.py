@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from cosim.philox_compiled import random_words
+from cosim.philox_compiled import random_words, word_at
+from cosim.streams import Stream
 from sensor.asynchronous.gamma import inverse_lower, inverse_upper, poisson_outside, tails
 from sensor.asynchronous.skipping import SKIP, interval_moments
-from sensor.effects import SHOT_NOISE
 from sensor.pixel.draws import look_up
 
 __all__ = [
@@ -19,9 +19,8 @@ __all__ = [
     "unit", "width_law",
 ]  # fmt: skip
 
-LEVEL: Final = np.uint64(49)
-"""Second word of the random key of readings below threshold."""
-_SHOT: Final = np.uint64(SHOT_NOISE.stream)
+LEVEL: Final = np.uint64(Stream.READING)
+_SHOT: Final = np.uint64(Stream.SHOT_NOISE)
 _ONE: Final = 2.0**-40
 _NEVER: Final = 1e300
 _SCALE: Final = 2.0**-32
@@ -71,10 +70,7 @@ def goal(table, shot, q, pixel, k, seed, low, high):  # type: ignore[no-untyped-
     """Threshold of interval k in electrons, drawn again until it lies within low .. high."""
     if not shot:
         return q
-    c0, c1, c2, c3 = random_words(pixel, k >> np.uint64(2), np.uint64(0), seed, _SHOT)
-    slot = k & np.uint64(3)
-    word = c0 if slot == 0 else c1 if slot == 1 else c2 if slot == 2 else c3
-    drawn = look_up(table, word) * _ONE
+    drawn = look_up(table, word_at(pixel, k, np.uint64(0), seed, _SHOT)) * _ONE
     again = np.uint64(1)
     while not low <= drawn <= high and again < np.uint64(1000):
         word = random_words(pixel, k, again, seed, SKIP)[0]

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 from cosim.philox_compiled import random_words
+from cosim.streams import Stream
 from sensor.asynchronous.gamma import tails, xdensity
 
 __all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]
@@ -27,8 +28,8 @@ LEAST: Final = 256
 RARE: Final = 1 / LEAST
 """Probability of a report above which intervals are drawn one by one: stretches would be shorter.
 So a report costs some hundreds of draws at most, whatever happens between."""
-SKIP: Final = np.uint64(48)
-"""Second word of the random key of everything here."""
+SKIP: Final = np.uint64(Stream.SKIPPED)
+"""Of everything here."""
 _NEVER: Final = 1 << 62
 _FAR: Final = 8.0
 """Standard deviations by which a stretch stays clear of the light's next change."""

@@ -16,10 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["STREAM", "normal", "quantile", "quantile_table"]
-
-STREAM = 64
-"""Second word of the random key of everything that continuous photographing draws."""
+__all__ = ["normal", "quantile", "quantile_table"]
 
 _CELL_BITS = 21
 _CELLS = 1 << (32 - _CELL_BITS)

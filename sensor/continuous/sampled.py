@@ -20,8 +20,9 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cosim.philox_compiled import random_words
-from sensor.continuous.normal import STREAM, normal
+from cosim.philox_compiled import pick, random_words, word_at
+from cosim.streams import Stream
+from sensor.continuous.normal import normal
 from sensor.continuous.state import CHUNK
 
 __all__ = ["FILTER", "INITIAL", "MEASURED", "stationary", "walk"]
@@ -30,16 +31,8 @@ FILTER, MEASURED, INITIAL = 0, 1, 2
 """Fourth word of the counter: the monitor's noise, the rest of a measurement's, the initial
 current."""
 
-_STREAM = np.uint64(STREAM)
+_STREAM = np.uint64(Stream.CONTINUOUS)
 _FILTER, _MEASURED, _INITIAL = np.uint64(FILTER), np.uint64(MEASURED), np.uint64(INITIAL)
-
-
-@njit(cache=True)
-def _word(pixel, tick, draw, seed):  # type: ignore[no-untyped-def]
-    """Word tick mod 4 of block tick div 4."""
-    w0, w1, w2, w3 = random_words(pixel, tick >> np.uint64(2), draw, seed, _STREAM)
-    slot = tick & np.uint64(3)
-    return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
 
 
 @njit(cache=True)
@@ -47,7 +40,7 @@ def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
     """Current of each pixel in the steady state under `mean` (n,), electrons/s."""
     current = np.empty_like(mean)
     for p in range(mean.size):
-        word = _word(np.uint64(number[p]), np.uint64(0), _INITIAL, seed)
+        word = word_at(np.uint64(number[p]), np.uint64(0), _INITIAL, seed, _STREAM)
         current[p] = mean[p] + math.sqrt(mean[p] / (2 * tau)) * normal(word, table)
     return current
 
@@ -103,14 +96,12 @@ def walk(  # type: ignore[no-untyped-def]
                 if tick >> 2 != block:
                     block = tick >> 2
                     w0, w1, w2, w3 = random_words(pixel, np.uint64(block), _FILTER, seed, _STREAM)
-                slot = tick & 3
-                word = w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
-                noise = deviation * normal(word, table)
+                noise = deviation * normal(pick(tick, w0, w1, w2, w3), table)
                 y = (math.exp(-period / tau) if parts else a) * y + c + noise
                 if measuring[p]:
                     if v > 0:
                         rest = math.sqrt(max(g - c * c / v, 0.0))
-                        word = _word(pixel, np.uint64(tick), _MEASURED, seed)
+                        word = word_at(pixel, np.uint64(tick), _MEASURED, seed, _STREAM)
                         charge[p] += g + c / v * noise + rest * normal(word, table)
                     if tick < when[p]:
                         continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 
 __all__ = ["crosstalk_effect"]
 
@@ -19,4 +20,4 @@ def crosstalk_effect(crosstalk: float) -> Effect:
         return Bound(crosstalk * (scene.brightest / scene.darkest - 1), "proof")
 
     source = "Estribeau and Magnan, Proc. SPIE 5251:315, 2004, as one step of a random walk"
-    return Effect("optical cross-talk", source, 0, "", str, bound)
+    return Effect("optical cross-talk", source, Stream.NONE, "", str, bound)

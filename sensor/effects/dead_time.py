@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 
 __all__ = ["dead_time_effect"]
 
@@ -17,4 +18,4 @@ def dead_time_effect(cycles: float) -> Effect:
     source = (
         "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"
     )
-    return Effect("reset dead time", source, 0, "", str, bound)
+    return Effect("reset dead time", source, Stream.NONE, "", str, bound)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 from sensor.pattern import DevicePattern
 
 __all__ = ["pattern_effects"]
@@ -13,7 +14,7 @@ __all__ = ["pattern_effects"]
 
 def _effect(name: str, source: str, bound: Callable[[Summary], Bound]) -> Effect:
     """An effect that acts on the charge of a cycle, on the host: no stream, no kernel code."""
-    return Effect(name, source, 0, "", str, bound)
+    return Effect(name, source, Stream.NONE, "", str, bound)
 
 
 def pattern_effects(pattern: DevicePattern, period: float) -> tuple[Effect, ...]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from cosim.effects import Bound, Effect, Summary
 from cosim.philox import philox4x32
+from cosim.streams import Stream
 from sensor.pixel.fixed_point import Charge
 
 __all__ = ["INITIAL_CHARGE", "initial_deficit"]
@@ -38,7 +39,7 @@ def _bound(scene: Summary) -> Bound:
 INITIAL_CHARGE = Effect(
     name="random initial charge",
     source="stationary phase of a renewal process (Cox, Renewal Theory, 1962, section 5.2)",
-    stream=2,
+    stream=Stream.INITIAL_CHARGE,
     define="",  # acts before the first cycle, on the host
     fragment=str,
     bound=_bound,

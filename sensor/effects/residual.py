@@ -1,6 +1,7 @@
 """Residual carried: what a spike leaves beyond its threshold starts the next interval."""
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 
 __all__ = ["RESIDUAL"]
 
@@ -14,7 +15,7 @@ def _bound(scene: Summary) -> Bound:
 RESIDUAL = Effect(
     name="residual carried",
     source="Huang 2022 section 3.2; interval variances of a public recording fit this rule alone",
-    stream=0,
+    stream=Stream.NONE,
     define="",  # the kernel's own rule: it has no fragment to leave out
     fragment=str,
     bound=_bound,

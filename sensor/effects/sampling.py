@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 
 __all__ = ["comparator_delay_effect", "row_sampling_effect"]
 
@@ -21,10 +22,10 @@ def _shifted(cycles: float, scene: Summary) -> Bound:
 def row_sampling_effect(skew: float) -> Effect:
     """skew: share of a cycle from the first row to the last."""
     source = "row selectors of EP4340384 and US12581222B2; whether SpikeTwo has them is not known"
-    return Effect("row-by-row sampling", source, 0, "", str, lambda s: _shifted(skew, s))
+    return Effect("row-by-row sampling", source, Stream.NONE, "", str, lambda s: _shifted(skew, s))
 
 
 def comparator_delay_effect(cycles: float) -> Effect:
     """cycles: delay in cycles."""
     source = "a latch that samples a delayed comparator: an offset of the sampling instant"
-    return Effect("comparator delay", source, 0, "", str, lambda s: _shifted(cycles, s))
+    return Effect("comparator delay", source, Stream.NONE, "", str, lambda s: _shifted(cycles, s))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cosim.effects import Bound, Effect, Summary
 from cosim.philox import philox4x32, philox_cl
+from cosim.streams import Stream
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.interval import threshold
 
@@ -51,7 +52,7 @@ def _fragment() -> str:
 SHOT_NOISE = Effect(
     name="shot noise",
     source="Huang 2022 section 5.1: intervals are Gamma(Q, rate)",
-    stream=1,
+    stream=Stream.SHOT_NOISE,
     define="SHOT_NOISE",
     fragment=_fragment,
     bound=_bound,

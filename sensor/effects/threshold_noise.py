@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
 
 __all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons", "threshold_noise_effect"]
 
@@ -33,4 +34,4 @@ def threshold_noise_effect(sigma: float) -> Effect:
         return Bound(spread / math.sqrt(intervals) if intervals > 0 else math.inf, "estimate")
 
     source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
-    return Effect("threshold noise", source, 1, "", str, bound)
+    return Effect("threshold noise", source, Stream.SHOT_NOISE, "", str, bound)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.viform import WORD, words_for
-from sensor.first_spike.columns import Column, Damaged, pack_column, unpack_column
+from sensor.first_spike.columns import Column, Damaged, pack_column, unpack_column, values_in
 from sensor.first_spike.follow import (
     FOLLOW_STATE,
     SPACED_CARRY,
@@ -26,7 +26,10 @@ from sensor.first_spike.follow import (
 from sensor.first_spike.law import effective_q
 from sensor.first_spike.line import LINE_CARRY, LINE_COLUMNS, LINE_STATE, from_line, lines, to_line
 
-__all__ = ["BAND", "CHUNK", "CODES", "Code", "Frame", "decode_band", "encode", "frame_count"]
+__all__ = [
+    "BAND", "CHUNK", "CODES", "Code", "Frame", "band_memory", "decode_band", "encode",
+    "frame_count", "workers",
+]  # fmt: skip
 
 CODES: Final = ("line", "repeat", "statistical")
 CHUNK: Final = 16
@@ -141,9 +144,9 @@ def frame_count(shape: tuple[int, int], cycles: int) -> tuple[int, int]:
     return -(-words_for(cycles) // CHUNK), -(-shape[0] * shape[1] // BAND)
 
 
-def workers() -> ThreadPoolExecutor:
+def workers() -> int:
     """Threads for bands; the compiled loops and zstd let each other run."""
-    return ThreadPoolExecutor(min(os.cpu_count() or 1, 16))
+    return min(os.cpu_count() or 1, 16)
 
 
 def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[Frame]:
@@ -154,7 +157,7 @@ def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[F
     bands = _bands(stream.shape[0] * stream.shape[1])
     coders = [_Band(code, high - low, stream.cycles) for low, high in bands]
     total = words_for(stream.cycles)
-    with workers() as pool:
+    with ThreadPoolExecutor(workers()) as pool:
         for first in range(0, total, CHUNK):
             words = stream.read_words(first, min(first + CHUNK, total))
             flat = words.reshape(len(words), -1)
@@ -176,11 +179,23 @@ def _columns(data: memoryview, count: int, most: int) -> list[Column]:
     return columns
 
 
+def _most(pixels: int) -> int:
+    """Values in the longest column of a frame: a spike a cycle, and one that closes."""
+    return pixels * (CHUNK * WORD + 1)
+
+
+def band_memory(frames: Sequence[memoryview], pixels: int, cycles: int) -> int:
+    """Bytes that `decode_band` takes at most: its planes twice, and of the largest frame each
+    column's values, their copy in one table, and up to 5 bytes a value that zstd gives."""
+    values = max((values_in(data, _most(pixels)) for data in frames), default=0)
+    return 2 * 4 * words_for(cycles) * pixels + (4 + 4 + 5) * values
+
+
 def decode_band(code: Code, frames: Sequence[memoryview], pixels: int, cycles: int) -> Words:
     """(words, pixels) of one band from its frames, one a chunk in order. Raises Damaged."""
     across: Any = np.zeros((pixels, words_for(cycles)), np.uint32)
     carry = _carry(code, pixels)
-    most = pixels * (CHUNK * WORD + 1)  # a spike a cycle, and one that closes
+    most = _most(pixels)
     for data in frames:
         if code.name == "line":
             columns = _columns(data, LINE_COLUMNS, most)

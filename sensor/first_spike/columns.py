@@ -22,7 +22,7 @@ from sensor.first_spike.bits import (
     write_leb,
 )
 
-__all__ = ["Column", "Damaged", "pack_column", "unpack_column"]
+__all__ = ["Column", "Damaged", "pack_column", "unpack_column", "values_in"]
 
 Column = npt.NDArray[np.uint32]
 _HEAD = struct.Struct("<BII")
@@ -67,6 +67,18 @@ def _content_size(head: bytes) -> int | None:
     return int.from_bytes(field, "little") + (256 if length == 2 else 0)
 
 
+def values_in(data: memoryview, most: int) -> int:
+    """Values that the columns of `data` hold together, by their heads, up to a head that
+    `unpack_column` refuses. most: as there."""
+    total = 0
+    while len(data) >= _HEAD.size:
+        _, count, length = _HEAD.unpack(data[: _HEAD.size])
+        if count > most:
+            break
+        total, data = total + count, data[_HEAD.size + length :]
+    return total
+
+
 def unpack_column(data: memoryview, most: int) -> tuple[Column, memoryview]:
     """The column that `data` begins with, and what follows it. most: values it may hold.
 
@@ -92,6 +104,8 @@ def unpack_column(data: memoryview, most: int) -> tuple[Column, memoryview]:
         raise Damaged("a column's zstd")
     try:
         octets = np.frombuffer(Zstd().decode(bytes(body)), np.uint8)
+    except MemoryError:
+        raise
     except Exception as exc:  # what zstd raises is not documented
         raise Damaged("a column's zstd") from exc
     if not read_leb(octets, values):

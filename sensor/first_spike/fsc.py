@@ -15,12 +15,14 @@ frames  for each chunk, for each band: bytes (4), CRC-32 of its number and its d
 from __future__ import annotations
 
 import math
+import os
 import struct
 import zlib
 from pathlib import Path
 
 from cosim import Clock, InputError, SpikeStream, Viform
 from cosim.files.whole import whole
+from cosim.memory import check_memory
 from sensor.first_spike.coding import BAND, CHUNK, CODES, LONGEST, Code, encode, frame_count
 from sensor.first_spike.columns import Damaged
 from sensor.first_spike.stream import decode
@@ -34,6 +36,7 @@ _HEAD = struct.Struct("<8sBB2xIIIIIqQQddd12x")
 _CRC = struct.Struct("<I")
 _FRAME = struct.Struct("<II")
 _WHOLE = _HEAD.size + _CRC.size
+_SHORTER = "code it in shorter pieces"
 
 
 def _crc(number: int, data: bytes | memoryview) -> int:
@@ -66,8 +69,8 @@ def write_fsc(stream: SpikeStream, path: Path, code: Code) -> int:
         return file.tell()
 
 
-def _parse(data: memoryview) -> tuple[Viform, Code]:
-    """Raises ValueError (Damaged is one) and struct.error."""
+def _parse(data: memoryview, path: Path) -> tuple[Viform, Code]:
+    """Raises ValueError (Damaged is one), struct.error, and what `decode` does."""
     magic, name, refine, height, width, chunk, band, cycles, start, num, den, k, q, noise = (
         _HEAD.unpack(data[: _HEAD.size])
     )
@@ -84,7 +87,7 @@ def _parse(data: memoryview) -> tuple[Viform, Code]:
         raise Damaged(f"a stream of {cycles} cycles of {width}x{height}")
     code, clock = Code(CODES[name], k, q, noise, refine), Clock(num, den)
     chunks, bands = frame_count((height, width), cycles)
-    # Every frame takes room, so a short file cannot ask for much memory.
+    # Every frame takes room in the file; how much more its planes take, `decode` checks.
     if len(data) < _WHOLE + chunks * bands * _FRAME.size:
         raise Damaged("a file that is cut off")
     frames, at = [], _WHOLE
@@ -99,17 +102,24 @@ def _parse(data: memoryview) -> tuple[Viform, Code]:
         at += _FRAME.size + length
     if at != len(data):
         raise Damaged("a file with bytes after its last frame")
-    return decode(code, frames, (height, width), cycles, clock, start), code
+    return decode(code, frames, (height, width), cycles, clock, start, f"{path}"), code
 
 
 def read_fsc(path: Path) -> tuple[Viform, Code]:
     """The stream of a file and the code that it went through. Raises InputError for what is no such
-    file, whole and undamaged."""
+    file, whole and undamaged, and where memory is short."""
     try:
-        return _parse(memoryview(path.read_bytes()))
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            check_memory(f"{path}", size, _SHORTER)
+            data = file.read(size)
+        return _parse(memoryview(data), path)
     except OSError as exc:
         raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
-    except (ValueError, struct.error, MemoryError) as exc:
+    except MemoryError as exc:  # free, but not ours: a limit on the process
+        must = "small enough for the memory that this process may take"
+        raise InputError(f"{path}", must, "larger", _SHORTER) from exc
+    except (ValueError, struct.error) as exc:
         given = str(exc) if isinstance(exc, Damaged) else "something else"
         raise InputError(
             f"{path}", "a whole first-spike file", given, "copy or convert it again"

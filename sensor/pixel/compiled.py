@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from cosim.philox_compiled import random_words
+from cosim.philox_compiled import word_at
+from cosim.streams import Stream
 from cosim.viform import words_for
-from sensor.effects import SHOT_NOISE
 from sensor.pixel.draws import look_up
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
@@ -18,15 +18,13 @@ from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 __all__ = ["CompiledPixels"]
 
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
-_STREAM = np.uint64(SHOT_NOISE.stream)
+_STREAM = np.uint64(Stream.SHOT_NOISE)
 
 
 @njit(cache=True)
 def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
-    """Threshold of spike k: word k mod 4 of counter k div 4."""
-    c0, c1, c2, c3 = random_words(pixel, k >> np.uint64(2), np.uint64(0), seed, _STREAM)
-    slot = k & np.uint64(3)
-    return look_up(table, c0 if slot == 0 else c1 if slot == 1 else c2 if slot == 2 else c3)
+    """Threshold of spike k."""
+    return look_up(table, word_at(pixel, k, np.uint64(0), seed, _STREAM))
 
 
 @njit(cache=True, parallel=True)

@@ -22,7 +22,9 @@ from scenarios.scenes.gasdynamics import (
     fan,
     nozzle,
     prandtl_meyer,
+    reflected,
     shock_angle,
+    shock_mach,
     stagnation_ratio,
     stalling,
     start_flow,
@@ -31,7 +33,7 @@ from scenarios.scenes.paced import PARTS, PacedSource
 from scenarios.scenes.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
 from scenarios.scenes.shockwave import Shockwave
 from scenarios.scenes.sightlines import WIDTH
-from scenarios.scenes.steadyflow import Sphere, Wedge
+from scenarios.scenes.steadyflow import Sphere, Wedge, _layer_density
 
 CLOCK = Clock(40_000)
 SHAPE = (250, 400)
@@ -99,6 +101,30 @@ def flux(gas: Gas, speed: float) -> tuple[float, float, float]:
     u = gas.velocity - speed
     heat = GAMMA / (GAMMA - 1) * gas.pressure / gas.density
     return gas.density * u, gas.pressure + gas.density * u * u, heat + 0.5 * u * u
+
+
+@pytest.mark.parametrize("ratio", [1.001, 3.0, 40.0])
+@pytest.mark.parametrize("gamma", [1.4, 5 / 3])
+def test_a_shock_thrown_back_from_a_wall_leaves_the_gas_at_rest(monkeypatch, ratio, gamma):
+    monkeypatch.setattr("scenarios.scenes.gasdynamics.GAMMA", gamma)
+
+    def kick(ratio: float) -> float:
+        """Velocity that a shock gives, in sounds of the gas before it, by continuity."""
+        mach = shock_mach(ratio)
+        assert behind_normal(mach)[0] == pytest.approx(ratio)
+        return mach * (1 - 1 / behind_normal(mach)[1])
+
+    sound = math.sqrt(behind_normal(shock_mach(ratio))[2])
+    assert sound * kick(reflected(ratio)) == pytest.approx(kick(ratio), rel=1e-9)
+
+
+def test_just_behind_a_bow_shock_s_nose_the_density_is_rankine_hugoniot_s_of_any_gas(monkeypatch):
+    for gamma in (1.4, 5 / 3):
+        monkeypatch.setattr("scenarios.scenes.gasdynamics.GAMMA", gamma)
+        rest = (9.0, 40.0, 1.0, (0.0,) * 6, np.zeros(2), np.ones(2))
+        shock = (0.01, 0.002, 0.015, 0.2)
+        rho = _layer_density(-0.002 + 1e-12, 0.0, *shock, gamma, 6.0, *rest)
+        assert rho == pytest.approx(behind_normal(6.0)[1], rel=1e-8)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.85, 0.99])

@@ -17,6 +17,7 @@ from scipy.stats import chi2, norm
 from cosim import Clock, Light, Piece, intensity_image
 from cosim.philox import philox4x32
 from cosim.philox_compiled import random_words
+from cosim.streams import Stream
 from sensor.continuous import (
     ContinuousCamera,
     ContinuousSetting,
@@ -24,7 +25,7 @@ from sensor.continuous import (
     quiet_floor,
     sampled_exit_time,
 )
-from sensor.continuous.normal import STREAM, normal, quantile, quantile_table
+from sensor.continuous.normal import normal, quantile, quantile_table
 from tests.sensor.continuous_scene import TAU, current, light, run, setting
 
 MS = 10**9
@@ -49,9 +50,12 @@ def check_mean_and_variance(values: np.ndarray, mean: float, variance: float) ->
 
 def test_normal_numbers_are_the_quantiles_of_philox_words() -> None:
     block, pixel, draw, seed = 2**40 + 7, 5, 1, 9
-    ours = random_words(*(np.uint64(x) for x in (pixel, block, draw, seed, STREAM)))
+    ours = random_words(*(np.uint64(x) for x in (pixel, block, draw, seed, Stream.CONTINUOUS)))
     assert [int(w) for w in ours] == [
-        int(w) for w in philox4x32((pixel, block >> 32, block & 0xFFFFFFFF, draw), (seed, STREAM))
+        int(w)
+        for w in philox4x32(
+            (pixel, block >> 32, block & 0xFFFFFFFF, draw), (seed, Stream.CONTINUOUS)
+        )
     ]
     ends = np.concatenate([np.arange(3000), 2**32 - 1 - np.arange(3000)])
     words = np.concatenate([ends, np.random.default_rng(1).integers(0, 2**32, 20_000)])

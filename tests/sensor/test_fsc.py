@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+import tracemalloc
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -124,6 +126,55 @@ def test_a_short_file_cannot_ask_for_much_memory(stream, tmp_path):
     data[at : at + 4] = struct.pack("<I", 2**31)
     path.write_bytes(sealed(bytes(data)))
     assert "a column's head" in refused(path)
+
+
+@pytest.fixture(scope="module")
+def dark(tmp_path_factory):
+    """A file of about 100 bytes a band and chunk that is 32 MB of planes."""
+    path = tmp_path_factory.mktemp("dark") / "dark.fsc"
+    words = np.zeros((128, 250, 256), np.uint32)
+    size = write_fsc(Viform(words, 4096, Clock(40_000)), path, Code("line"))
+    assert size < words.nbytes / 1000
+    return path, words.nbytes
+
+
+def test_a_file_whose_planes_are_larger_than_what_is_free_is_refused(dark, monkeypatch):
+    path, planes = dark
+    free = SimpleNamespace(available=planes)
+    monkeypatch.setattr("cosim.memory.psutil.virtual_memory", lambda: free)
+    with pytest.raises(InputError, match=r"in memory must be small enough for the 0\.0305 GiB"):
+        read_fsc(path)
+    free.available = 4 * planes
+    assert not read_fsc(path)[0].words.any()
+    free.available = path.stat().st_size - 1
+    with pytest.raises(InputError, match=r"dark\.fsc must be small enough"):
+        read_fsc(path)
+
+
+@pytest.mark.parametrize("code", CODES, ids=lambda code: code.name)
+def test_decoding_takes_no_more_memory_than_is_checked_for(stream, tmp_path, monkeypatch, code):
+    path, asked = tmp_path / "a.fsc", []
+    words = np.random.default_rng(2).integers(0, 2**32, (48, 128, 129), np.uint32)
+    write_fsc(Viform(words, 48 * 32, Clock(40_000)), path, code)
+    read_fsc(path)  # what is made once: compiled code, tables
+    monkeypatch.setattr(
+        "sensor.first_spike.stream.check_memory", lambda what, need, mend: asked.append(need)
+    )
+    tracemalloc.start()
+    read_fsc(path)
+    most = tracemalloc.get_traced_memory()[1] - path.stat().st_size
+    tracemalloc.stop()
+    assert words.nbytes < most < asked[0] + 2**20  # what Python itself takes
+
+
+def test_memory_that_a_process_may_not_take_is_not_called_damage(dark, monkeypatch):
+    def short(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("sensor.first_spike.stream.decode_band", short)
+    with pytest.raises(InputError, match="the memory that this process may take") as caught:
+        read_fsc(dark[0])
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_of_another_version_is_refused(stream, tmp_path):

@@ -1,0 +1,30 @@
+"""Every stream of random numbers: the second word of a Philox key, the first being a seed.
+
+Draws of one stream differ by their counter, those of two streams by this number, so it is given
+out once and never changes: a run's bits hang on it.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, unique
+
+__all__ = ["Stream"]
+
+
+@unique
+class Stream(IntEnum):
+    """Numbers between the groups are free."""
+
+    NONE = 0
+    """Of an effect that draws nothing."""
+    SHOT_NOISE = 1
+    """Thresholds of intervals, with shot noise and threshold noise in one draw."""
+    INITIAL_CHARGE = 2
+    PATTERN = 16
+    """What stays from pixel to pixel; its seed is the device's, so no run's noise shares it."""
+    SKIPPED = 48
+    """Asynchronous pixels: stretches of unreported intervals, and what ends them."""
+    READING = 49
+    """Asynchronous pixels: electrons of readings below threshold."""
+    CONTINUOUS = 64
+    """All that continuous photographing draws."""

@@ -1,0 +1,59 @@
+"""Random streams: one number each, given out once, and nowhere but in the table."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+
+from cosim.philox import philox4x32
+from cosim.philox_compiled import word_at
+from cosim.streams import Stream
+from sensor.effects import EFFECTS
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_streams_are_distinct_and_keep_their_numbers():
+    numbers = {name: int(stream) for name, stream in Stream.__members__.items()}
+    assert len(set(numbers.values())) == len(numbers)
+    assert numbers == {
+        "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "PATTERN": 16, "SKIPPED": 48,
+        "READING": 49, "CONTINUOUS": 64,
+    }  # fmt: skip
+    assert all(0 <= number < 2**32 for number in numbers.values())
+
+
+def test_every_file_that_draws_names_its_stream_by_the_table():
+    draws = {"random_words", "word_at", "philox4x32"}
+    found = 0
+    for path in [*(ROOT / "sensor").rglob("*.py"), *(ROOT / "scenarios").rglob("*.py")]:
+        tree = ast.parse(path.read_text())
+        calls = [
+            node for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in draws
+        ]  # fmt: skip
+        for call in calls:
+            last = call.args[-1]
+            key = last.elts[-1] if isinstance(last, ast.Tuple) else last
+            assert not isinstance(key, ast.Constant), f"{path}:{call.lineno}"
+        if calls:
+            found += 1
+            assert "from cosim.streams import Stream" in path.read_text(), path
+    assert found >= 6
+    assert all(isinstance(effect.stream, Stream) for effect in EFFECTS.values())
+
+
+def test_word_at_is_the_words_of_its_counters_one_after_another():
+    seed, draw, pixel = 5, 3, 77
+    for first in (0, 2**34 - 4, 2**36 + 8):
+        block = first >> 2
+        words = philox4x32(
+            (pixel, block >> 32, block & 0xFFFFFFFF, draw), (seed, Stream.CONTINUOUS)
+        )
+        ours = [
+            word_at(*(np.uint64(x) for x in (pixel, first + i, draw, seed, Stream.CONTINUOUS)))
+            for i in range(4)
+        ]
+        assert ours == [int(word) for word in words]
