@@ -114,7 +114,8 @@ class _Prepared:
 
 
 def _prepare(name: str, scenario: Scenario) -> _Prepared:
-    setting, model = event_setting(scenario), event_model(scenario)
+    setting = event_setting(scenario)
+    model = event_model(scenario, setting)
     bus = channel_model(scenario)
     stop = seconds_to_ps(scenario.duration)
     if stop < model.tick:

@@ -107,6 +107,19 @@ def test_the_dark_costs_nothing(tmp_path):
     assert turns[1] < 3 * turns[0]
 
 
+def test_a_lower_level_of_the_threshold_acts(tmp_path):
+    """Half of 300 e: a pixel is full twice as soon, and its light is told all the same."""
+    _, run = shoot(tmp_path / "run", *SMALL, "duration=100 ms", "sensor.threshold_level=8")
+    assert run.setting.threshold == run.model.threshold == 150
+    star = run.found[1]  # 1e4 lux: 0.7 QE on 100 square micrometres
+    exact = run.sent.exact[star.patch.mask.ravel()[run.sent.pixel]]
+    rate = star.lux * run.setting.electrons_per_lux
+    # Widths have a deviation of 1/sqrt(150), and every pixel's gain one of 1 %.
+    assert exact[: star.fired].mean() * 1e-12 == pytest.approx(
+        150 / rate, rel=4.9 * 0.09 / math.sqrt(star.fired)
+    )
+
+
 # The scene.
 
 
@@ -261,6 +274,11 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
     ("sets", "says"),
     [
         (("sensor.threshold=300.5 e",), "sensor.threshold must be whole electrons"),
+        (
+            ("sensor.threshold_level=7",),
+            "sensor.threshold at level 7 of 16 must be whole electrons with readout = "
+            "asynchronous, not 131.25 e",
+        ),
         (("sensor.reset=hard",), "sensor.reset must be residual with readout = asynchronous"),
         (("sensor.threshold_noise=3 e",), "sensor.threshold_noise must be 0 with"),
         (("sensor.asynchronous.timing=0.3 GHz",), "sensor.asynchronous.timing must be a clock of"),
