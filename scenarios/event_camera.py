@@ -38,15 +38,25 @@ def event_setting(scenario: Scenario) -> CameraSetting:
     return resized(camera_setting(scenario), section.width, section.height)
 
 
-def event_model(scenario: Scenario) -> EventModel:
-    """The pixel's rules; raises InputError for what they cannot be."""
+def _threshold(scenario: Scenario, setting: CameraSetting) -> int:
+    """Whole electrons at the level chosen; raises InputError for a part of one."""
+    sensor, chosen = scenario.sensor, setting.threshold
+    if chosen == round(chosen):
+        return round(chosen)
+    what, mend = "sensor.threshold", f"write {round(chosen)} e"
+    levels = setting.chip.threshold_levels
+    if sensor.threshold_level != levels:
+        what += f" at level {sensor.threshold_level} of {levels}"
+        mend = f"choose a sensor.threshold_level that parts {sensor.threshold:g} e evenly"
+    raise InputError(what, "whole electrons with readout = asynchronous", f"{chosen:g} e", mend)
+
+
+def event_model(scenario: Scenario, setting: CameraSetting) -> EventModel:
+    """The pixel's rules; raises InputError for what they cannot be. setting: of `event_setting`,
+    whose threshold is that of the level chosen."""
     sensor, section = scenario.sensor, _section(scenario)
     key = "sensor.asynchronous"
-    if sensor.threshold != round(sensor.threshold):
-        raise InputError(
-            "sensor.threshold", "whole electrons with readout = asynchronous",
-            f"{sensor.threshold:g} e", f"write {round(sensor.threshold)} e",
-        )  # fmt: skip
+    threshold = _threshold(scenario, setting)
     clock = Clock.from_hz(section.timing)
     if PS * clock.den % clock.num:
         raise InputError(
@@ -70,13 +80,13 @@ def event_model(scenario: Scenario) -> EventModel:
         raise InputError(
             f"{key}.levels", "given with longest_width", "alone", f"add {key}.longest_width"
         )
-    if section.levels > sensor.threshold:
+    if section.levels > threshold:
         raise InputError(
-            f"{key}.levels", f"at most one an electron, {sensor.threshold:g}",
+            f"{key}.levels", f"at most one an electron, {threshold}",
             f"{section.levels}", "lower it",
         )  # fmt: skip
     return EventModel(
-        round(sensor.threshold),
+        threshold,
         scenario.seed,
         clock,
         shortest,

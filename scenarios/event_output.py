@@ -27,14 +27,21 @@ class Output:
     run, ps.
 
     late: whether t is taken as an event leaves the channel; what leaves after the end is then under
-    way and not in the stream. Else all that has fired is waited for."""
+    way and not in the stream. Else all that has fired is waited for.
+
+    pixels: of the array. spoke: (pixels,) bool, who has fired at all, whatever became of it."""
 
     channel: Channel | None
     stop: int
+    pixels: int
     late: bool = False
     parts: list[Firings] = field(default_factory=list)
     leaves: list[Instants] = field(default_factory=list)
     offered: int = 0
+    spoke: npt.NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.spoke = np.zeros(self.pixels, np.bool_)
 
     @property
     def lost(self) -> int:
@@ -43,6 +50,7 @@ class Output:
     def take(self, firings: Firings, stop: int) -> None:
         """What fired since the last step, which ends at `stop`."""
         self.offered += len(firings)
+        self.spoke[firings.pixel] = True
         if self.channel is None:
             self.parts.append(firings)
             self.leaves.append(firings.instant)

@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from scenarios.result import Metric
 from scenarios.scenes import Patch
 from sensor.asynchronous import EventModel, Firings, latched
-from sensor.asynchronous.estimate import Observed, estimate_rate, mean_rate
+from sensor.asynchronous.estimate import Observed, RateEstimate, estimate_rate, mean_rate
 
-__all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover"]
+__all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
 
 WITHIN = 0.2
 """A patch is recovered when its estimate is within this of the truth, and so is every brighter
@@ -32,6 +33,7 @@ class Recovered:
     fired: int
     read: int
     silent: int
+    lost: int
     estimate: float | None
     low: float | None
     high: float | None
@@ -50,29 +52,33 @@ class Recovered:
 def recover(
     patches: list[Patch],
     firings: Firings,
+    spoke: npt.NDArray[np.bool_],
     model: EventModel,
     stop: int,
     gain: float,
     per_lux: float,
     dark: float,
 ) -> list[Recovered]:
-    """Every patch, brightest first. firings: those that crossed the channel. stop: end of the run,
-    ps. gain: lux on the pixel for one on the scene. per_lux: electrons a second for a lux on the
-    pixel. dark: mean dark current, electrons a second, which is subtracted.
+    """Every patch, brightest first. firings: those that crossed the channel. spoke: (pixels,) who
+    fired or was read at all. stop: end of the run, ps. gain: lux on the pixel for one on the scene.
+    per_lux: electrons a second for a lux on the pixel. dark: mean dark current, electrons a second,
+    which is subtracted.
 
     Only intervals that began with the run count: that their first tick is known makes a tick's
-    probability exact, and what a pixel sends later it has chosen to send.
+    probability exact, and what a pixel sends later it has chosen to send. A pixel that spoke and
+    whose first interval did not cross is left out.
     """
     first = firings.take(latched(firings.instant, model.tick) + 1 == firings.width)
     found = []
     for patch in sorted(patches, key=lambda p: -p.lux):
         mine = first.take(patch.mask.ravel()[first.pixel])
         full = mine.level == model.levels
-        pixels = int(patch.mask.sum())
-        seen = Observed(
-            mine.width[full], mine.level[~full].astype(np.int64), pixels - len(mine), stop
-        )
-        rate = estimate_rate(model, seen)
+        mask = patch.mask.ravel()
+        pixels, lost = int(mask.sum()), int((mask & spoke).sum()) - len(mine)
+        silent = pixels - len(mine) - lost
+        seen = Observed(mine.width[full], mine.level[~full].astype(np.int64), silent, stop)
+        # Without a pixel that was heard or was silent, everything is unknown.
+        rate = estimate_rate(model, seen) if len(seen) else RateEstimate(0.0, 0.0, math.inf)
         known = 0 < rate.rate < math.inf
         plain = mean_rate(model, seen)
         found.append(
@@ -82,7 +88,8 @@ def recover(
                 pixels,
                 int(full.sum()),
                 int((~full).sum()),
-                seen.silent,
+                silent,
+                lost,
                 (rate.rate - dark) / per_lux if known else None,
                 (rate.low - dark) / per_lux if rate.low > 0 else None,
                 (rate.high - dark) / per_lux if rate.high < math.inf else None,
@@ -90,6 +97,17 @@ def recover(
             )
         )
     return found
+
+
+def unheard(found: list[Recovered]) -> list[str]:
+    """What a user must know of pixels whose first events did not cross the channel."""
+    lost, pixels = sum(p.lost for p in found), sum(p.pixels for p in found)
+    if not lost:
+        return []
+    return [
+        f"{lost} of {pixels} pixels of patches are left out of the estimates: their first events "
+        "were lost or not yet carried"
+    ]
 
 
 def formula(model: EventModel, stop: int) -> float:
@@ -120,4 +138,5 @@ def dynamic_range(found: list[Recovered], model: EventModel, stop: int) -> dict[
         "dimmest": Metric(low.lux if low else None, "lux"),
         "dimmest_error": Metric(low.error if low else None, "1"),
         "patches_recovered": Metric(float(len(good)), "1"),
+        "events_of_patches_unheard": Metric(float(sum(p.lost for p in found)), "1"),
     }

@@ -35,7 +35,7 @@ from scenarios.exposure import choose_lens, lens_notes
 from scenarios.fidelity import judge
 from scenarios.folder import begin_folder, claimed, output_folder, write_images
 from scenarios.loading import to_toml
-from scenarios.patches import Recovered, dynamic_range, recover
+from scenarios.patches import Recovered, dynamic_range, recover, unheard
 from scenarios.progress import Progress
 from scenarios.readout import (
     AFRESH,
@@ -114,7 +114,8 @@ class _Prepared:
 
 
 def _prepare(name: str, scenario: Scenario) -> _Prepared:
-    setting, model = event_setting(scenario), event_model(scenario)
+    setting = event_setting(scenario)
+    model = event_model(scenario, setting)
     bus = channel_model(scenario)
     stop = seconds_to_ps(scenario.duration)
     if stop < model.tick:
@@ -134,7 +135,12 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
         name, scenario, setting, model, lens, white_rate, source, patches,
         [] if patches else choose_instants(scenario, cycles),
         event_pixels(scenario, setting, model),
-        Output(None if bus is None else Channel(bus, shape), stop, _stamped_late(scenario)),
+        Output(
+            None if bus is None else Channel(bus, shape),
+            stop,
+            shape[0] * shape[1],
+            _stamped_late(scenario),
+        ),
         [*notes, *source.notes],
     )  # fmt: skip
 
@@ -230,7 +236,7 @@ def run_events(
             begin = time.perf_counter()
             device_pattern, per_lux = run.setting.pattern, run.setting.electrons_per_lux
             found = recover(
-                run.patches, sent, run.model, run.stop, run.lens.gain, per_lux,
+                run.patches, sent, run.output.spoke, run.model, run.stop, run.lens.gain, per_lux,
                 0.0 if device_pattern is None else device_pattern.dark,
             )  # fmt: skip
             white = scenario.scene.illuminance * run.lens.gain * per_lux
@@ -240,7 +246,7 @@ def run_events(
             seconds["estimates"] = time.perf_counter() - begin
             result = _make_result(run, sent, delay, found, shots, seconds, work)
             result.files += write_images(folder, shots, ("tfi",))
-            warnings = [*run.source.degraded, *run.output.losses()]
+            warnings = [*run.source.degraded, *run.output.losses(), *unheard(found)]
             for note in warnings:
                 progress.note(note)
             result.files += report(EventRun(

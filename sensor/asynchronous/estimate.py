@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from sensor.asynchronous.logtails import log_between, log_counts, log_upper
 from sensor.asynchronous.model import EventModel
 
 __all__ = ["Observed", "RateEstimate", "estimate_rate", "mean_rate"]
@@ -56,22 +57,10 @@ class RateEstimate:
     high: float
 
 
-def _between(
-    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], q: float, rate: Rates
-) -> npt.NDArray[np.float64]:
-    """log P(low < Gamma(q)/rate <= high), (rates, n): the difference of the smaller tails."""
-    from scipy.special import gammainc, gammaincc
-
-    a, b = rate[:, None] * low, rate[:, None] * high
-    lower = gammainc(q, b) - gammainc(q, a)
-    upper = gammaincc(q, a) - gammaincc(q, b)
-    return np.log(np.maximum(np.where(a > q, upper, lower), 1e-300))
-
-
 def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
-    """Of rates in electrons a second, up to a constant."""
-    from scipy.special import gammaincc
-
+    """Of rates > 0 in electrons a second, up to a constant; finite and, in log rate, concave: a
+    threshold's logarithm has a concave log density, and counts cut to an interval vary less than
+    Poisson's."""
     q, tick = float(model.threshold), model.tick
     total = np.zeros(rate.shape)
     ticks, times = np.unique(seen.widths, return_counts=True)
@@ -85,34 +74,25 @@ def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
     if not narrow.all():
         top = high[~narrow] / PS
         low = np.where(held, 0.0, np.maximum(high - tick, 0))[~narrow] / PS
-        total += _between(low, top, q, rate) @ times[~narrow]
+        total += log_between(q, rate[:, None] * low, rate[:, None] * top) @ times[~narrow]
     if seen.silent:
-        total += seen.silent * np.log(
-            np.maximum(gammaincc(q, rate * (seen.waited - model.delay) / PS), 1e-300)
-        )
+        total += seen.silent * log_upper(q, rate * (max(seen.waited - model.delay, 0) / PS))
     levels, times = np.unique(seen.levels, return_counts=True)
     mean = rate * (model.longest / PS)
     for level, n in zip(levels.tolist(), times.tolist(), strict=True):
         least, most = model.electrons(level)
         if most < least:
             raise ValueError(f"no whole number of electrons reads as level {level}")
-        total += n * _poisson(mean, least, most)
+        total += n * log_counts(mean, least, most)
     return total
 
 
-def _poisson(mean: Rates, least: int, most: int) -> Rates:
-    """log P(least <= Poisson(mean) <= most), from the smaller tails."""
-    from scipy.special import gammainc, gammaincc
-
-    if least == 0:
-        return np.log(np.maximum(gammaincc(most + 1, mean), 1e-300))
-    upper = gammainc(least, mean) - gammainc(most + 1, mean)
-    lower = gammaincc(most + 1, mean) - gammaincc(least, mean)
-    return np.log(np.maximum(np.where(mean < least, upper, lower), 1e-300))
-
-
 def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
-    """The rate under which what was seen is most likely. Raises ValueError without pixels."""
+    """The rate under which what was seen is most likely. Raises ValueError without pixels.
+
+    The pixels are taken to be identical: that their gains differ (PRNU) is in the estimate's error,
+    by PRNU over the square root of their number, but not in low and high.
+    """
     from scipy.optimize import minimize_scalar
 
     if not len(seen):
@@ -121,8 +101,8 @@ def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
     least = 1e-6 * PS / (longest * len(seen))
     most = 1e3 * (model.threshold + 10) * PS / min(model.tick, longest)
     grid = np.linspace(math.log(least), math.log(most), _GRID)
-    # The highest point, then twice a finer look around it: a likelihood as narrow as 1e-4 of the
-    # rate is not missed, since it has one peak.
+    # The highest point, then twice a finer look around it: however narrow the peak, it is the only
+    # one and no flank is flat.
     for _ in range(3):
         height = log_likelihood(model, seen, np.exp(grid))
         best = int(np.argmax(height))

@@ -16,7 +16,7 @@ def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) 
     Huang 2022 sections 3.3.2 and 5.2: the width of the event whose interval holds the tick, else
     that of the last event before it, which holds until something else is sent. A reading below
     threshold counts as the middle of its level, level 0 as nothing. delay: seconds of the
-    comparator, in every width.
+    comparator, in every spike's width; a reading is taken as the longest width is up.
     """
     height, width = events.shape
     place = events.row.astype(np.int64) * width + events.column
@@ -31,11 +31,14 @@ def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) 
     known = chosen >= 0
     rate = np.zeros(height * width)
     at = chosen[known]
-    seconds = np.maximum(events.width[at] * float(events.clock.period) - delay, 1e-15)
+    seconds = events.width[at] * float(events.clock.period)
     charge = np.full(at.size, float(threshold))
-    if events.level is not None:
+    if events.level is None:
+        seconds -= delay
+    else:
+        seconds -= np.where(events.level[at] == events.levels, delay, 0.0)
         level = events.level[at].astype(np.float64)
         share = np.where(level == 0, 0.0, (level + 0.5) / events.levels)
         charge *= np.where(level == events.levels, 1.0, share)
-    rate[known] = charge / seconds
+    rate[known] = charge / np.maximum(seconds, 1e-15)
     return rate.reshape(height, width)

@@ -79,6 +79,8 @@ def test_when_every_width_was_held_there_is_a_lower_limit():
         (290.0, {}, PS),  # a third fires
         (2.9e2, {"longest": PS // 100, "levels": 100}, PS),  # 2.9 electrons in a reading
         (34.0, {"longest": PS, "levels": 10}, PS),  # 34 electrons, a level each 30
+        (5e11, {"threshold": 100_000}, PS),  # 200 ticks, a deviation two thirds of one
+        (2e12, {"threshold": 1_000_000}, PS),  # 500 ticks, a deviation half of one
     ],
 )
 def test_the_estimate_has_no_bias_and_covers_what_it_says(rate, rules, waited):
@@ -108,6 +110,28 @@ def test_the_estimate_has_no_bias_and_covers_what_it_says(rate, rules, waited):
     low, high = stats.chi2.ppf([5e-7, 1 - 5e-7], 79) / 79
     assert low < (error.std(ddof=1) / spread) ** 2 < high
     assert missed <= 4
+
+
+@pytest.mark.parametrize("threshold", [100_000, 300_000, 1_000_000, 2**21 - 1])
+def test_of_many_electrons_the_peak_is_found_whatever_the_width(threshold):
+    """One pixel, widths of a few ticks to a million: the truth lies within the tick."""
+    setting = model(threshold)
+    for width in (11, 20, 90, 300, 900, 5_000, 1_000_000):
+        found = estimate_rate(setting, Observed(np.full(20, width), NONE, 0, PS))
+        # 4.9 deviations of a Gamma law beside the tick itself.
+        slack = 4.9 / math.sqrt(20 * threshold)
+        assert threshold * 1e9 / width * (1 - slack) < found.rate
+        assert found.rate < threshold * 1e9 / (width - 1) * (1 + slack)
+        assert 0 < found.low < found.rate < found.high < math.inf
+
+
+@pytest.mark.parametrize(("fired", "silent"), [(110, 90), (2000, 1), (30_000, 3)])
+def test_silence_in_bright_light_still_counts_as_time_waited(fired, silent):
+    """Far from what fired, P(N < 1) is exp(-rate waited), and no rate is cut off: Q = 1 has
+    fired / (sum of widths + silent x waited)."""
+    widths = np.full(fired, 20)
+    found = estimate_rate(model(1, 1000), Observed(widths, NONE, silent, PS))
+    assert found.rate == pytest.approx(fired / (fired * 19.5e-9 + silent), rel=1e-6)
 
 
 def test_the_plain_mean_of_floors_misses_what_the_likelihood_finds():
@@ -152,4 +176,6 @@ def test_an_image_takes_the_event_that_holds_the_instant():
     assert rate_image(events, 5, 300)[0] == pytest.approx(
         [300 / (100 * us), 300 / (10 * us), 300 * 2.5 / 4 / (50 * us), 0, 0]
     )
-    assert rate_image(events, 50, 300, delay=5 * us)[0, 1] == pytest.approx(300 / (5 * us))
+    late = rate_image(events, 50, 300, delay=5 * us)[0]
+    # The comparator answers spikes alone: a reading is taken when the longest width is up.
+    assert late[:3] == pytest.approx([300 / (95 * us), 300 / (5 * us), 300 * 2.5 / 4 / (50 * us)])
