@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -111,12 +112,12 @@ class Firings:
         if len(parts) == 1:
             return parts.pop()
         work = sum(p.work for p in parts)
-        columns = [
+        columns: list[list[Any]] = [
             [p.pixel for p in parts], [p.instant for p in parts], [p.width for p in parts],
             [p.exact for p in parts], [p.level for p in parts],
         ]  # fmt: skip
         parts.clear()
-        joined = []
+        joined: list[Any] = []
         while columns:
             joined.append(np.concatenate(columns.pop(0)))
         pixel, instant, width, exact, level = joined
