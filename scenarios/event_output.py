@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Events
+from cosim.memory import check_memory
 from scenarios.result import Metric
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.channel import Channel
@@ -17,7 +18,12 @@ __all__ = ["STREAM", "Output", "gather_events"]
 STREAM = "stream.events.npz"
 """The event stream's name in a run's folder."""
 
+STREAM_BYTES = 70
+"""Memory that each event takes beside the firings themselves while the stream is made of them:
+another copy in the stream's order, and the stream's own columns."""
+
 _DRAINED = 2**62
+_FEWER = "shorten duration, or send changes alone (sensor.asynchronous.change, 8 for example)"
 Instants = npt.NDArray[np.int64]
 
 
@@ -53,7 +59,6 @@ class Output:
         self.spoke[firings.pixel] = True
         if self.channel is None:
             self.parts.append(firings)
-            self.leaves.append(firings.instant)
             return
         sent = self.channel.step(firings, stop)
         self.parts.append(sent.firings)
@@ -65,9 +70,16 @@ class Output:
             rest = self.channel.step(Firings.join([]), _DRAINED)
             self.parts.append(rest.firings)
             self.leaves.append(rest.leaves)
+        count = sum(len(part) for part in self.parts)
+        check_memory(f"the {count:,} events", STREAM_BYTES * count, _FEWER)
         firings = Firings.join(self.parts)
+        if self.channel is None:
+            return firings, firings.instant
         leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
+        self.leaves.clear()
         inside = leaves <= (self.stop if self.late else _DRAINED)
+        if inside.all():
+            return firings, leaves
         return firings.take(inside), leaves[inside]
 
     def metrics(self, carried: int) -> dict[str, Metric]:
@@ -99,12 +111,14 @@ def gather_events(
 ) -> Events:
     """The stream as it is read out, stamped with `stamps` (ps)."""
     ticks = latched(stamps, model.tick)
-    order = np.argsort(ticks, kind="stable")
-    made = firings.take(order)
+    made = firings
+    if (ticks[1:] < ticks[:-1]).any():
+        order = np.argsort(ticks, kind="stable")
+        made, ticks = firings.take(order), ticks[order]
     return Events(
         (made.pixel // shape[1]).astype(np.uint16),
         (made.pixel % shape[1]).astype(np.uint16),
-        ticks[order],
+        ticks,
         made.width,
         shape,
         -(-stop // model.tick),

@@ -36,7 +36,7 @@ class AsynchronousSection(Section):
     width: Side | None = Field(default=None, description="pixels; the chip's own when absent")
     height: Side | None = Field(default=None, description="pixels; the chip's own when absent")
     most_events: Annotated[int, Field(ge=1, le=10**9)] = Field(
-        default=20_000_000, description="a run with more ends; 60 bytes of memory each"
+        default=20_000_000, description="a run with more ends; about 110 bytes of memory each"
     )
 
 

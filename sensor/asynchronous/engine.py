@@ -122,7 +122,10 @@ def advance(  # type: ignore[no-untyped-def]
                         period = mean / rate0 + delay + reset
                         many = min(countdown[n], fitting(left, period, math.sqrt(variance) / rate0))
                         if many >= LEAST:
-                            span = stretch(many, mean, variance, third, pixel, spikes[n], seed)
+                            held = max(a, rate0 * (shortest - delay))
+                            span = stretch(
+                                many, mean, variance, third, held, pixel, spikes[n], seed
+                            )
                             span = span / rate0 + many * float(delay + reset)
                             now, now_part = later(began, rest, span)
                             if now > stop or (now == stop and now_part > 0.0):

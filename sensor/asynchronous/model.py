@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -100,21 +101,27 @@ class Firings:
 
     @staticmethod
     def join(parts: list[Firings]) -> Firings:
-        """Several one after another, as they are."""
+        """Several one after another, as they are. The list is emptied and its arrays let go column
+        by column, so that they and the whole do not lie in memory together."""
         if not parts:
             empty = np.zeros(0, np.int64)
             return Firings(
                 empty.astype(np.uint32), empty, empty, empty.astype(np.float64),
                 empty.astype(np.uint16),
             )  # fmt: skip
-        return Firings(
-            np.concatenate([p.pixel for p in parts]),
-            np.concatenate([p.instant for p in parts]),
-            np.concatenate([p.width for p in parts]),
-            np.concatenate([p.exact for p in parts]),
-            np.concatenate([p.level for p in parts]),
-            sum(p.work for p in parts),
-        )
+        if len(parts) == 1:
+            return parts.pop()
+        work = sum(p.work for p in parts)
+        columns: list[list[Any]] = [
+            [p.pixel for p in parts], [p.instant for p in parts], [p.width for p in parts],
+            [p.exact for p in parts], [p.level for p in parts],
+        ]  # fmt: skip
+        parts.clear()
+        joined: list[Any] = []
+        while columns:
+            joined.append(np.concatenate(columns.pop(0)))
+        pixel, instant, width, exact, level = joined
+        return Firings(pixel, instant, width, exact, level, work)
 
 
 def latched(instant: npt.NDArray[np.int64], tick: int) -> npt.NDArray[np.int64]:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from cosim.clock import PS
 from cosim.errors import InputError
 from cosim.light import Light, Piece
+from cosim.memory import check_memory
 from sensor.asynchronous.engine import advance
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.pattern import DevicePattern
@@ -27,6 +28,12 @@ __all__ = ["AsynchronousPixels", "EventPixels"]
 TILE: Final = 2048
 """Pixels that are run together; results do not depend on it."""
 _BUFFER: Final = 1 << 15
+STEP_BYTES: Final = 70
+"""Memory that joining and ordering a step's events takes for each: two copies and their order."""
+FEWER: Final = (
+    "shorten duration, simulate fewer pixels, or send changes alone (sensor.asynchronous.change, 8 "
+    "for example)"
+)
 
 Rates = npt.NDArray[np.float64]
 
@@ -99,6 +106,7 @@ class AsynchronousPixels:
         for piece in light.pieces:
             if piece.stop > start and piece.start < stop:
                 parts += self._piece(piece, min(stop, piece.stop))
+        check_memory("the events of a step", STEP_BYTES * sum(len(part) for part in parts), FEWER)
         made = Firings.join(parts)
         return made.take(np.lexsort((made.pixel, made.instant)))
 
@@ -150,7 +158,6 @@ class AsynchronousPixels:
             if self._fired > self._most:
                 raise InputError(
                     "the events", f"at most {max(self._most, 0):,}", "more",
-                    "shorten duration, simulate fewer pixels, or send changes alone "
-                    "(sensor.asynchronous.change, 8 for example)",
+                    FEWER,
                 )  # fmt: skip
         return parts

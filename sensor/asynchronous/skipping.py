@@ -6,7 +6,10 @@ geometric. What such a stretch takes is a sum of m intervals, each conditioned o
 reported. Plain intervals sum to Gamma(m Q) exactly. The condition (p at most RARE) and the shortest
 width change the law of one interval a little; the sum is then drawn from the Gamma law, shifted and
 scaled, that has its mean, variance and third moment, which are known in closed form. From LEAST
-intervals on, what the fourth moment adds to the distribution is below 1e-4.
+intervals on, what the fourth moment adds to the distribution of plain intervals is below 1e-4. Of
+widths that the shortest holds, few thresholds make all the difference: the distribution of 256 is
+off by below 0.01 where up to 90 % are held, by 0.02 at 99 % and, an atom at m shortest widths that
+no Gamma law has, by a third at 99.9 %. The sum is never less than that of m held ones.
 """
 
 from __future__ import annotations
@@ -120,15 +123,15 @@ def _deviate(shape, pixel, index, seed):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def stretch(m, mean, variance, third, pixel, index, seed):  # type: ignore[no-untyped-def]
-    """Charge of m intervals together."""
+def stretch(m, mean, variance, third, held, pixel, index, seed):  # type: ignore[no-untyped-def]
+    """Charge of m intervals together, none of which is less than `held`."""
     whole = m * mean
     if variance <= 0.0:
         return whole
     spread = math.sqrt(m * variance)
     # 4 / skewness^2: for plain Gamma(q) intervals this is m q.
     shape = 4.0 * m * variance**3 / (third * third) if third != 0.0 else math.inf
-    # Where nearly all are held the law is nearly a point, and only its size matters.
+    # Where nearly all are held the law is an atom and a tail; only its size matters.
     shape = min(max(shape, 1.0), 1e18)
     around = _deviate(shape, pixel, index, seed)
-    return whole + math.copysign(1.0, third) * spread * around
+    return max(whole + math.copysign(1.0, third) * spread * around, m * held)

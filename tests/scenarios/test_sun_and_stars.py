@@ -372,6 +372,19 @@ def test_too_many_events_end_with_advice(viform, tmp_path):
     assert not (tmp_path / "run" / "result.json").exists()
 
 
+def test_events_that_the_memory_cannot_hold_end_in_one_line(viform, tmp_path, monkeypatch):
+    free = type("Free", (), {"available": 50_000})
+    monkeypatch.setattr("cosim.memory.psutil.virtual_memory", lambda: free)
+    code, out, err = viform(
+        "run", "sun-and-stars", "--out", tmp_path / "run", "--set", "duration=1 ms",
+        *[part for s in SMALL for part in ("--set", s)],
+    )  # fmt: skip
+    assert (code, out) == (2, "")
+    last = err.splitlines()[-1]
+    assert last.startswith("viform: the events of a step must be small enough for the")
+    assert "sensor.asynchronous.change" in last
+
+
 def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
     monkeypatch.setattr("scenarios.report.events.write_events_report", lambda run: [])
     code, out, _ = viform(

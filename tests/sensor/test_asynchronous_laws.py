@@ -98,7 +98,9 @@ def test_the_moments_of_an_unreported_interval(q, a, b, c):
 
 def test_a_stretch_of_plain_intervals_is_gamma():
     n, q, m = 20000, 30.0, 1000
-    drawn = [stretch(m, q, q, 2 * q, np.uint64(p), np.uint64(7), np.uint64(1)) for p in range(n)]
+    drawn = [
+        stretch(m, q, q, 2 * q, 0.0, np.uint64(p), np.uint64(7), np.uint64(1)) for p in range(n)
+    ]
     assert stats.kstest(drawn, "gamma", args=(m * q,)).pvalue > 1e-6
 
 
@@ -106,7 +108,7 @@ def test_a_stretch_has_the_moments_asked_for():
     n, m, mean, variance, third = 20000, 400, 31.0, 20.0, -60.0
     drawn = np.array(
         [
-            stretch(m, mean, variance, third, np.uint64(p), np.uint64(7), np.uint64(1))
+            stretch(m, mean, variance, third, 0.0, np.uint64(p), np.uint64(7), np.uint64(1))
             for p in range(n)
         ]
     )
@@ -116,6 +118,23 @@ def test_a_stretch_has_the_moments_asked_for():
     assert drawn.var() == pytest.approx(m * variance, rel=5 * math.sqrt(2 / n))
     around = ((drawn - drawn.mean()) ** 3).mean()
     assert around == pytest.approx(m * third, abs=5 * spread**3 * math.sqrt(15 / n))
+
+
+@pytest.mark.parametrize("q", [1.0, 300.0])
+def test_a_stretch_of_held_intervals_is_never_shorter_than_they_are(q):
+    """99 % held: all 256 are with 0.99^256 = 7.6 %, and 0.5 % less than that by the fitted law."""
+    n, m, share = 20000, 256, 0.99
+    held = special.gammaincinv(q, share)
+    law = interval_moments(q, 0.0, math.inf, held)
+    drawn = np.array([stretch(m, *law, held, np.uint64(p), np.uint64(7), np.uint64(1))
+                      for p in range(n)])  # fmt: skip
+    assert drawn.min() == m * held
+    atom = share**m
+    assert (drawn == m * held).mean() == pytest.approx(
+        atom, abs=0.005 + 4.9 * math.sqrt(atom * (1 - atom) / n)
+    )
+    # The clamp adds little to the mean: less than a tenth of a deviation.
+    assert drawn.mean() == pytest.approx(m * law[0], abs=0.1 * math.sqrt(m * law[1]))
 
 
 def test_the_wait_for_a_report_is_geometric():
