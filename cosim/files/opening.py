@@ -71,6 +71,11 @@ def _located(path: Path) -> tuple[Path, Config | None]:
     """The stream that a folder or a config.yaml stands for, or the path itself."""
     if (path / "stream.zarr").exists():
         return path / "stream.zarr", None
+    if (path / "stream.events.npz").exists():
+        raise InputError(
+            "the stream", "of a run with a latch clock", f"{path}, whose pixels are asynchronous",
+            "name the stream.events.npz in it; its cycles are ticks of sensor.asynchronous.timing",
+        )  # fmt: skip
     if not path.exists():
         raise InputError("the stream", "a file that exists", str(path), "check the path")
     if path.suffix.lower() in (".yaml", ".yml") or (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,10 +31,7 @@ def whole(path: Path) -> Iterator[Path]:
                 shutil.rmtree(path)
             os.replace(part, path)
         finally:
-            if part.is_dir():
-                shutil.rmtree(part)
-            else:
-                part.unlink(missing_ok=True)
+            _remove(part)
     except OSError as exc:
         raise InputError(
             f"{path}",
@@ -41,6 +39,19 @@ def whole(path: Path) -> Iterator[Path]:
             f"refused ({exc.strerror or exc})",
             "choose another name, or make room",
         ) from exc
+
+
+def _remove(part: Path) -> None:
+    """Removes what is left of a part. Threads that write a store's chunks may outlive an interrupt
+    by a moment, so a folder is tried a few times."""
+    if not part.is_dir():
+        part.unlink(missing_ok=True)
+        return
+    for _ in range(40):
+        shutil.rmtree(part, ignore_errors=True)
+        if not part.exists():
+            return
+        time.sleep(0.05)
 
 
 def _check(path: Path) -> None:

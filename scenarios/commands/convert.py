@@ -77,6 +77,8 @@ def convert(
             )
         elif coded is not None:
             write_coded(opened, out, coded)
+            if not coded.lossless:
+                lost = [f"{out} holds changes beyond {coded.k:g} standard deviations alone"]
         else:
             lost = write_stream(opened, out, head=head, config=config)
     finally:

@@ -55,6 +55,7 @@ def machine(run: Finished) -> str:
         ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
+        ["reset rule", scenario.sensor.reset, "scenario"],
         *optics(setting),
         ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
          f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
@@ -66,6 +67,10 @@ def machine(run: Finished) -> str:
         level = f"{scenario.sensor.threshold_level} of {chip.threshold_levels}"
         numbers.insert(3, ["threshold level", f"{level}, taken to be linear", "scenario"])
     numbers += faults(scenario.sensor)
+    if scenario.sensor.pattern is not None and setting.pattern is not None:
+        celsius = scenario.sensor.pattern.temperature
+        dark = f"{setting.pattern.dark:.3g} e/s at {celsius:g} °C"
+        numbers.append(["dark current at that temperature", dark, "computed"])
     darkest = min(float(s.truth.min()) for s in run.shots)
     per_cycle = run.white_rate * setting.threshold
     summary = Summary(
