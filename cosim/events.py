@@ -16,12 +16,20 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
 
-__all__ = ["Events", "event_blocks", "events_of", "viform_of"]
+__all__ = ["COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "viform_of"]
 
 _PIXELS = 2**20
 """Pixel-cycles whose spikes `event_blocks` makes at a time."""
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
+COLUMNS: dict[str, type[np.generic]] = {
+    "row": np.uint16,
+    "column": np.uint16,
+    "time": np.int64,
+    "width": np.int64,
+    "level": np.uint16,
+}
+"""An event's arrays and their types; `level` may be absent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +57,7 @@ class Events:
     levels: int = 1
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("row", np.uint16),
-            ("column", np.uint16),
-            ("time", np.int64),
-            ("width", np.int64),
-            ("level", np.uint16),
-        ):
+        for name, dtype in COLUMNS.items():
             array = getattr(self, name)
             if array is not None and (array.shape != (len(self),) or array.dtype != dtype):
                 raise ValueError(
@@ -127,16 +129,21 @@ def events_of(stream: SpikeStream) -> Events:
     return Events(row, column, time, width, stream.shape, stream.cycles, stream.clock, start)
 
 
+def mark_planes(words: Words, row: Places, column: Places, cycle: Ticks) -> None:
+    """Sets these spikes in contiguous (n, H, W) words. cycle: counted from words[0]."""
+    word, bit = np.divmod(cycle, WORD)
+    place = (word * words.shape[1] + row) * words.shape[2] + column
+    np.bitwise_or.at(words.reshape(-1), place, np.uint32(1) << bit.astype(np.uint32))
+
+
 def viform_of(events: Events) -> Viform:
     """The planes of events that fit them: full spikes only, at most one a pixel and tick.
 
     Raises ValueError for others.
     """
     full = events.level is None or bool((events.level == events.levels).all())
-    t = events.time - events.start
     words: Words = np.zeros((words_for(events.ticks), *events.shape), np.uint32)
-    bits = np.uint32(1) << (t % WORD).astype(np.uint32)
-    np.bitwise_or.at(words, (t // WORD, events.row, events.column), bits)
+    mark_planes(words, events.row, events.column, events.time - events.start)
     if not full or int(np.bitwise_count(words).sum(dtype=np.int64)) != len(events):
         raise ValueError("planes hold full spikes alone, at most one a pixel and tick")
     return Viform(words, events.ticks, events.clock, events.start)

@@ -9,11 +9,12 @@ A megapixel stream may have 1e9 spikes, 20 bytes each: both ways a part is held 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import index
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ import numpy.typing as npt
 from cosim.archive import ArchiveWriter, ArrayReader, open_arrays
 from cosim.clock import Clock
 from cosim.errors import InputError
-from cosim.events import Events, event_blocks
+from cosim.events import COLUMNS, Events, event_blocks
 from cosim.files.whole import whole
 from cosim.memory import check_memory
 from cosim.viform import SpikeStream, count_spikes
@@ -37,22 +38,16 @@ _LARGEST = 2**16
 """Rows or columns that a place can have."""
 _LATEST = 2**62
 """Ticks that leave room to reckon in 64 bits."""
-_COLUMNS: dict[str, type[np.generic]] = {
-    "row": np.uint16,
-    "column": np.uint16,
-    "time": np.int64,
-    "width": np.int64,
-    "level": np.uint16,
-}
 _SMALL = {"shape": 2, "ticks": 1, "clock": 2, "start": 1, "levels": 1}
 """Numbers in each of the other arrays."""
 _OPTIONAL = {"level", "levels"}
 
 Part = dict[str, npt.NDArray[Any]]
-"""Some events: arrays of `_COLUMNS` by name, all of one length."""
+"""Some events: arrays of `COLUMNS` by name, all of one length."""
 
 
-class EventSource(Protocol):
+@dataclass
+class EventSource(ABC):
     """Events that can be gone through again and again, a part at a time."""
 
     shape: tuple[int, int]
@@ -63,23 +58,11 @@ class EventSource(Protocol):
     has_level: bool
     count: int
 
+    @abstractmethod
     def parts(self) -> Iterator[Part]: ...
 
 
-@dataclass
-class _Header:
-    """What an `EventSource` says of itself."""
-
-    shape: tuple[int, int]
-    ticks: int
-    clock: Clock
-    start: int
-    levels: int
-    has_level: bool
-    count: int
-
-
-class _InMemory(_Header):
+class _InMemory(EventSource):
     def __init__(self, events: Events) -> None:
         super().__init__(
             events.shape, events.ticks, events.clock, events.start, events.levels,
@@ -88,10 +71,10 @@ class _InMemory(_Header):
         self._events = events
 
     def parts(self) -> Iterator[Part]:
-        yield {name: getattr(self._events, name) for name in _COLUMNS}
+        yield {name: getattr(self._events, name) for name in COLUMNS}
 
 
-class _OfStream(_Header):
+class _OfStream(EventSource):
     """Every spike of a synchronous stream, made anew in each passage."""
 
     def __init__(self, stream: SpikeStream) -> None:
@@ -102,10 +85,10 @@ class _OfStream(_Header):
 
     def parts(self) -> Iterator[Part]:
         for arrays in event_blocks(self._stream):
-            yield dict(zip(_COLUMNS, arrays, strict=False))  # a spike has no level
+            yield dict(zip(COLUMNS, arrays, strict=False))  # a spike has no level
 
 
-class EventFile(_Header):
+class EventFile(EventSource):
     """An `.events.npz`, checked as it is gone through. Raises InputError for what is none."""
 
     def __init__(self, path: Path) -> None:
@@ -113,7 +96,7 @@ class EventFile(_Header):
         try:
             with open_arrays(path) as arrays:
                 super().__init__(*self._header(arrays))
-            _events({name: np.empty(0, dtype) for name, dtype in _COLUMNS.items()}, self)
+            _events({name: np.empty(0, dtype) for name, dtype in COLUMNS.items()}, self)
         except KeyError as exc:
             raise self._bad(f"one without {exc}") from exc
         except (ValueError, TypeError) as exc:
@@ -131,7 +114,7 @@ class EventFile(_Header):
     def _header(
         arrays: dict[str, ArrayReader],
     ) -> tuple[tuple[int, int], int, Clock, int, int, bool, int]:
-        unknown = arrays.keys() - _COLUMNS.keys() - _SMALL.keys()
+        unknown = arrays.keys() - COLUMNS.keys() - _SMALL.keys()
         if unknown:
             raise ValueError(f"{min(unknown)!a} is no array of this format")
         numbers: dict[str, list[int]] = {}
@@ -143,7 +126,7 @@ class EventFile(_Header):
                 raise ValueError(f"{name} is of shape {reader.shape}")
             numbers[name] = [index(n) for n in reader.read(count)]
         count = arrays["time"].shape[0] if len(arrays["time"].shape) == 1 else -1
-        for name, dtype in _COLUMNS.items():
+        for name, dtype in COLUMNS.items():
             if name in _OPTIONAL and name not in arrays:
                 continue
             if arrays[name].shape != (count,) or arrays[name].dtype != dtype:
@@ -160,7 +143,7 @@ class EventFile(_Header):
 
     def parts(self) -> Iterator[Part]:
         """Events in their order; InputError where damaged, out of order or out of place."""
-        names = [name for name in _COLUMNS if name != "level" or self.has_level]
+        names = [name for name in COLUMNS if name != "level" or self.has_level]
         last = None
         try:
             with open_arrays(self._path) as arrays:
@@ -176,7 +159,7 @@ class EventFile(_Header):
             raise self._bad(f"one where {exc}") from exc
 
 
-def _events(part: Part, header: _Header) -> Events:
+def _events(part: Part, header: EventSource) -> Events:
     """A part as events, which checks it; ValueError."""
     return Events(
         part["row"], part["column"], part["time"], part["width"], header.shape, header.ticks,
@@ -187,7 +170,7 @@ def _events(part: Part, header: _Header) -> Events:
 def read_events(path: Path) -> Events:
     """All events of a file in memory; InputError for what is none, and where memory is short."""
     file = EventFile(path)
-    each = sum(np.dtype(dtype).itemsize for dtype in _COLUMNS.values())
+    each = sum(np.dtype(dtype).itemsize for dtype in COLUMNS.values())
     check_memory(f"the {file.count} events of {path}", 2 * each * file.count, "use its planes")
     parts = list(file.parts())
     joined: Part = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -216,7 +199,7 @@ def write_events(source: SpikeStream | Events | EventFile, path: Path) -> None:
         archive.write("start", np.int64(events.start))
         if events.has_level or events.levels != 1:
             archive.write("levels", np.int64(events.levels))
-        for name, dtype in _COLUMNS.items():
+        for name, dtype in COLUMNS.items():
             if name != "level" or events.has_level:
                 columns = (values[name] for values in events.parts())
                 archive.write_parts(name, dtype, (events.count,), columns)

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
+from cosim.events import mark_planes
 from cosim.files.event_file import ENDING, EventFile, Part
 from cosim.memory import check_memory
-from cosim.viform import WORD, Words, words_for
+from cosim.viform import Words, words_for
 
 __all__ = ["EventStream"]
 
@@ -62,11 +63,9 @@ class EventStream:
         mend = "keep its events, or cut them into shorter files"
         check_memory(f"the planes of {self._path}", (4 * n + 8) * height * width, mend)
         words: Words = np.zeros((n, height, width), np.uint32)
-        flat, intervals, full = words.reshape(-1), _Intervals(file), True
+        intervals, full = _Intervals(file), True
         for part in file.parts():
-            word, bit = np.divmod(part["time"] - file.start, WORD)
-            place = (word * height + part["row"]) * width + part["column"]
-            np.bitwise_or.at(flat, place, np.uint32(1) << bit.astype(np.uint32))
+            mark_planes(words, part["row"], part["column"], part["time"] - file.start)
             full = full and bool((part.get("level", np.uint16(file.levels)) == file.levels).all())
             intervals.add(part)
         set_bits = sum(int(np.bitwise_count(w).sum(dtype=np.int64)) for w in words)

@@ -25,6 +25,7 @@ from sensor.asynchronous.interval import (
     unit,
     width_law,
 )
+from sensor.asynchronous.model import least_electrons
 from sensor.asynchronous.skipping import LEAST, RARE, fitting, geometric, stretch
 
 __all__ = ["advance"]
@@ -37,10 +38,7 @@ def _tick(instant, part, tick):  # type: ignore[no-untyped-def]
     return -(-whole // tick)
 
 
-@njit(cache=True, error_model="numpy")
-def _electrons(level, q, n):  # type: ignore[no-untyped-def]
-    """The least electrons that read as this level."""
-    return -(-level * q // n)
+_electrons = njit(cache=True, error_model="numpy")(least_electrons)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

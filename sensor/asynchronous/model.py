@@ -10,7 +10,12 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 
-__all__ = ["EventModel", "Firings", "latched"]
+__all__ = ["EventModel", "Firings", "latched", "least_electrons"]
+
+
+def least_electrons(level: int, threshold: int, levels: int) -> int:
+    """The least electrons that read as `level` of `levels`: floor(levels n / threshold) = level."""
+    return -(-level * threshold // levels)
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ class EventModel:
     def electrons(self, level: int) -> tuple[int, int]:
         """The least and the most electrons that read as `level`."""
         q, n = self.threshold, self.levels
-        return -(-level * q // n), min(-(-(level + 1) * q // n), q) - 1
+        return least_electrons(level, q, n), min(least_electrons(level + 1, q, n), q) - 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,35 +16,13 @@ from cosim.opencl import open_device
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.exposure import Exposure
 from sensor.pixel.fixed_point import LARGEST, ONE
+from tests.sensor.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000
 SHAPE = (3, 5)
-
-
-def plane(seed: int, peak: float = 700.0) -> np.ndarray:
-    return (np.random.default_rng(seed).random(SHAPE) * peak).astype(np.float32)
-
-
-def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.ndarray:
-    """Charge of every cycle, (cycles, n) integers."""
-    rows = np.zeros((cycles, SHAPE[0] * SHAPE[1]), np.int64)
-    filled = np.zeros(cycles, int)
-    for span in exposure.spans(light, start, cycles):
-        for i in range(span.cycles):
-            slope = 0 if span.slope is None else span.slope * (span.elapsed + i)
-            rows[span.first + i] = span.charge + slope
-            filled[span.first + i] += 1
-    assert (filled == 1).all()
-    return rows
-
-
-def pieces(knots: list[int], jumps: bool) -> Light:
-    made = []
-    for n, (a, b) in enumerate(itertools.pairwise(knots)):
-        first = plane(2 * n) if jumps or not made else made[-1].last
-        made.append(Piece(a, b, first, first if n % 3 == 2 else plane(2 * n + 1)))
-    return Light(tuple(made))
+plane = partial(level, SHAPE)
+pieces = partial(light_between, SHAPE)
 
 
 @settings(max_examples=60, deadline=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,32 +17,13 @@ from sensor.effects import RESIDUAL, comparator_delay_effect, row_sampling_effec
 from sensor.exposure import Exposure
 from sensor.pixel.fixed_point import ONE
 from sensor.sampling import row_offsets
+from tests.sensor.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000
 SHAPE = (5, 4)
-
-
-def plane(seed: int) -> np.ndarray:
-    return (np.random.default_rng(seed).random(SHAPE) * 700).astype(np.float32)
-
-
-def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.ndarray:
-    """Charge of every cycle, (cycles, rows, columns) integers."""
-    found = np.zeros((cycles, *SHAPE), np.int64)
-    for span in exposure.spans(light, start, cycles):
-        for i in range(span.cycles):
-            slope = 0 if span.slope is None else span.slope * (span.elapsed + i)
-            found[span.first + i] += (span.charge + slope).reshape(SHAPE)
-    return found
-
-
-def pieces(knots: list[int], jumps: bool) -> Light:
-    made: list[Piece] = []
-    for n, (a, b) in enumerate(itertools.pairwise(knots)):
-        first = plane(2 * n) if jumps or not made else made[-1].last
-        made.append(Piece(a, b, first, first if n % 3 == 2 else plane(2 * n + 1)))
-    return Light(tuple(made))
+plane = partial(level, SHAPE)
+pieces = partial(light_between, SHAPE)
 
 
 @settings(max_examples=60, deadline=None)
@@ -57,6 +39,7 @@ def test_each_row_integrates_its_own_window(
     light = pieces([0, *sorted(inner), 21 * PERIOD], jumps)
     offsets = row_offsets(CLOCK, SHAPE[0], skew, delay, (0, SHAPE[0]))
     found = charges(Exposure(CLOCK, 2.86e5, None, offsets), light, 1, 19) / ONE
+    found = found.reshape(19, *SHAPE)
     for cycle, (row, offset) in itertools.product(range(19), enumerate(offsets.tolist())):
         a, b = CLOCK.edge(cycle + 1) + offset, CLOCK.edge(cycle + 2) + offset
         exact = light.integral(a, b)[row] * 2.86e5

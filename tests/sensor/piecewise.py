@@ -1,0 +1,37 @@
+"""Light in pieces at any knots, and the charge that an exposure makes of it, cycle by cycle."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from cosim import Light, Piece
+from sensor.exposure import Exposure
+
+
+def level(shape: tuple[int, int], seed: int, peak: float = 700.0) -> np.ndarray:
+    """A plane of random light up to `peak`."""
+    return (np.random.default_rng(seed).random(shape) * peak).astype(np.float32)
+
+
+def light_between(shape: tuple[int, int], knots: list[int], jumps: bool) -> Light:
+    """Pieces from knot to knot, every third of them constant; they join unless it jumps."""
+    made: list[Piece] = []
+    for n, (a, b) in enumerate(itertools.pairwise(knots)):
+        first = level(shape, 2 * n) if jumps or not made else made[-1].last
+        made.append(Piece(a, b, first, first if n % 3 == 2 else level(shape, 2 * n + 1)))
+    return Light(tuple(made))
+
+
+def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.ndarray:
+    """Charge of every cycle, (cycles, n) integers; each cycle must be in one span alone."""
+    rows = np.zeros((cycles, light.shape[0] * light.shape[1]), np.int64)
+    filled = np.zeros(cycles, int)
+    for span in exposure.spans(light, start, cycles):
+        for i in range(span.cycles):
+            slope = 0 if span.slope is None else span.slope * (span.elapsed + i)
+            rows[span.first + i] = span.charge + slope
+            filled[span.first + i] += 1
+    assert (filled == 1).all()
+    return rows
