@@ -59,6 +59,7 @@ def _packages() -> Check:
     """Every package the project needs is there and can be imported."""
     modules = {
         "opencv-python-headless": "cv2",
+        "scikit-sundae": "sksundae",
         "pyyaml": "yaml",
         "scikit-image": "skimage",
         "tomli-w": "tomli_w",
