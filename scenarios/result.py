@@ -12,7 +12,7 @@ from typing import Any
 from cosim.files.whole import whole
 
 __all__ = [
-    "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
+    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
 ]  # fmt: skip
 
 
@@ -64,6 +64,15 @@ class Throughput:
     unit: str
 
 
+@dataclass(frozen=True)
+class Error:
+    """The simulation against full physics, relative. kind: how it is known. ci: 99.9 %."""
+
+    value: float | None
+    kind: str | None
+    ci: tuple[float, float] | None
+
+
 @dataclass
 class Result:
     """See "What programs read" in the README; `error` is null until it has been measured."""
@@ -76,6 +85,7 @@ class Result:
     tolerance: float
     version: str = field(default_factory=viform_version)
     renderer: str | None = None
+    error: Error = Error(None, None, None)
     run_time_s: float | None = None
     kept: list[str] = field(default_factory=list)
     left_out: list[dict[str, Any]] = field(default_factory=list)
@@ -95,7 +105,7 @@ class Result:
             "renderer": self.renderer,
             "simulated_s": self.simulated_s,
             "run_time_s": self.run_time_s,
-            "error": {"value": None, "kind": None, "ci": None, "tolerance": self.tolerance},
+            "error": asdict(self.error) | {"tolerance": self.tolerance},
             "plan": {"kept": self.kept, "left_out": self.left_out},
             "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
             "latency": [asdict(row) for row in self.latency],

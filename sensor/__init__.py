@@ -1,6 +1,6 @@
 """Light to spikes: chips, the physics of the pixel, images from spike streams."""
 
-from sensor.camera import CameraSetting, SpikeCamera, make_pixels
+from sensor.camera import SpikeCamera
 from sensor.chips import CHIPS, Chip
 from sensor.effects import EFFECTS, ktc_electrons
 from sensor.pattern import DevicePattern, dark_current
@@ -14,7 +14,9 @@ from sensor.reconstruct import (
     tfi,
     tfp,
 )
+from sensor.setting import CameraSetting
 from sensor.silicon import SILICON, Silicon, Sized
+from sensor.tiers import make_pixels
 
 __all__ = [
     "CHIPS",

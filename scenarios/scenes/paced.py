@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from cosim import PS, Block, Clock, Light, Piece, Plane
-from scenarios.scenes.source import MOTION_STEP, AnalyticScene
+from scenarios.scenes.source import MOTION_STEP, AnalyticScene, Sketch
 
 __all__ = ["PARTS", "PacedScene", "PacedSource"]
 
@@ -121,6 +121,19 @@ class PacedSource:
         if cycle in self._steps:
             return cycle
         return max((c + 1 for c in self._steps if c < cycle), default=0)
+
+    def sketch(self, cycles: int, samples: int) -> Sketch:
+        stop = self._clock.edge(cycles) / PS
+        spans = [(a, min(b, stop), v) for a, b, v in self._scene.episodes() if a < stop]
+        times = [0.0, stop]
+        reach = 0.0
+        for start, until, speed in spans:
+            times += np.linspace(start, until, samples).tolist()
+            reach = max(reach, speed * (until - start) / (2 * (samples - 1)) + MOTION_STEP)
+        planes = [self._scene.reflectance(t) * self._lux for t in sorted(set(times))]
+        box = self._scene.moving(0.0, stop)
+        moving = sum(min(self._parts, n) for c, n in self._steps.items() if c < cycles)
+        return Sketch(planes, reach, box, moving / cycles)
 
     def step(self, given: None, block: Block) -> Light:
         pieces: list[Piece] = []

@@ -7,13 +7,26 @@ instant, white = 1, which fidelity is measured against.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
 
-__all__ = ["AnalyticScene", "AnalyticSource", "Source", "spread_points"]
+__all__ = ["AnalyticScene", "AnalyticSource", "Sketch", "Source", "spread_points"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """A drawn scene, seen at a few instants. planes: in lux. reach: pixels that an edge may move
+    from an instant to the nearest of them. box: that holds all change. planes_per_cycle: new planes
+    of light a cycle."""
+
+    planes: list[Plane]
+    reach: float
+    box: Box
+    planes_per_cycle: float
 
 
 class Source(Protocol):
@@ -102,6 +115,15 @@ class AnalyticSource:
 
     def truth(self, ps: int) -> Plane:
         return self._scene.reflectance(ps / PS)
+
+    def sketch(self, cycles: int, samples: int) -> Sketch:
+        stop = self._clock.edge(cycles) / PS
+        if not self._every:
+            return Sketch([self._plane(0)], 0.0, (0, 0, 0, 0), 0.0)
+        times = np.linspace(0, stop, samples)
+        planes = [self._scene.reflectance(float(t)) * self._lux for t in times]
+        reach = self._scene.speed() * stop / (2 * (samples - 1)) + MOTION_STEP
+        return Sketch(planes, reach, self._scene.moving(0.0, stop), 1 / self._every)
 
     def points(self) -> list[tuple[int, int, str]]:
         return self._scene.points()

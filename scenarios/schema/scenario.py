@@ -23,6 +23,11 @@ class ImageSection(Section):
         description="cycles of the instants; five evenly spaced ones when empty",
     )
     window: Annotated[int, Field(ge=1)] = 41
+    floor: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        default=None,
+        description="spikes a cycle below which an error counts as if the rate were this; one in "
+        "the window when absent",
+    )
 
 
 class Scenario(Section):

@@ -6,7 +6,7 @@ from sensor.effects.fixed_pattern import pattern_effects
 from sensor.effects.initial_charge import INITIAL_CHARGE, initial_deficit
 from sensor.effects.residual import RESIDUAL
 from sensor.effects.sampling import comparator_delay_effect, row_sampling_effect
-from sensor.effects.shot_noise import SHOT_NOISE, first_thresholds
+from sensor.effects.shot_noise import SHOT_NOISE, first_thresholds, thresholds
 from sensor.effects.threshold_noise import ktc_electrons, threshold_noise_effect
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "pattern_effects",
     "row_sampling_effect",
     "threshold_noise_effect",
+    "thresholds",
 ]
 
 EFFECTS = {e.name: e for e in (RESIDUAL, INITIAL_CHARGE, SHOT_NOISE)}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
+from sensor.effects.costs import crosstalk_cost
+from sensor.effects.windows import made, shifted
 
 __all__ = ["crosstalk_effect"]
 
@@ -15,9 +15,9 @@ def crosstalk_effect(crosstalk: float) -> Effect:
 
     def bound(scene: Summary) -> Bound:
         # A dark pixel among the brightest gets `crosstalk` of the difference.
-        if scene.darkest <= 0:
-            return Bound(math.inf if scene.brightest > 0 else 0.0, "proof")
-        return Bound(crosstalk * (scene.brightest / scene.darkest - 1), "proof")
+        gained = crosstalk * (scene.brightest - scene.darkest)
+        moved = shifted(scene, gained * scene.cycles / scene.threshold)
+        return made(scene, scene.relative(gained) + moved, True)
 
     source = "Estribeau and Magnan, Proc. SPIE 5251:315, 2004, as one step of a random walk"
-    return Effect("optical cross-talk", source, Stream.NONE, "", str, bound)
+    return Effect("optical cross-talk", source, Stream.NONE, "", str, bound, crosstalk_cost)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
+from sensor.effects.costs import dead_time_cost
+from sensor.effects.windows import made, shifted
 
 __all__ = ["dead_time_effect"]
 
@@ -13,9 +15,14 @@ def dead_time_effect(cycles: float) -> Effect:
     at most light x dead time / Q of it."""
 
     def bound(scene: Summary) -> Bound:
-        return Bound(scene.brightest * cycles / scene.threshold, "proof")
+        spikes = scene.brightest / scene.threshold
+        gained = scene.brightest * spikes * cycles
+        moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
+        return made(scene, scene.relative(gained) + moved, True, cycles <= 0.2)
 
     source = (
         "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"
     )
-    return Effect("reset dead time", source, Stream.NONE, "", str, bound)
+    return Effect(
+        "reset dead time", source, Stream.NONE, "", str, bound, dead_time_cost, scope="tile"
+    )

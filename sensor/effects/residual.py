@@ -1,5 +1,7 @@
 """Residual carried: what a spike leaves beyond its threshold starts the next interval."""
 
+import numpy as np
+
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
 
@@ -9,7 +11,7 @@ __all__ = ["RESIDUAL"]
 def _bound(scene: Summary) -> Bound:
     # A reset to zero forgets up to one cycle's light at each spike, a share of
     # (light of a cycle) / (light of an interval) of the rate, and never more than all of it.
-    return Bound(min(1.0, scene.brightest / scene.threshold), "proof")
+    return Bound(np.minimum(1.0, scene.brightest / scene.threshold), "proof")
 
 
 RESIDUAL = Effect(

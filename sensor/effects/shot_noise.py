@@ -11,6 +11,8 @@ import numpy.typing as npt
 from cosim.effects import Bound, Effect, Summary
 from cosim.philox import philox4x32, philox_cl
 from cosim.streams import Stream
+from sensor.effects.costs import noise_cost
+from sensor.effects.windows import lost, made, noisy
 from sensor.pixel.fixed_point import Charge
 from sensor.pixel.interval import threshold
 
@@ -39,10 +41,10 @@ def first_thresholds(table: Charge, pixels: npt.NDArray[np.uint32], seed: int) -
 
 
 def _bound(scene: Summary) -> Bound:
-    # With stored charge counted, a window's rate is (electrons gathered) / Q, and their number is
-    # Poisson: relative standard deviation 1/sqrt(mean), largest where it is darkest.
-    mean = scene.darkest * scene.window
-    return Bound(1 / math.sqrt(mean) if mean > 0 else math.inf, "proof")
+    # A window's rate has the noise of its intervals, 1/sqrt(Q) each: 1/sqrt(electrons) in all. The
+    # noise also makes spikes share a cycle, which the latch counts as one.
+    value = noisy(scene, 1 / math.sqrt(scene.threshold))
+    return made(scene, value + scene.relative(lost(scene) * scene.threshold), False)
 
 
 def _fragment() -> str:
@@ -56,4 +58,7 @@ SHOT_NOISE = Effect(
     define="SHOT_NOISE",
     fragment=_fragment,
     bound=_bound,
+    cost=noise_cost,
+    scope="tile",
+    group="noise",
 )

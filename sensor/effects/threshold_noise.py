@@ -10,6 +10,8 @@ import math
 
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
+from sensor.effects.costs import noise_cost
+from sensor.effects.windows import made, noisy
 
 __all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons", "threshold_noise_effect"]
 
@@ -29,9 +31,9 @@ def threshold_noise_effect(sigma: float) -> Effect:
 
     def bound(scene: Summary) -> Bound:
         # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
-        intervals = scene.darkest * scene.window / scene.threshold
-        spread = sigma / scene.threshold
-        return Bound(spread / math.sqrt(intervals) if intervals > 0 else math.inf, "estimate")
+        return made(scene, noisy(scene, sigma / scene.threshold), False)
 
     source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
-    return Effect("threshold noise", source, Stream.SHOT_NOISE, "", str, bound)
+    return Effect(
+        "threshold noise", source, Stream.SHOT_NOISE, "", str, bound, noise_cost, "tile", "noise"
+    )

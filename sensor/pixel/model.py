@@ -119,14 +119,17 @@ class ExactModel:
         longer = self.threshold + shot + self.threshold_noise**2 / self.threshold
         return interval_table(longer, self.threshold_noise, shot)
 
+    def first_thresholds(self, pixels: npt.NDArray[np.uint32]) -> Charge:
+        """Thresholds, Q24.40, of the intervals that a run starts in, (n,)."""
+        if not self.noisy:
+            return np.full(pixels.shape, self.q, np.int64)
+        table = self._first_table() if INITIAL_CHARGE in self.effects else self.table()
+        return first_thresholds(table, pixels, self.seed)
+
     def initial(self, pixels: npt.NDArray[np.uint32]) -> PixelState:
         """State of the pixels with these numbers before the first cycle."""
         kept = INITIAL_CHARGE in self.effects
-        first = np.full(pixels.shape, self.q, np.int64)
-        if self.noisy:
-            first = first_thresholds(
-                self._first_table() if kept else self.table(), pixels, self.seed
-            )
+        first = self.first_thresholds(pixels)
         deficit = initial_deficit(first, pixels, self.seed) if kept else first - 1
         return PixelState(deficit, np.zeros(pixels.shape, np.uint64))
 

@@ -1,0 +1,183 @@
+"""The plan of a synchronous run: tier, effects tile by tile, the patches that check it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Clock, Light, Summary
+from cosim.opencl import Device
+from cosim.planner import SHARE, Plan, make_plan
+from scenarios.scenes import Source
+from scenarios.scenes.survey import Survey, survey, through
+from scenarios.schema import Scenario
+from scenarios.verifier import Verifier, windows
+from sensor import CameraSetting
+from sensor.effects.costs import QUIET
+from sensor.tiers import Tier
+from sensor.tiles import TileGrid
+
+__all__ = ["RunPlan", "floor_of", "look", "plan_run"]
+
+RANDOM = 4
+"""Patches that are chosen by chance, from the run's seed."""
+FAULT = 2
+"""Patches where each left-out effect has promised most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What was found of the scene. light: of every pixel, lux on the sensor. scene: the same a
+    tile, in photoelectrons a cycle. certain: (tiles,)."""
+
+    light: Survey
+    grid: TileGrid
+    scene: Summary
+    certain: npt.NDArray[np.bool_]
+
+    @property
+    def classes(self) -> dict[str, int]:
+        """Tiles by what their light is: dark (none), constant, moving."""
+        dark = np.asarray(self.scene.brightest) <= 0
+        steady = self.grid.reduce(self.light.steady, np.logical_and) & ~dark
+        return {
+            "dark": int(dark.sum()),
+            "constant": int(steady.sum()),
+            "moving": int((~dark & ~steady).sum()),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class RunPlan:
+    """tier: of the run. setting: the camera as it is run, with what some tile keeps. flags: of the
+    fast tier's work-items. own: bound of the tier's own error. spans: windows that are checked."""
+
+    plan: Plan
+    look: Look
+    tier: Tier
+    setting: CameraSetting
+    flags: npt.NDArray[np.uint8] | None
+    own: float
+    spans: list[tuple[int, int]]
+
+    def patches(self, seed: int) -> list[int]:
+        """Tiles to check: the brightest, the darkest, the steepest, where each left-out effect has
+        promised most, and some by chance."""
+        scene, grid = self.look.scene, self.look.grid
+        whole = np.flatnonzero(grid.whole)
+        low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
+        steep = (high - low) / np.maximum(low, max(scene.floor, 1e-300) * scene.threshold)
+        order = [int(np.argmax(high)), int(np.argmin(low)), int(np.argmax(steep))]
+        for name in self.plan.left_out:
+            promised = np.where(self.plan.kept[name], -1.0, self.plan.promise[name])[whole]
+            order += np.argsort(-promised, kind="stable")[:FAULT].tolist()
+        chance = np.random.default_rng(seed).permutation(len(whole))[:RANDOM]
+        chosen = dict.fromkeys(int(whole[n]) for n in [*order, *chance.tolist()])
+        return sorted(chosen)
+
+    def verifier(
+        self, full: CameraSetting, seed: int, device: Device | None, stop_early: bool = True
+    ) -> Verifier:
+        """The stage that checks this plan. full: the camera with every effect."""
+        return Verifier(
+            full, self.plan, self.look.grid, self.patches(seed),
+            (self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
+            stop_early,
+        )  # fmt: skip
+
+
+def floor_of(scenario: Scenario) -> float:
+    """Spikes a cycle below which an error counts as if the rate were this: a spike in the window
+    unless the scenario says."""
+    floor = scenario.image.floor
+    return 1 / scenario.image.window if floor is None else floor
+
+
+def look(
+    scenario: Scenario,
+    setting: CameraSetting,
+    source: Source,
+    relay: Callable[[Light], Light],
+    cycles: int,
+) -> Look:
+    """Looks at the scene. source: one of its own, since it may be run through."""
+    clock: Clock = setting.clock
+    light = through(survey(source, clock, cycles), relay)
+    grid = TileGrid(*light.least.shape)
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    per_cycle = setting.electrons_per_lux * float(clock.period)
+    low, high = light.least, light.most
+    if setting.crosstalk > 0:  # what a neighbour has, a pixel may get
+        low, high = minimum_filter(low, 3), maximum_filter(high, 3)
+    darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
+    brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
+    if setting.pattern is not None:
+        own = setting.pattern.dark * float(clock.period)
+        brightest = brightest + own * (1 + 4 * setting.pattern.dsnu)
+    moving = ~grid.reduce(light.steady, np.logical_and)
+    scene = Summary(
+        darkest, brightest, setting.threshold, scenario.image.window, cycles, floor_of(scenario),
+        setting.spread, np.where(moving, light.planes, 0.0),
+    )  # fmt: skip
+    return Look(light, grid, scene, grid.reduce(light.certain, np.logical_and))
+
+
+def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
+    """Bit 0: thresholds are drawn; bit 1: dead time."""
+    none = np.zeros(len(grid), bool)
+    noise = plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
+    dead = plan.kept.get("reset dead time", none)
+    return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
+
+
+def _uniform(plan: Plan) -> Plan:
+    """The plan of a tier that runs all tiles alike: what one keeps, all keep."""
+    kept = {name: np.full(tiles.shape, tiles.any()) for name, tiles in plan.kept.items()}
+    rows = tuple(replace(row, kept=float(kept[row.effect].any())) for row in plan.rows)
+    gone = [plan.promise[n] for n, tiles in kept.items() if not tiles.any()]
+    return replace(plan, kept=kept, rows=rows, total=sum(gone, np.zeros(plan.total.shape)))
+
+
+def plan_run(
+    seen: Look,
+    setting: CameraSetting,
+    tolerance: float,
+    instants: Sequence[int],
+    device: Device | None,
+    *,
+    forced: Sequence[str] = (),
+    tier: Tier | None = None,
+) -> RunPlan:
+    """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given."""
+    scene = seen.scene
+    own = 0.0
+    if tier is None:
+        tier = "exact"
+        if device is not None and tolerance > 0 and setting.reset == "residual":
+            own = fast_bound(setting, scene)
+            tier = "fast" if own <= SHARE * tolerance / 2 else "exact"
+    elif tier == "fast":
+        own = fast_bound(setting, scene)
+    plan = make_plan(
+        setting.kept, scene, tolerance, certain=seen.certain, base_ns=QUIET,
+        own=own if tier == "fast" else 0.0, forced=forced,
+    )  # fmt: skip
+    flags = None
+    if tier == "fast":
+        flags = _flags(plan, seen.grid)
+    else:
+        plan = _uniform(plan)
+    gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
+    spans = windows(instants, scene.window, scene.cycles)
+    return RunPlan(plan, seen, tier, setting.without(gone), flags, own, spans)
+
+
+def fast_bound(setting: CameraSetting, scene: Summary) -> float:
+    """Relative error of the fast tier's own arithmetic in the worst tile."""
+    from sensor.fast import error_bound
+
+    return float(np.max(error_bound(setting.model, scene)))

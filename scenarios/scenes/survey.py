@@ -1,0 +1,102 @@
+"""What light a scene will give, found before anything is simulated: an interval for every pixel.
+
+A scene whose light comes in few pieces is walked through; its interval is exact. One that is drawn
+anew every few cycles is drawn at SAMPLES instants, and what an edge may bring from one to the next
+is taken from the neighbourhood that it can cross in that time: an estimate, and said to be one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import BLOCK, Block, Clock, Light, Piece, Plane
+from scenarios.scenes.source import Sketch, Source
+
+__all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
+
+SAMPLES = 9
+"""Instants at which a drawn scene is looked at."""
+
+
+@runtime_checkable
+class Sketched(Protocol):
+    """A source that would take long to walk through."""
+
+    def sketch(self, cycles: int, samples: int) -> Sketch: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """least, most: light that any instant of the run gives each pixel, (H, W) in lux. certain:
+    (H, W), where that interval is proven. planes: new planes of light a cycle, where it changes."""
+
+    least: Plane
+    most: Plane
+    certain: npt.NDArray[np.bool_]
+    planes: float
+
+    @property
+    def steady(self) -> npt.NDArray[np.bool_]:
+        """Where the light never changes."""
+        return np.asarray((self.least == self.most) & self.certain)
+
+
+def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
+    """Every piece of the run."""
+    least: Plane | None = None
+    most: Plane | None = None
+    seen: list[Piece] = []
+    count = start = 0
+    while start < cycles:
+        light = source.step(None, Block(start, min(BLOCK, cycles - start)))
+        for piece in light.pieces:
+            if any(piece is known for known in seen):
+                continue
+            seen, count = [*seen[-8:], piece], count + 1
+            for plane in (piece.first,) if piece.constant else (piece.first, piece.last):
+                least = plane.copy() if least is None else np.minimum(least, plane, out=least)
+                most = plane.copy() if most is None else np.maximum(most, plane, out=most)
+        # Light that reaches beyond the block need not be asked for again.
+        start = max(start + BLOCK, min(clock.cycle_at(light.pieces[-1].stop - 1), cycles))
+    assert least is not None and most is not None  # a block has light
+    return Survey(least, most, np.ones(least.shape, bool), (count - 1) / cycles)
+
+
+def survey(source: Source, clock: Clock, cycles: int) -> Survey:
+    """The interval of light of so many cycles. source: one of its own, since it is run through."""
+    if not isinstance(source, Sketched):
+        return _walked(source, clock, cycles)
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    sketch = source.sketch(cycles, SAMPLES)
+    least, most = np.min(sketch.planes, axis=0), np.max(sketch.planes, axis=0)
+    certain = np.ones(least.shape, bool)
+    y0, y1, x0, x1 = sketch.box
+    if y1 > y0 and x1 > x0:
+        reach = int(min(np.ceil(sketch.reach), max(least.shape)))
+        wide = (
+            slice(max(y0 - reach, 0), y1 + reach),
+            slice(max(x0 - reach, 0), x1 + reach),
+        )
+        inner = (slice(y0 - wide[0].start, y1 - wide[0].start),
+                 slice(x0 - wide[1].start, x1 - wide[1].start))  # fmt: skip
+        size = 2 * reach + 1
+        least[y0:y1, x0:x1] = minimum_filter(least[wide], size, mode="nearest")[inner]
+        most[y0:y1, x0:x1] = maximum_filter(most[wide], size, mode="nearest")[inner]
+        certain[y0:y1, x0:x1] = False
+    return Survey(least, most, certain, sketch.planes_per_cycle)
+
+
+def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:
+    """The survey behind a lens: `relay` maps Light to Light and keeps the order of levels."""
+
+    def mapped(plane: Plane) -> Plane:
+        piece = Piece(0, 1, plane, plane)
+        return relay(Light((piece,))).pieces[0].first
+
+    return Survey(mapped(light.least), mapped(light.most), light.certain, light.planes)
