@@ -11,10 +11,11 @@ import numpy.typing as npt
 from cosim import Clock, Light, Summary
 from cosim.opencl import Device
 from cosim.planner import SHARE, Plan, make_plan
+from scenarios.paired import windows
 from scenarios.scenes import Source
 from scenarios.scenes.survey import Survey, survey, through
 from scenarios.schema import Scenario
-from scenarios.verifier import Verifier, windows
+from scenarios.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.effects.costs import QUIET
 from sensor.tiers import Tier
@@ -84,7 +85,7 @@ class RunPlan:
         """The stage that checks this plan. full: the camera with every effect."""
         return Verifier(
             full, self.plan, self.look.grid, self.patches(seed),
-            (self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
+            Planned(self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
             stop_early,
         )  # fmt: skip
 

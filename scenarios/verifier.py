@@ -2,94 +2,47 @@
 
 It stands in the chain between lens and chip and films the patches with several cameras at once: the
 reference with every effect; the camera as planned; and, in the exact tier, everything but one
-effect for each that was left out, beside everything. Rates are taken over the scenario's image
-windows and count fractions of spikes.
+effect for each that was left out, beside everything.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Light
-from cosim.light import PlaneMap
 from cosim.opencl import Device
 from cosim.planner import Plan
+from scenarios.paired import Measured, Paired, Span, Values, compare, worst
 from scenarios.result import Error
 from sensor import CameraSetting
 from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
 from sensor.tiles import TileGrid
 
-__all__ = ["CONFIDENCE", "BrokenPromise", "Finding", "Measured", "Verifier", "compare", "windows"]
-
-CONFIDENCE = 0.999
-Values = npt.NDArray[np.float64]
+__all__ = ["BrokenPromise", "Finding", "Planned", "Verifier"]
 
 
-def windows(instants: Sequence[int], window: int, cycles: int) -> list[tuple[int, int]]:
-    """First cycle and end of the window around each instant, moved to lie within the run."""
-    starts = [min(max(at - window // 2, 0), cycles - window) for at in instants]
-    return [(s, s + window) for s in starts]
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """The camera as planned: tier, setting, and flags of the fast tier's work-items on the whole
+    plane, (height, groups)."""
 
+    tier: Tier
+    setting: CameraSetting
+    flags: npt.NDArray[np.uint8] | None
 
-@dataclass(frozen=True)
-class Measured:
-    """RMS difference of a tile's rates, relative: the worst tile and window. low, high: 99.9 %
-    limits, `high` the largest of all, allowing for their number."""
-
-    value: float
-    low: float
-    high: float
-
-
-def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values, Values]:
-    """RMS over pixels of (rates - truth) over max(mean truth, floor), with 99.9 % limits that hold
-    for all of them together: the mean square is taken as normal over pixels.
-
-    rates, truth: (..., pixels). Gives three arrays of shape (...).
-    """
-    from scipy.special import ndtri
-
-    square = (rates - truth) ** 2
-    n = square.shape[-1]
-    base = np.maximum(truth.mean(axis=-1), max(floor, 1e-300))
-    many = max(int(np.prod(square.shape[:-1])), 1)
-    width = -float(ndtri((1 - CONFIDENCE) / 2 / many)) / np.sqrt(n)
-    mean, spread = square.mean(axis=-1), square.std(axis=-1) * width
-    low, high = np.sqrt(np.maximum(mean - spread, 0)) / base, np.sqrt(mean + spread) / base
-    return np.sqrt(mean) / base, low, high
-
-
-def worst(rates: Values, truth: Values, floor: float) -> Measured:
-    """The worst of `compare`."""
-    value, low, high = compare(rates, truth, floor)
-    at = np.unravel_index(int(np.argmax(value)), value.shape)
-    return Measured(float(value[at]), float(low[at]), float(high.max()))
-
-
-class _Recorder:
-    """One camera on the patches with its phases at the windows' edges."""
-
-    def __init__(self, camera: PatchCamera, edges: int, pixels: int) -> None:
-        self.camera = camera
-        self.phases = np.zeros((edges, pixels))
-        self.bits = np.zeros((edges, pixels), np.int64)
-        self.seconds = 0.0
-
-    def mark(self, edge: int) -> None:
-        self.phases[edge], self.bits[edge] = self.camera.phase(), self.camera.bits
-
-    def rate(self, start: int, stop: int, cycles: int) -> Values:
-        """Spikes a cycle between two edges; a pixel that fired in every cycle has 1, its charge
-        beyond that being lost on the latch."""
-        full = self.bits[stop] - self.bits[start] == cycles
-        return np.where(full, 1.0, (self.phases[stop] - self.phases[start]) / cycles)
+    def on(self, plane: PatchPlane, grid: TileGrid, device: Device | None) -> PatchCamera:
+        """The same on patches, which are tiles of this grid."""
+        flags = None
+        if self.flags is not None:
+            rows = plane.row.reshape(len(plane.tiles), -1)
+            columns = np.array(plane.tiles) % grid.shape[1]
+            flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
+        device = device if self.tier == "fast" else None
+        return PatchCamera(self.setting, plane, self.tier, device, flags)
 
 
 @dataclass(frozen=True)
@@ -120,9 +73,10 @@ class BrokenPromise(Exception):
         self.findings = findings
 
 
-class Verifier:
-    """A stage that passes light on. setting: with every effect. run: the planned camera's setting,
-    tier and flags on these patches. tiles: their numbers in the grid, of one size."""
+class Verifier(Paired):
+    """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
+    BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
+    set."""
 
     def __init__(
         self,
@@ -130,147 +84,69 @@ class Verifier:
         plan: Plan,
         grid: TileGrid,
         tiles: list[int],
-        run: tuple[Tier, CameraSetting, npt.NDArray[np.uint8] | None],
-        spans: list[tuple[int, int]],
+        run: Planned,
+        spans: list[Span],
         floor: float,
         device: Device | None,
         stop_early: bool = True,
     ) -> None:
-        self._plan, self._spans, self._floor = plan, spans, floor
-        self._plane = PatchPlane(grid, tiles)
-        self._cut = PlaneMap(self._plane.cut, None)
-        self._edges = sorted({e for span in spans for e in span})
-        self._stop_early = stop_early
-        tier, kept, flags = run
-        if flags is not None:
-            group = grid.shape[1]
-            column = [tile % group for tile in tiles]
-            rows = self._plane.row.reshape(len(tiles), -1)
-            flags = np.concatenate(
-                [flags[r, c : c + 1] for r, c in zip(rows, column, strict=True)]
-            ).astype(np.uint8)
-        left = [name for name in plan.left_out if (~plan.kept[name][tiles]).any()]
+        self._plan, self._floor, self._stop_early = plan, floor, stop_early
+        plane = PatchPlane(grid, tiles)
+        self._left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
         cameras = {
-            "reference": PatchCamera(setting, self._plane, "reference"),
-            "run": PatchCamera(kept, self._plane, tier, device if tier == "fast" else None, flags),
+            "reference": PatchCamera(setting, plane, "reference"),
+            "run": run.on(plane, grid, device),
         }
-        if left:
-            cameras["all"] = PatchCamera(setting, self._plane, "exact")
-        for name in left:
-            cameras[f"without {name}"] = PatchCamera(setting.without([name]), self._plane, "exact")
-        n = self._plane.numbers.size
-        self._left = left
-        self._recorders = {
-            name: _Recorder(camera, len(self._edges), n) for name, camera in cameras.items()
-        }
-
-    @property
-    def tiles(self) -> list[int]:
-        """Numbers of the tiles that are looked at."""
-        return self._plane.tiles
-
-    @property
-    def pixels(self) -> int:
-        """Pixels that are looked at."""
-        return int(self._plane.numbers.size)
-
-    def step(self, light: Light, block: Block) -> Light:
-        """Films the patches of a block; the light goes on as it came.
-
-        Raises BrokenPromise at the end of a window that shows one."""
-        cut = self._cut(light)
-        at = block.start
-        if at == 0:
-            self._mark(0)
-        for until in [e for e in self._edges if at < e < block.stop] + [block.stop]:
-            for recorder in self._recorders.values():
-                begin = time.perf_counter()
-                recorder.camera.step(cut, at, until - at)
-                recorder.seconds += time.perf_counter() - begin
-            at = until
-            if at in self._edges:
-                self._mark(at)
-        return light
-
-    def _mark(self, cycle: int) -> None:
-        if cycle not in self._edges:
-            return
-        for recorder in self._recorders.values():
-            recorder.mark(self._edges.index(cycle))
-        done = [span for span in self._spans if span[1] == cycle]
-        if done and self._stop_early:
-            found = self._broken(done)
-            if found:
-                raise BrokenPromise(found)
-
-    def _rates(self, name: str, spans: list[tuple[int, int]]) -> Values:
-        """(windows, patches, pixels)."""
-        recorder, edges = self._recorders[name], self._edges
-        rates = np.stack([recorder.rate(edges.index(a), edges.index(b), b - a) for a, b in spans])
-        return self._plane.split(rates)
-
-    def _broken(self, spans: list[tuple[int, int]]) -> list[Finding]:
-        found = []
-        tiles = np.array(self.tiles)
+        if self._left:
+            cameras["all"] = PatchCamera(setting, plane, "exact")
         for name in self._left:
-            truth = self._rates("all", spans)
-            _, _, high = compare(self._rates(f"without {name}", spans), truth, self._floor)
+            cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
+        super().__init__(plane, cameras, spans)
+
+    def reached(self, cycle: int) -> None:
+        done = [span for span in self.spans if span[1] == cycle]
+        found = self._broken(done) if done and self._stop_early else []
+        if found:
+            raise BrokenPromise(found)
+
+    def _changed(self, name: str, spans: Sequence[Span]) -> Values:
+        """Upper limit of what leaving this out changed, (windows, patches)."""
+        truth = self.rates("all", spans)
+        return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
+
+    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
+        found = []
+        tiles = np.array(self.plane.tiles)
+        for name in self._left:
+            high = self._changed(name, spans)
             promised, gone = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
             over = np.where(gone & (high > promised), high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
-                patch = int(at[1])
+                tile = int(at[1])
                 found.append(
-                    Finding(name, float(promised[patch]), float(high[at]), int(tiles[patch]))
+                    Finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
                 )
         return found
 
     def broken(self) -> list[Finding]:
         """Promises that were not kept, over the whole run."""
-        return self._broken(self._spans)
+        return self._broken(self.spans)
 
     def error(self) -> Measured:
         """The run against the reference."""
-        return worst(
-            self._rates("run", self._spans), self._rates("reference", self._spans), self._floor
-        )
+        return worst(self.rates("run"), self.rates("reference"), self._floor)
 
     def told(self) -> Error:
         """The error as the result has it."""
-        found = self.error()
-        kind = f"measured on {len(self.tiles)} patches of {self.pixels // len(self.tiles)} pixels"
+        found, patches = self.error(), len(self.plane.tiles)
+        kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
         return Error(found.value, kind, (found.low, found.high))
 
     def measured(self) -> dict[str, float]:
         """Upper limit of what each left-out effect changed, where it was left out."""
-        gone = {}
-        for name in self._left:
-            _, _, high = compare(
-                self._rates(f"without {name}", self._spans), self._rates("all", self._spans),
-                self._floor,
-            )  # fmt: skip
-            gone[name] = float(high[:, ~self._plan.kept[name][np.array(self.tiles)]].max())
-        return gone
-
-    def reference_ns(self, cycles: int) -> float:
-        """Nanoseconds a pixel-cycle that the reference took, on this run's patches."""
-        return self._recorders["reference"].seconds * 1e9 / (self.pixels * cycles)
-
-    def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
-        made: dict[str, npt.NDArray[Any]] = {}
-        for name, recorder in self._recorders.items():
-            made |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
-            made |= {f"{name}:marks": recorder.phases, f"{name}:counts": recorder.bits}
-            made |= {f"{name}:seconds": np.array(recorder.seconds)}
-        return made
-
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
-        for name, recorder in self._recorders.items():
-            own = {
-                k.removeprefix(f"{name}:"): v for k, v in state.items() if k.startswith(f"{name}:")
-            }
-            recorder.phases, recorder.bits = own.pop("marks"), own.pop("counts")
-            recorder.seconds = float(own.pop("seconds"))
-            recorder.camera.restore(own)
+        tiles = np.array(self.plane.tiles)
+        return {
+            name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
+            for name in self._left
+        }

@@ -12,11 +12,12 @@ __all__ = ["dead_time_effect"]
 
 def dead_time_effect(cycles: float) -> Effect:
     """cycles: dead time in cycles. The rate is 1 / (Q / light + dead time), so leaving it out adds
-    at most light x dead time / Q of it."""
+    at most light x dead time / Q of it; a window counts whole spikes."""
 
     def bound(scene: Summary) -> Bound:
         spikes = scene.brightest / scene.threshold
-        gained = scene.brightest * spikes * cycles
+        # A window of n intervals on average may hold a spike more.
+        gained = scene.brightest * (spikes + 1 / scene.window) * cycles
         moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
         return made(scene, scene.relative(gained) + moved, True, cycles <= 0.2)
 

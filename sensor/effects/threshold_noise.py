@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
 from sensor.effects.costs import noise_cost
-from sensor.effects.windows import made, noisy
+from sensor.effects.windows import made, noisy, shifted
 
 __all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons", "threshold_noise_effect"]
 
@@ -31,7 +33,10 @@ def threshold_noise_effect(sigma: float) -> Effect:
 
     def bound(scene: Summary) -> Bound:
         # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
-        return made(scene, noisy(scene, sigma / scene.threshold), False)
+        # Until then the spikes have walked away from their draws by the root of their number.
+        spread = sigma / scene.threshold
+        walked = spread * np.sqrt(scene.brightest / scene.threshold * scene.cycles)
+        return made(scene, noisy(scene, spread) + shifted(scene, walked), False)
 
     source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
     return Effect(

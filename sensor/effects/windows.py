@@ -74,7 +74,10 @@ def shifted(scene: Summary, spikes: Any) -> Values:
     """
     shift = np.asarray(spikes, np.float64)
     n = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.window
-    ends = np.minimum(np.where(shift < 1, shift, np.sqrt(shift)), np.sqrt(np.maximum(n, 1)))
+    # Gamma(Q) intervals of Q < 2 have no mean of 1 / interval^2: a shift counts by its power Q / 2.
+    power = float(np.clip(0.5 / max(scene.spread, 1e-9) ** 2, 0.5, 1))
+    ends = np.where(shift < 1, shift**power, np.sqrt(shift))
+    ends = np.minimum(ends, np.sqrt(np.maximum(n, 1)))
     noise = np.sqrt(2) * scene.spread * ends
     cycles = np.minimum(2 * shift * scene.window / np.maximum(n, 1e-300), 1)
     latch = np.sqrt(2 * lost(scene) * scene.window * cycles) if scene.spread else 0.0
