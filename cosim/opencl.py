@@ -163,6 +163,25 @@ class Device:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
 
+    def share(self, array: npt.NDArray[Any], *, write: bool = False) -> Any:
+        """A device buffer over the memory of a contiguous `array`, which processors do not copy. The
+        array must stay as it is while kernels read it; with `write`, `settle` brings back what they
+        write."""
+        import pyopencl as cl
+
+        access = cl.mem_flags.READ_WRITE if write else cl.mem_flags.READ_ONLY
+        return cl.Buffer(self.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
+
+    def settle(self, buffer: Any, array: npt.NDArray[Any]) -> None:
+        """Waits for the queue; the array of a shared buffer then holds what kernels wrote."""
+        import pyopencl as cl
+
+        view, _ = cl.enqueue_map_buffer(
+            self.queue, buffer, cl.map_flags.READ, 0, array.shape, array.dtype
+        )
+        view.base.release(self.queue)
+        self.finish()
+
     def download(self, buffer: Any, into: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Waits for the queue and copies a buffer back into `into`."""
         import pyopencl as cl

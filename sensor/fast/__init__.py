@@ -1,0 +1,7 @@
+"""The fast tier: the synchronous pixel in 32 bits, for whole chips in real time."""
+
+from sensor.fast.bound import rate_bound
+from sensor.fast.pixels import FastPixels
+from sensor.fast.plain import PlainFast
+
+__all__ = ["FastPixels", "PlainFast", "rate_bound"]

@@ -1,0 +1,153 @@
+// Groups with noise or dead time: state is the deficit, threshold - charge - 1, in int32; its sign is
+// the spike. Between spikes only light is taken off, so a pixel goes from spike to spike.
+//   NOISE      each spike draws its threshold (draws.cl); else it is ONE
+//   DEAD_TIME  each spike costs `dead` of its cycle's light
+// TOP is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
+// cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
+
+#ifdef DEAD_TIME
+#define LOST(add) convert_int16_rtz(convert_float16(add) * dead)
+#define BELOW(d, add) ((d) < (add))
+#else
+#define LOST(add) (int16)(0)
+#define BELOW(d, add) (int16)(-1)
+#endif
+
+#define STATE                                                                                     \
+    int16 d = vload16(g, charge);                                                                 \
+    const uint16 pixel = vload16(g, numbers);                                                     \
+    const ulong16 first_k = convert_ulong16(vload16(g, low)) |                                    \
+                            (convert_ulong16(vload16(g, high)) << 32);                            \
+    uint16 used = 0; /* spikes since first_k */
+#define KEEP_STATE                                                                                \
+    const ulong16 last_k = first_k + convert_ulong16(used);                                       \
+    vstore16(d, g, charge);                                                                       \
+    vstore16(convert_uint16(last_k & 0xFFFFFFFFul), g, low);                                      \
+    vstore16(convert_uint16(last_k >> 32), g, high);
+#define STATE_PARAMETERS                                                                          \
+    __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
+        __global const int *table, const uint seed, const float dead
+
+inline int16 units_of(const float16 rate)
+{
+    return convert_int16_rte((rate < MOST ? rate : (float16)(MOST)) * (float)ONE);
+}
+
+// Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
+inline int16 multiple(const int16 whole, const int16 part)
+{
+    int16 m = convert_int16_rtz(convert_float16(whole) / convert_float16(part));
+    m += (m * part > whole);
+    m -= (whole - m * part >= part);
+    return m;
+}
+
+// n cycles of lanes that fire in every one, and whose deficit is below their light: thresholds come
+// off at the mean `whole`, until what is left is 0 to whole - 1. Adds their number to *count.
+inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16 whole,
+                      uint16 *count, const int16 lanes)
+{
+    const int16 each = multiple(add, whole), part = add - each * whole;
+    // Products wrap; the difference of the two is small.
+    const float16 guess = (convert_float16(n) * convert_float16(part) - convert_float16(d)) /
+                          convert_float16(whole);
+    int16 m = convert_int16_rtz(guess);
+    int16 r = as_int16(as_uint16(d) + as_uint16(m) * as_uint16(whole) - as_uint16(n) * as_uint16(part));
+    for (uint i = 0; i < 2; i++) {
+        m -= (r < 0);
+        r += (r < 0) & whole;
+    }
+    m += (r >= whole);
+    r -= (r >= whole) & whole;
+    *count += as_uint16(lanes & (n * each + m));
+    return select(d, r, lanes);
+}
+
+#ifdef NOISE
+// The next four thresholds of each lane, t0 the first; EMPTY where they are used up.
+#define QUEUE int16 t0 = EMPTY, t1 = EMPTY, t2 = EMPTY, t3 = EMPTY;
+#define REFILL                                                                                    \
+    {                                                                                             \
+        uint16 drawn[8];                                                                          \
+        const ulong16 k = first_k + convert_ulong16(used) + 1;                                    \
+        const uint16 slot = convert_uint16(k & 3);                                                \
+        draw_words(drawn, k, pixel, seed);                                                        \
+        t0 = quantile(nth_word(drawn, 0, slot), table);                                           \
+        t1 = quantile(nth_word(drawn, 1, slot), table);                                           \
+        t2 = quantile(nth_word(drawn, 2, slot), table);                                           \
+        t3 = quantile(nth_word(drawn, 3, slot), table);                                           \
+    }
+#define SHIFT(f) t0 = f ? t1 : t0; t1 = f ? t2 : t1; t2 = f ? t3 : t2; t3 = f ? (int16)(EMPTY) : t3;
+#else
+#define QUEUE const int16 t0 = ONE;
+#define REFILL {}
+#define SHIFT(f)
+#endif
+
+// Everything that can happen in a cycle: several thresholds, or more than any.
+#define ANY_CYCLE(add, lost)                                                                      \
+    {                                                                                             \
+        const int16 certain = ((add) >= TOP + (lost)) & BELOW(d, add);                            \
+        int16 r = d - (add);                                                                      \
+        bits |= as_uint16(certain | (r >> 31)) & bit;                                             \
+        if (some(certain)) {                                                                      \
+            r = select(r, run_over(d, (int16)(1), add, ONE + (lost), &used, certain), certain);   \
+            RENEW(certain)                                                                        \
+        }                                                                                         \
+        while (some(r)) {                                                                         \
+            if (some(r & t0))                                                                     \
+                REFILL                                                                            \
+            const int16 f = r < 0;                                                                \
+            r += f & (t0 + (lost));                                                               \
+            SHIFT(f)                                                                              \
+            used -= as_uint16(f);                                                                 \
+        }                                                                                         \
+        d = r;                                                                                    \
+    }
+#ifdef NOISE
+#define RENEW(lanes) t0 = lanes ? (int16)(EMPTY) : t0;
+#else
+#define RENEW(lanes)
+#endif
+
+// A cycle: the usual one has at most one spike, whose next threshold is at hand.
+#define CYCLE(add, lost)                                                                          \
+    {                                                                                             \
+        const int16 rest = d - (add), f = rest < 0, next = rest + (f & (t0 + (lost)));            \
+        if (some(next | (TOP - 1 + (lost) - (add))))                                              \
+            ANY_CYCLE(add, lost)                                                                  \
+        else {                                                                                    \
+            d = next;                                                                             \
+            SHIFT(f)                                                                              \
+            used -= as_uint16(f);                                                                 \
+            bits |= as_uint16(f) & bit;                                                           \
+        }                                                                                         \
+    }
+
+__kernel void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
+{
+    MOVING_GROUP
+    STATE
+    QUEUE
+    WALK(const int16 add = units_of(rate); const int16 lost = LOST(add); CYCLE(add, lost))
+    KEEP_STATE
+}
+
+__kernel void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
+{
+    STEADY_GROUP
+    STATE
+    QUEUE
+    const float16 rate = LEVEL(plane);
+    const int16 add = units_of(rate), lost = LOST(add);
+    uint16 bits = 0;
+    for (uint c = 0; c < cycles;) {
+        const uint bit = 1u << (c & 31);
+        CYCLE(add, lost)
+        if (!(++c & 31) || c == cycles) {
+            store_word(bits, words + ((c - 1) >> 5) * stride, row, x, width);
+            bits = 0;
+        }
+    }
+    KEEP_STATE
+}

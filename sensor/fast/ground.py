@@ -1,0 +1,133 @@
+"""What both forms of the fast tier start from: padded pixels, their gains, flags and first charge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+from cosim.light import Light
+from sensor.fast.course import Course, course_of
+from sensor.fast.units import DEAD_TIME, NOISE, Units, first_charge, running, units_of
+from sensor.pattern import FixedPattern
+from sensor.pixel.fixed_point import LARGEST
+from sensor.pixel.model import ExactModel
+
+__all__ = ["LANES", "Ground"]
+
+LANES: Final = 16
+"""Pixels in a group: neighbours in a row, a vector of 32-bit integers on a 512-bit processor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A plane of pixels and its setting, as `FastPixels` takes them; checked here."""
+
+    model: ExactModel
+    shape: tuple[int, int]
+    numbers: npt.NDArray[np.uint32]
+    clock: Clock
+    gain: float
+    pattern: FixedPattern | None = None
+    offsets: npt.NDArray[np.int64] | None = None
+    flags: npt.NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        height, width = self.shape
+        if self.model.reset != "residual":
+            raise ValueError(f"reset must be residual in the fast tier, not {self.model.reset}")
+        if self.numbers.size != height * width:
+            raise ValueError(f"numbers must be {height * width}, not {self.numbers.size}")
+        if self.offsets is not None and self.offsets.size not in (1, height):
+            raise ValueError(f"offsets must be {height}, not {self.offsets.size}")
+        if self.flags is not None and self.flags.shape != self.groups:
+            raise ValueError(f"flags must have shape {self.groups}, not {self.flags.shape}")
+
+    @property
+    def groups(self) -> tuple[int, int]:
+        """Rows, and groups in a row; the last one of a row is filled up with pixels without light."""
+        return self.shape[0], -(-self.shape[1] // LANES)
+
+    @cached_property
+    def kept(self) -> npt.NDArray[np.uint8]:
+        """Flags of each group: what is asked for, as far as the model has it."""
+        own = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
+        asked = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
+        return np.ascontiguousarray(asked & np.uint8(own))
+
+    @cached_property
+    def units(self) -> Units:
+        return units_of(self.model)
+
+    @cached_property
+    def late(self) -> npt.NDArray[np.int64]:
+        """Offsets of the rows, one for all where there are none."""
+        return np.zeros(1, np.int64) if self.offsets is None else self.offsets.astype(np.int64)
+
+    def padded(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """(rows, groups x 16) of an array of all pixels, with 0 for those that fill up."""
+        height, width = self.shape
+        wide = self.groups[1] * LANES
+        return np.pad(values.reshape(height, width), ((0, 0), (0, wide - width)))
+
+    def trimmed(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The pixels' own part of a padded array, flat."""
+        return values.reshape(self.shape[0], -1)[:, : self.shape[1]].ravel()
+
+    @property
+    def dead(self) -> np.float32:
+        """Share of a cycle's light that a spike costs."""
+        return np.float32(self.model.dead / 65536)
+
+    @property
+    def scale(self) -> float:
+        """Thresholds a cycle for a unit of light, without pattern."""
+        return self.gain * float(self.clock.period) / self.model.threshold
+
+    @property
+    def brightest(self) -> np.float32:
+        """Level at which light is held, in thresholds a cycle."""
+        return np.float32(LARGEST / self.model.threshold)
+
+    @cached_property
+    def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
+        """Thresholds a cycle for a unit of light, and in the dark, of each padded pixel."""
+        if self.pattern is None:
+            return None
+        dark = self.pattern.dark * (float(self.clock.period) / self.model.threshold)
+        return (
+            self.padded((self.pattern.gain * self.scale).astype(np.float32)),
+            self.padded(dark.astype(np.float32)),
+        )
+
+    def first(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
+        """Charge and spike index of every padded pixel before the first cycle."""
+        flags = self.trimmed(np.repeat(self.kept, LANES, axis=1))
+        charge = self.padded(first_charge(self.model, self.units, self.numbers, flags))
+        return charge, np.zeros(charge.shape, np.uint64)
+
+    def course(self, light: Light, start: int, cycles: int) -> Course:
+        """The course of light over a call. Raises ValueError for light of another shape or time."""
+        if light.shape != self.shape:
+            raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
+        return course_of(light, self.clock, self.late, start, cycles)
+
+    def fraction(
+        self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]
+    ) -> npt.NDArray[np.float64]:
+        """Stored charge over the running interval's own threshold, from padded state."""
+        flags = self.trimmed(np.repeat(self.kept, LANES, axis=1))
+        charge, spikes = self.trimmed(charge), self.trimmed(spikes)
+        threshold = np.ones(charge.shape)
+        drawn = (flags & NOISE) != 0
+        if drawn.any():
+            threshold[drawn] = running(self.model, spikes[drawn], self.numbers[drawn])
+        threshold = np.maximum(threshold, 1 / self.units.one)
+        stored = 1 - (charge + 1.0) / (threshold * self.units.one)
+        # After light that fires in every cycle the deficit is that of a threshold at the mean.
+        held = np.clip(stored, 0.0 if self.model.dead == 0 else -np.inf, 1.0)
+        return np.where(flags == 0, charge.view(np.uint32) / 2.0**32, held)

@@ -1,0 +1,149 @@
+// Light of a group of sixteen neighbours in a row, in thresholds a cycle, and where its words go.
+// float32 with one rounding an operation: the same numbers as plain numpy on every device.
+#pragma OPENCL FP_CONTRACT OFF
+
+#define PLANES 16
+#define ROW_OF(g) ((uint)(g) / groups)
+#define X_OF(g) (16 * ((uint)(g) % groups))
+
+#ifdef PATTERN
+#define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
+#define GAINS(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
+#define LEVEL(plane) held(seen(plane, row, x, width) * gain + dark, brightest)
+#else
+#define GAIN_PARAMETERS , const float gain
+#define GAINS(g)
+#define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
+#endif
+
+inline float16 held(const float16 rate, const float most)
+{
+    return rate < most ? rate : (float16)(most);
+}
+
+// Light on the group; lanes beyond the row's end get none.
+inline float16 seen(__global const float *plane, const uint row, const uint x, const uint width)
+{
+    __global const float *at = plane + (size_t)row * width + x;
+    if (x + 16 <= width)
+        return vload16(0, at);
+    float lanes[16];
+    for (uint i = 0; i < 16; i++)
+        lanes[i] = x + i < width ? at[i] : 0.0f;
+    return vload16(0, lanes);
+}
+
+inline uint16 load_word(__global const uint *words, const uint row, const uint x, const uint width)
+{
+    __global const uint *at = words + (size_t)row * width + x;
+    if (x + 16 <= width)
+        return vload16(0, at);
+    uint lanes[16];
+    for (uint i = 0; i < 16; i++)
+        lanes[i] = x + i < width ? at[i] : 0;
+    return vload16(0, lanes);
+}
+
+inline void store_word(const uint16 word, __global uint *words, const uint row, const uint x,
+                       const uint width)
+{
+    __global uint *at = words + (size_t)row * width + x;
+    if (x + 16 <= width) {
+        vstore16(word, 0, at);
+        return;
+    }
+    uint lanes[16];
+    vstore16(word, 0, lanes);
+    for (uint i = 0; x + i < width; i++)
+        at[i] = lanes[i];
+}
+
+// Whether any lane is negative; any() tests the lanes one by one on PoCL.
+#if defined(__AVX512DQ__) && __has_builtin(__builtin_ia32_cvtd2mask512)
+typedef int plain16 __attribute__((vector_size(64)));
+typedef union { int16 v; plain16 p; } either16; // the builtins take the compiler's own vectors
+inline int some(const int16 v)
+{
+    const either16 lanes = {v};
+    return __builtin_ia32_cvtd2mask512(lanes.p) != 0;
+}
+#else
+inline int some(const int16 v)
+{
+    const int8 a = v.lo | v.hi;
+    const int4 b = a.lo | a.hi;
+    return (b.x | b.y | b.z | b.w) < 0;
+}
+#endif
+
+// A segment of the course of light (course.py): its first cycle of the call, cycles, where its
+// weights begin, base plane, number of other planes, and these.
+#define SEGMENT (5 + PLANES)
+#define PLANE_PARAMETERS                                                                          \
+    __global const float *a0, __global const float *a1, __global const float *a2,                 \
+        __global const float *a3, __global const float *a4, __global const float *a5,             \
+        __global const float *a6, __global const float *a7, __global const float *a8,             \
+        __global const float *a9, __global const float *a10, __global const float *a11,           \
+        __global const float *a12, __global const float *a13, __global const float *a14,          \
+        __global const float *a15
+#define PLANE_TABLE                                                                               \
+    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
+                                            a8, a9, a10, a11, a12, a13, a14, a15};
+
+// Walks the segments: CYCLE is what is done with `rate`, thresholds that a cycle brings, of cycle c;
+// it adds its spikes to `bits` at `bit`.
+#define WALK(CYCLE)                                                                               \
+    uint c = segments[0];                                                                         \
+    uint16 bits = 0;                                                                              \
+    if (c & 31)                                                                                   \
+        bits = load_word(words + (c >> 5) * stride, row, x, width);                               \
+    for (uint s = 0; s < n_segments; s++) {                                                       \
+        __global const int *segment = segments + s * SEGMENT;                                     \
+        const uint end = segment[0] + segment[1], others = segment[4];                            \
+        const float16 base = LEVEL(planes[segment[3]]);                                           \
+        float16 step = 0.0f;                                                                      \
+        if (others)                                                                               \
+            step = LEVEL(planes[segment[5]]) - base;                                              \
+        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
+        for (; c < end; weight += rows * others) {                                                \
+            float16 rate = base;                                                                  \
+            if (others)                                                                           \
+                rate = rate + weight[0] * step;                                                   \
+            for (uint j = 1; j < others; j++)                                                     \
+                rate = rate + weight[j] * (LEVEL(planes[segment[5 + j]]) - base);                 \
+            rate = rate < 0.0f ? (float16)(0.0f) : rate;                                          \
+            const uint bit = 1u << (c & 31);                                                      \
+            CYCLE                                                                                 \
+            if (!(++c & 31)) {                                                                    \
+                store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);                 \
+                bits = 0;                                                                         \
+            }                                                                                     \
+        }                                                                                         \
+    }                                                                                             \
+    if (c & 31)                                                                                   \
+        store_word(bits, words + (c >> 5) * stride, row, x, width);
+
+#define STEADY_PARAMETERS                                                                         \
+    __global const float *plane, __global uint *words, const uint stride, const uint width,       \
+        const uint groups, const float brightest, __global const uint *list, const uint y0,       \
+        const uint y1, const uint g0, const uint g1, const uint cycles GAIN_PARAMETERS
+// The group of this work-item, unless it lies in the changed box.
+#define STEADY_GROUP                                                                              \
+    const uint g = list[get_global_id(0)], row = ROW_OF(g), x = X_OF(g);                          \
+    if (row >= y0 && row < y1 && x >= 16 * g0 && x < 16 * g1)                                     \
+        return;                                                                                   \
+    GAINS(g)
+
+#define MOVING_PARAMETERS                                                                         \
+    __global const uchar *flags, __global const int *segments, const uint n_segments,             \
+        __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
+        const uint width, const uint groups, const float brightest, const uint y0,                \
+        const uint g0 GAIN_PARAMETERS
+// The group of this work-item, a place in the changed box, unless its flags are others.
+#define MOVING_GROUP                                                                              \
+    const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
+    const uint g = row * groups + x / 16;                                                         \
+    if (flags[g] != FLAGS)                                                                        \
+        return;                                                                                   \
+    PLANE_TABLE                                                                                   \
+    GAINS(g)

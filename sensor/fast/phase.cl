@@ -1,0 +1,46 @@
+// Groups without noise and dead time: charge is a phase of 2^32, whose carry is the spike. Whole
+// thresholds in a cycle only say that it fires.
+
+// Phase that a cycle adds.
+inline uint16 phase_of(const float16 rate, uint16 *always)
+{
+    const float16 whole = floor(rate);
+    *always = as_uint16(rate >= 1.0f);
+    return convert_uint16_rte((rate - whole) * 0x1p32f);
+}
+
+__kernel void steady(__global uint *charge, STEADY_PARAMETERS)
+{
+    STEADY_GROUP
+    uint16 always, phase = vload16(g, charge);
+    const float16 rate = LEVEL(plane);
+    const uint16 add = phase_of(rate, &always);
+    uint c = 0;
+    for (; c + 32 <= cycles; c += 32) {
+        uint16 word = always;
+#pragma unroll
+        for (uint b = 0; b < 32; b++) {
+            phase += add;
+            word |= as_uint16(phase < add) & (1u << b);
+        }
+        store_word(word, words + (c >> 5) * stride, row, x, width);
+    }
+    if (c < cycles) {
+        uint16 word = always & ((1u << (cycles & 31)) - 1);
+        for (uint b = 0; b < (cycles & 31); b++) {
+            phase += add;
+            word |= as_uint16(phase < add) & (1u << b);
+        }
+        store_word(word, words + (c >> 5) * stride, row, x, width);
+    }
+    vstore16(phase, g, charge);
+}
+
+__kernel void moving(__global uint *charge, MOVING_PARAMETERS, PLANE_PARAMETERS)
+{
+    MOVING_GROUP
+    uint16 phase = vload16(g, charge);
+    WALK(uint16 always; const uint16 add = phase_of(rate, &always);
+         phase += add; bits |= (always | as_uint16(phase < add)) & bit;)
+    vstore16(phase, g, charge);
+}
