@@ -1,8 +1,8 @@
 """A physical effect: what it is, where from, what it costs, what leaving it out can change.
 
 Every effect is one small file that makes one `Effect`. The planner (cosim/planner.py) reads cost
-and bound over a scene's `Summary`; the kernel is compiled from the fragments of the effects that are
-kept and from nothing else.
+and bound over a scene's `Summary`; the kernel is compiled from the fragments of the effects that
+are kept and from nothing else.
 """
 
 from __future__ import annotations

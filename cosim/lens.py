@@ -103,8 +103,14 @@ class LensRelay:
     def __init__(self, lens: Lens, pitch_um: float) -> None:
         gain = np.float32(lens.gain)
         # The Airy pattern's tails have no end: with it, any change touches the whole plane.
-        grow = None if lens.psf == "airy" else 0
-        self._map = PlaneMap(lambda plane: lens.blur(plane, pitch_um) * gain, grow)
+        if lens.psf == "airy":
+            self._map = PlaneMap(lambda plane: lens.blur(plane, pitch_um) * gain, None)
+        else:
+            self._map = PlaneMap(
+                lambda plane: plane * gain,
+                0,
+                lambda plane, box: plane[box[0] : box[1], box[2] : box[3]] * gain,
+            )
 
     def __call__(self, light: Light) -> Light:
         return self._map(light)

@@ -124,19 +124,30 @@ class PlaneMap:
     Pieces of the light before are known again, and the last four planes; nothing older is kept,
     since planes are large. The function must be linear and keep constants constant (a lens, air, a
     relay). `grow` is how many pixels its influence reaches beyond a changed box; None means the
-    whole plane.
+    whole plane. `part`: the function's values in a box of its image alone, the same bits: what has
+    not changed is then not computed again.
     """
 
-    def __init__(self, function: Callable[[Plane], Plane], grow: int | None = 0) -> None:
-        self._function, self._grow = function, grow
+    def __init__(
+        self,
+        function: Callable[[Plane], Plane],
+        grow: int | None = 0,
+        part: Callable[[Plane, Box], Plane] | None = None,
+    ) -> None:
+        self._function, self._grow, self._part = function, grow, part
         self._planes: list[tuple[Plane, Plane]] = []
         self._pieces: list[tuple[Piece, Piece]] = []
 
-    def _plane(self, plane: Plane) -> Plane:
+    def _plane(self, plane: Plane, before: Plane | None = None, box: Box | None = None) -> Plane:
+        """Image of a plane; `before` is that of one which differs from it in this box alone."""
         for source, image in self._planes:
             if source is plane:
                 return image
-        image = self._function(plane)
+        if before is None or box is None or self._part is None:
+            image = self._function(plane)
+        else:
+            image = before.copy()
+            image[box[0] : box[1], box[2] : box[3]] = self._part(plane, box)
         self._planes = [*self._planes[-3:], (plane, image)]
         return image
 
@@ -150,9 +161,8 @@ class PlaneMap:
         elif box is not None and self._grow:
             (h, w), g = piece.first.shape, self._grow
             box = (max(box[0] - g, 0), min(box[1] + g, h), max(box[2] - g, 0), min(box[3] + g, w))
-        return Piece(
-            piece.start, piece.stop, self._plane(piece.first), self._plane(piece.last), box
-        )
+        first = self._plane(piece.first)
+        return Piece(piece.start, piece.stop, first, self._plane(piece.last, first, box), box)
 
     def __call__(self, light: Light) -> Light:
         self._pieces = [(piece, self._piece(piece)) for piece in light.pieces]

@@ -137,11 +137,7 @@ def make_plan(
             continue
         cost = np.full((len(local), tiles), np.inf)
         for m, more in enumerate(local):
-            fits = (
-                spent + promise[np.array(more, int)].sum(axis=0) <= room
-                if more
-                else np.ones(tiles, bool)
-            )
+            fits = spent + promise[np.array(more, int)].sum(axis=0) <= room if more else every
             cost[m] = np.where(fits, _total(effects, costs, frozenset(out + more)), np.inf)
         chosen = cost.argmin(axis=0)
         total = float(cost.min(axis=0).mean())

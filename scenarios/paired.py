@@ -6,6 +6,7 @@ against another is told a patch and a window at a time, and the worst counts.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -74,7 +75,16 @@ class _Recorder:
         self.camera = camera
         self.phases = np.zeros((edges, pixels))
         self.bits = np.zeros((edges, pixels), np.int64)
-        self.seconds = 0.0
+        self.seconds, self.cycles, self.warm = 0.0, 0, False
+
+    def step(self, light: Light, start: int, cycles: int) -> None:
+        """Timed, but for the first call, which may compile."""
+        begin = time.perf_counter()
+        self.camera.step(light, start, cycles)
+        if self.warm:
+            self.seconds += time.perf_counter() - begin
+            self.cycles += cycles
+        self.warm = True
 
     def mark(self, edge: int) -> None:
         self.phases[edge], self.bits[edge] = self.camera.phase(), self.camera.bits
@@ -109,9 +119,7 @@ class Paired:
             self._mark(0)
         for until in [*(e for e in self._edges if at < e < block.stop), block.stop]:
             for recorder in self._recorders.values():
-                begin = time.perf_counter()
-                recorder.camera.step(cut, at, until - at)
-                recorder.seconds += time.perf_counter() - begin
+                recorder.step(cut, at, until - at)
             at = until
             self._mark(at)
         return light
@@ -133,9 +141,12 @@ class Paired:
         ]
         return self.plane.split(np.stack(rates))
 
-    def ns(self, name: str, cycles: int) -> float:
-        """Nanoseconds a pixel-cycle that a camera took on the patches."""
-        return self._recorders[name].seconds * 1e9 / (self.plane.numbers.size * cycles)
+    def ns(self, name: str) -> float:
+        """Nanoseconds a pixel-cycle that a camera took on the patches; NaN before it has been
+        called twice."""
+        recorder = self._recorders[name]
+        done = self.plane.numbers.size * recorder.cycles
+        return recorder.seconds * 1e9 / done if done else math.nan
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
@@ -143,7 +154,7 @@ class Paired:
         for name, recorder in self._recorders.items():
             made |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
             made |= {f"{name}:marks": recorder.phases, f"{name}:counts": recorder.bits}
-            made |= {f"{name}:seconds": np.array(recorder.seconds)}
+            made |= {f"{name}:took": np.array([recorder.seconds, recorder.cycles])}
         return made
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
@@ -153,5 +164,6 @@ class Paired:
                 k.removeprefix(f"{name}:"): v for k, v in state.items() if k.startswith(f"{name}:")
             }
             recorder.phases, recorder.bits = own.pop("marks"), own.pop("counts")
-            recorder.seconds = float(own.pop("seconds"))
+            seconds, cycles = own.pop("took").tolist()
+            recorder.seconds, recorder.cycles = seconds, int(cycles)
             recorder.camera.restore(own)

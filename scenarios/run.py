@@ -303,7 +303,7 @@ def full_physics_s(run: _Prepared) -> float:
     """Seconds that the reference would take for every pixel of the run, from what it took for the
     patches."""
     pixels = run.camera.shape[0] * run.camera.shape[1]
-    return run.verifier.ns("reference", run.cycles) * 1e-9 * pixels * run.cycles
+    return run.verifier.ns("reference") * 1e-9 * pixels * run.cycles
 
 
 def left_out(plan: RunPlan, verifier: Verifier) -> list[dict[str, Any]]:

@@ -62,7 +62,9 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
     return min(y0), max(y1), min(x0), max(x1)
 
 
-def _within(piece: Piece, clock: Clock, c: int, cycles: int, late: npt.NDArray[np.int64]) -> Weights:
+def _within(
+    piece: Piece, clock: Clock, c: int, cycles: int, late: npt.NDArray[np.int64]
+) -> Weights:
     """How far into its piece the middle of each cycle from c on lies, (cycles, rows)."""
     origin = clock.cycle_at(piece.start)
     begun = float(origin - clock.position(piece.start)) + 0.5 + late / float(PS * clock.period)

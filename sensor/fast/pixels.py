@@ -66,9 +66,7 @@ class FastPixels:
         offsets: npt.NDArray[np.int64] | None = None,
         flags: npt.NDArray[np.uint8] | None = None,
     ) -> None:
-        self._ground = ground = Ground(
-            model, shape, numbers, clock, gain, pattern, offsets, flags
-        )
+        self._ground = ground = Ground(model, shape, numbers, clock, gain, pattern, offsets, flags)
         self._device = device
         self._numbers = device.upload(ground.padded(numbers))
         self._table = device.upload(ground.units.table)

@@ -17,7 +17,7 @@ PERIOD = PS // 40_000
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One tile, its camera with every effect, its light on the chip, and what a plan reads of it."""
+    """One tile, its camera with every effect, its light on the chip, what a plan reads of it."""
 
     setting: CameraSetting
     plane: PatchPlane
@@ -38,9 +38,9 @@ def random_scene(seed: int) -> Scene:
 
     q = float(10 ** rng.uniform(0, 5))
     pattern = DevicePattern(
-        prnu=some(1e-4, 0.1), dark=some(1, 1e5), dsnu=some(0.05, 0.5), threshold_fpn=some(1e-4, 0.1),
-        hot=some(1e-4, 1e-2, 0.3), hot_current=some(1e3, 1e6), dead=some(1e-5, 1e-2, 0.3),
-        device_seed=seed,
+        prnu=some(1e-4, 0.1), dark=some(1, 1e5), dsnu=some(0.05, 0.5),
+        threshold_fpn=some(1e-4, 0.1), hot=some(1e-4, 1e-2, 0.3),
+        hot_current=some(1e3, 1e6), dead=some(1e-5, 1e-2, 0.3), device_seed=seed,
     )  # fmt: skip
     setting = CameraSetting(
         chip, CLOCK, q, seed, pattern=pattern, threshold_noise=q * some(1e-4, 0.1),

@@ -1,0 +1,194 @@
+"""Error against run time: every tier at a ladder of tolerances, on one scenario.
+
+The error of a row is that of its plan against the reference on patches, over the scenario's image
+windows, with the same random counters. Its time is the camera's alone: the least of consecutive
+blocks of the whole chip, in the middle of the run, after a block that is thrown away. All rows see
+the same light, which is made once; evaluating errors is not timed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from cosim import Block, Light
+from cosim.opencl import Device
+from scenarios.paired import Paired, windows, worst
+from scenarios.planning import RunPlan, plan_run
+from scenarios.run import look_at, prepare_camera, scene_source
+from scenarios.schema import Scenario
+from scenarios.verifier import Planned
+from sensor import SpikeCamera
+from sensor.patches import PatchCamera, PatchPlane
+from sensor.tiers import Tier
+
+__all__ = ["LADDER", "Row", "accuracy", "fitted_order"]
+
+LADDER = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
+"""Tolerances that are tried; those that give the plan of a tighter one add no row."""
+TIMED = 3
+"""Blocks of the whole chip that are timed, after one that is not."""
+TILES = 24
+"""Patches at most."""
+
+
+class Progress(Protocol):
+    """Told how far it is."""
+
+    def start(self, what: str, total: int) -> None: ...
+    def advance(self, done: int) -> None: ...
+    def note(self, text: str) -> None: ...
+
+
+@dataclass(frozen=True)
+class Row:
+    """tolerance: asked for, None for the reference, which has none. error: worst patch and window,
+    with its 99.9 % interval. run_time_s: of the camera for the whole run, from ns_per_pixel_cycle.
+    effects: kept by some tile."""
+
+    tier: str
+    tolerance: float | None
+    error: float | None
+    ci: tuple[float, float] | None
+    run_time_s: float
+    ns_per_pixel_cycle: float
+    effects: list[str]
+
+    def document(self) -> dict[str, Any]:
+        return {
+            "tier": self.tier, "tolerance": self.tolerance, "error": self.error, "ci": self.ci,
+            "run_time_s": self.run_time_s, "ns_per_pixel_cycle": self.ns_per_pixel_cycle,
+            "effects": self.effects,
+        }  # fmt: skip
+
+
+def fitted_order(rows: Sequence[Row]) -> float | None:
+    """Exponent e of error = C tolerance^e by least squares in logarithms, over the rows that leave
+    something to the tolerance; None of fewer than two."""
+    points = [(r.tolerance, r.error) for r in rows if r.tolerance and r.error]
+    if len({t for t, _ in points}) < 2:
+        return None
+    x, y = np.log([t for t, _ in points]), np.log([e for _, e in points])
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def _signature(plan: RunPlan) -> tuple[bytes, ...]:
+    return tuple(tiles.tobytes() for tiles in plan.plan.kept.values())
+
+
+def _ladder(
+    seen: Any, setting: Any, instants: list[int], device: Device | None, tier: Tier
+) -> list[tuple[float, RunPlan]]:
+    """Distinct plans of one tier, the tightest tolerance of each."""
+    found: list[tuple[float, RunPlan]] = []
+    for tolerance in LADDER:
+        plan = plan_run(seen, setting, tolerance, instants, device, tier=tier)
+        if not found or _signature(plan) != _signature(found[-1][1]):
+            found.append((tolerance, plan))
+    return found
+
+
+def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
+    """Patches that any of the plans would check, at most TILES."""
+    order: dict[int, None] = {}
+    each = [plan.patches(seed) for plan in plans]
+    for n in range(max(len(e) for e in each)):
+        order |= dict.fromkeys(e[n] for e in each if n < len(e))
+    return sorted(list(order)[:TILES])
+
+
+def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) -> dict[str, Any]:
+    """The document of `viform accuracy --json` for a synchronous camera."""
+    setting, cycles, instants, lens, _, device = prepare_camera(scenario, device_name)
+    progress.note("looking at the scene")
+    seen = look_at(scenario, setting, lens, cycles)
+    tiers: list[Tier] = ["exact"]
+    if device is not None and setting.reset == "residual":
+        tiers.append("fast")
+    ladder = [
+        (tier, tolerance, plan)
+        for tier in tiers
+        for tolerance, plan in _ladder(seen, setting, instants, device, tier)
+    ]
+    plane = PatchPlane(seen.grid, _tiles([plan for *_, plan in ladder], scenario.seed))
+    cameras = {"reference": PatchCamera(setting, plane, "reference")}
+    names = [f"{tier} {tolerance:g}" for tier, tolerance, _ in ladder]
+    for name, (tier, _, plan) in zip(names, ladder, strict=True):
+        planned = Planned(tier, plan.setting, plan.flags)
+        cameras[name] = planned.on(plane, seen.grid, device)
+    window = scenario.image.window
+    paired = Paired(plane, cameras, windows(instants, window, cycles))
+    spent = _film(scenario, setting, lens, cycles, paired, ladder, device, progress)
+    pixels, floor = setting.chip.height * setting.chip.width, seen.scene.floor
+    truth = paired.rates("reference")
+    rows = []
+    for name, (tier, tolerance, plan), ns in zip(names, ladder, spent, strict=True):
+        found = worst(paired.rates(name), truth, floor)
+        rows.append(Row(
+            tier, tolerance, found.value, (found.low, found.high), ns * 1e-9 * pixels * cycles, ns,
+            list(plan.plan.everywhere),
+        ))  # fmt: skip
+    ns = paired.ns("reference")
+    own = reference_error(setting.spread)
+    everything = [effect.name for effect in setting.kept]
+    best = Row("reference", None, own, None, ns * 1e-9 * pixels * cycles, ns, everything)
+    n = float(np.mean(truth)) * window * plane.numbers.size / len(plane.tiles)
+    return {
+        "scenario": scenario.title,
+        "device": device.name if device is not None else "numba on this processor",
+        "reference": {
+            "tier": "reference", "error": own, "ns_per_pixel_cycle": ns,
+            "run_time_s": best.run_time_s, "effects": everything,
+            "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
+        },
+        "order": fitted_order(rows),
+        "monte_carlo_floor": setting.spread / math.sqrt(n) if n > 0 else None,
+        "rows": [row.document() for row in rows],
+    }  # fmt: skip
+
+
+def reference_error(spread: float) -> float:
+    """What the reference claims of itself, relative: the law of noisy intervals is interpolated."""
+    return 1e-9 if spread else 1e-12
+
+
+def _film(
+    scenario: Scenario, setting: Any, lens: Any, cycles: int, paired: Paired,
+    ladder: Sequence[tuple[Tier, float, RunPlan]], device: Device | None, progress: Progress,
+) -> list[float]:  # fmt: skip
+    """Runs the scene once; ns a pixel-cycle of every row."""
+    source = scene_source(scenario, setting, cycles)
+    relay = lens.relay(setting.chip.pitch)
+    before, after = setting.reach
+    size = 64
+    blocks = -(-cycles // size)
+    first = max(min(blocks // 2 - 1, blocks - TIMED - 1), 0) if blocks > TIMED else 0
+    timed = range(first, min(first + TIMED + 1, blocks))
+    pixels = setting.chip.height * setting.chip.width
+    each: list[list[float]] = [[] for _ in ladder]
+    whole: list[SpikeCamera] = []
+    progress.start(f"{len(ladder)} rows of {cycles} cycles", cycles)
+    for n in range(blocks):
+        block = Block(n * size, min(size, cycles - n * size))
+        start = max(block.start - before, 0)
+        light: Light = relay(source.step(None, Block(start, block.stop + after - start)))
+        paired.step(light, block)
+        if n in timed:
+            if not whole:
+                whole = [
+                    SpikeCamera(plan.setting, device, tier=tier, flags=plan.flags)
+                    for tier, _, plan in ladder
+                ]
+            for camera, took in zip(whole, each, strict=True):
+                begin = time.perf_counter()
+                camera.step(light, block)
+                took.append((time.perf_counter() - begin) * 1e9 / (pixels * block.cycles))
+        elif n > timed[-1]:
+            whole = []
+        progress.advance(block.stop)
+    return [min(took[1:] or took) for took in each]

@@ -1,0 +1,72 @@
+"""`viform plan`: what a run would keep and leave out, before it runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.commands.output import Json, print_document
+
+__all__ = ["plan"]
+
+
+def plan(
+    scenario: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+    ],
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None,
+    tolerance: Annotated[float | None, typer.Option(help="error allowed, relative")] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
+    from scenarios.forecast import forecast
+    from scenarios.loading import load
+    from scenarios.readout import refuse_leftovers
+
+    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    refuse_leftovers(loaded)
+    document = forecast(name, loaded, device)
+    if json:
+        print_document(document)
+    else:
+        print(_text(document))
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "unknown" if value is None else f"{value:.3g}{unit}"
+
+
+def _text(document: dict[str, Any]) -> str:
+    """The document for a reader."""
+    tiles = document["tiles"]
+    told = ", ".join(f"{count} {kind}" for kind, count in tiles.items() if count)
+    lines = [
+        f"{document['scenario']}: tolerance {document['tolerance']:g}, {document['tier']} tier on "
+        f"{document['device']}",
+        f"tiles: {told}",
+        "",
+        f"{'effect':<24}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
+    ]
+    for row in document["rows"]:
+        bound = f"{'' if row['kind'] == 'proof' else '~'}{_number(row['bound'])}"
+        cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
+        lines.append(f"{row['effect']:<24}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
+    predicted = document["predicted"]
+    lines += [
+        "",
+        f"error promised: at most {_number(document['promised'])} of the rate in the worst tile",
+        f"sensor: {_number(predicted['sensor_s'])} s predicted "
+        f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel-cycle), with everything kept "
+        f"{_number(predicted['everything_s'])} s; full physics would take "
+        f"{_number(predicted['full_physics_s'])} s; the scene takes "
+        f"{_number(predicted['scene_s'])} s to make",
+        "a bound with ~ is an estimate and counts twice; costs are nominal, a pixel-cycle",
+    ]
+    return "\n".join(lines)

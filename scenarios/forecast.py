@@ -1,0 +1,110 @@
+"""What `viform plan` says: the plan of a run, and what it would take on this device."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim import Block, Light
+from cosim.light import PlaneMap
+from cosim.opencl import Device
+from scenarios.planning import RunPlan, plan_run
+from scenarios.run import look_at, prepare_camera, scene_source
+from scenarios.schema import Scenario
+from sensor import CameraSetting, SpikeCamera
+from sensor.patches import PatchCamera, PatchPlane
+
+__all__ = ["forecast"]
+
+BLOCKS = 2
+"""Blocks of the scene's beginning that are run; the first warms up, the second is timed."""
+REFERENCE_TILES = 12
+"""Tiles on which full physics is timed."""
+SIZE = 64
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Nanoseconds a pixel-cycle: of the camera as planned, with everything kept, of full physics,
+    and of making the light."""
+
+    planned: float
+    everything: float
+    full: float
+    scene: float
+
+
+def _measure(
+    scenario: Scenario, setting: CameraSetting, relay: Callable[[Light], Light], plan: RunPlan,
+    everything: RunPlan, device: Device | None,
+) -> _Measured:  # fmt: skip
+    grid, cycles = plan.look.grid, plan.look.scene.cycles
+    size = min(SIZE, max(cycles // BLOCKS, 1))
+    before, after = setting.reach
+    source = scene_source(scenario, setting, cycles)
+    whole = np.flatnonzero(grid.whole)
+    plane = PatchPlane(grid, whole[:: max(len(whole) // REFERENCE_TILES, 1)].tolist())
+    cut = PlaneMap(plane.cut, None)
+    reference = PatchCamera(setting, plane, "reference")
+    cameras = [
+        SpikeCamera(run.setting, device, tier=run.tier, flags=run.flags)
+        for run in (plan, everything)
+    ]
+    spent = [0.0] * 4
+    pixels = grid.height * grid.width
+    for start in range(0, BLOCKS * size, size):
+        first = max(start - before, 0)
+        begin = time.perf_counter()
+        light = relay(source.step(None, Block(first, start + size + after - first)))
+        spent[3] = (time.perf_counter() - begin) / pixels
+        for n, camera in enumerate(cameras):
+            begin = time.perf_counter()
+            camera.step(light, Block(start, size))
+            spent[n] = (time.perf_counter() - begin) / pixels
+        patches = cut(light)
+        begin = time.perf_counter()
+        reference.step(patches, start, size)
+        spent[2] = (time.perf_counter() - begin) / plane.numbers.size
+    return _Measured(*(s * 1e9 / size for s in spent))
+
+
+def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str, Any]:
+    """The document of `viform plan --json`."""
+    setting, cycles, instants, lens, _, device = prepare_camera(scenario, device_name)
+    seen = look_at(scenario, setting, lens, cycles)
+    run = plan_run(seen, setting, scenario.tolerance, instants, device)
+    everything = plan_run(seen, setting, 0.0, instants, device, tier=run.tier)
+    relay = lens.relay(setting.chip.pitch)
+    took = _measure(scenario, setting, relay, run, everything, device)
+    total = setting.chip.width * setting.chip.height * cycles * 1e-9
+    plan = run.plan
+    return {
+        "scenario": name,
+        "tolerance": scenario.tolerance,
+        "tier": run.tier,
+        "device": device.name if device is not None else "numba on this processor",
+        "tiles": seen.classes,
+        "kept": list(plan.everywhere),
+        "left_out": [
+            {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
+            for r in plan.rows if r.effect in plan.left_out
+        ],
+        "promised": float(plan.total.max()) + run.own,
+        "rows": [asdict(row) for row in plan.rows],
+        "sets": [
+            {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()
+        ],
+        "predicted": {
+            "ns_per_pixel_cycle": took.planned,
+            "sensor_s": took.planned * total,
+            "scene_s": took.scene * total,
+            "everything_ns_per_pixel_cycle": took.everything,
+            "everything_s": took.everything * total,
+            "full_physics_ns_per_pixel_cycle": took.full,
+            "full_physics_s": took.full * total,
+        },
+    }  # fmt: skip
