@@ -33,7 +33,8 @@ def test_shot_noise_is_the_gamma_quantile_of_the_word(q: float) -> None:
     drawn, (lower, upper) = draw_all(law_of(q), WORDS), tails(WORDS)
     above = drawn > 2 * LEAST
     assert np.allclose(stats.gamma(q).cdf(drawn[above]), lower[above], rtol=1e-9, atol=0)
-    assert np.allclose(stats.gamma(q).sf(drawn), upper, rtol=1e-9, atol=0)
+    assert np.allclose(stats.gamma(q).sf(drawn[above]), upper[above], rtol=1e-9, atol=0)
+    assert above.sum() > 40
 
 
 @pytest.mark.parametrize(("sigma", "shot"), [(0.0, True), (7.0, False), (7.0, True)])
@@ -49,7 +50,7 @@ def test_without_noise_it_is_the_threshold() -> None:
     assert (draw_all(law_of(12.5, 0.0, False), WORDS) == 12.5).all()
 
 
-@pytest.mark.parametrize("sigma", [0.4, 1.0])
+@pytest.mark.parametrize("sigma", [0.4, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_one_electron_with_noise_is_the_exponential_plus_normal_law(sigma: float) -> None:
     # Gamma(1) + Normal(0, sigma) is known in closed form.
     drawn, (lower, upper) = draw_all(law_of(1.0, sigma), WORDS), tails(WORDS)
@@ -80,7 +81,7 @@ def test_the_mixed_law_inverts_its_definition(q: float, sigma: float) -> None:
         assert found == pytest.approx(target, rel=1e-8)
 
 
-@pytest.mark.parametrize(("q", "sigma"), [(5.0, 2.0), (100.0, 3.0), (1000.0, 60.0), (18_725.0, 90.0)])
+@pytest.mark.parametrize(("q", "sigma"), [(50.0, 20.0), (1000.0, 6.0), (18_725.0, 90.0)])
 def test_reading_between_nodes_costs_1e_9_of_the_spread(q: float, sigma: float) -> None:
     order = np.argsort(scores(WORDS))
     exact = np.maximum(mixed_quantiles(q, sigma, scores(WORDS)[order]), LEAST)
