@@ -1,0 +1,15 @@
+"""The stability suite: stiff and extreme cases, each beside a reference of its own."""
+
+from scenarios.stability.bright import BRIGHT as _BRIGHT
+from scenarios.stability.case import Case, Row, run_cases
+from scenarios.stability.chance import CHANCE as _CHANCE
+from scenarios.stability.cutting import SAMENESS as _SAMENESS
+from scenarios.stability.denormals import DENORMALS as _DENORMALS
+from scenarios.stability.gathering import GATHERING as _GATHERING
+from scenarios.stability.ticks import TICKS as _TICKS
+
+__all__ = ["CASES", "Case", "Row", "run_cases"]
+
+_ALL = (*_GATHERING, *_BRIGHT, *_CHANCE, *_TICKS, *_DENORMALS, *_SAMENESS)
+CASES = {case.number: case for case in sorted(_ALL, key=lambda case: case.number)}
+"""Every case by its number."""
