@@ -1,0 +1,71 @@
+"""One pixel's light in float64: where it is at an instant, and what it brings until another.
+
+Light is piecewise linear; piece i runs from `begins[i]` to `ends[i]` (ps, no gaps) and from
+`first[i]` to `last[i]` (electrons a picosecond). Before the first piece light is as at its start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sensor.asynchronous.interval import exposure
+
+__all__ = ["gathered", "here", "latch_of", "piece_at"]
+
+
+@njit(cache=True, error_model="numpy")
+def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
+    """The piece that holds whole picosecond `tick`, searched from piece i on; -1 before all."""
+    if tick < begins[0]:
+        return -1
+    i = max(i, 0)
+    while i < ends.size - 1 and ends[i] <= tick:
+        i += 1
+    return i
+
+
+@njit(cache=True, error_model="numpy")
+def here(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-def]
+    """(rate, slope, end) at an instant in piece i: electrons a picosecond, their change a
+    picosecond, the instant up to which that holds."""
+    if i < 0:
+        return first[0], 0.0, begins[0]
+    if first[i] == last[i]:
+        return first[i], 0.0, ends[i]
+    slope = (last[i] - first[i]) / (ends[i] - begins[i])
+    return max(first[i] + slope * (float(tick - begins[i]) + part), 0.0), slope, ends[i]
+
+
+@njit(cache=True, error_model="numpy")
+def gathered(begins, ends, first, last, i, tick, part, until):  # type: ignore[no-untyped-def]
+    """Electrons from an instant in piece i to a later whole picosecond `until`."""
+    total = 0.0
+    while tick < until:
+        i = piece_at(begins, ends, i, tick)
+        rate, slope, end = here(begins, ends, first, last, i, tick, part)
+        stop = until if end < tick + 1 or until < end else end  # the last piece runs on
+        total += exposure(rate, slope, float(stop - tick) - part)
+        tick, part = stop, 0.0
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def latch_of(edges, offset, tick, part):  # type: ignore[no-untyped-def]
+    """The first cycle of these edges whose latch, edges[c + 1] + offset, is not before an instant;
+    edges.size - 1 or more where all are."""
+    cycles = edges.size - 1
+    tick -= offset
+    if part > 0.0:
+        tick += 1
+    if tick <= edges[0]:
+        return 0
+    if tick > edges[cycles]:
+        return cycles
+    c = int((tick - edges[0]) / (float(edges[cycles] - edges[0]) / cycles))
+    c = min(max(c, 0), cycles - 1)
+    while edges[c + 1] < tick:
+        c += 1
+    while edges[c] >= tick:
+        c -= 1
+    return c

@@ -1,0 +1,45 @@
+"""Special functions of scipy inside compiled loops, by address, so that the loops stay cacheable."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import get_cython_function_address, intrinsic
+
+__all__ = ["address", "call_one", "call_two"]
+
+
+def address(name: str) -> np.int64:
+    """Where scipy.special.cython_special has a function of doubles; it changes from process to
+    process, so it is an argument of what is compiled, never a constant in it."""
+    return np.int64(get_cython_function_address("scipy.special.cython_special", name))
+
+
+def _call(builder: Any, args: list[Any]) -> Any:
+    double, flag = ir.DoubleType(), ir.IntType(32)
+    kind = ir.FunctionType(double, [double] * (len(args) - 1) + [flag])
+    function = builder.inttoptr(args[0], kind.as_pointer())
+    return builder.call(function, [*args[1:], ir.Constant(flag, 0)])
+
+
+@intrinsic
+def call_one(typing, where, x):  # type: ignore[no-untyped-def]
+    """f(x) of the function at an address."""
+
+    def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return _call(builder, args)
+
+    return types.float64(types.int64, types.float64), build
+
+
+@intrinsic
+def call_two(typing, where, a, x):  # type: ignore[no-untyped-def]
+    """f(a, x) of the function at an address."""
+
+    def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return _call(builder, args)
+
+    return types.float64(types.int64, types.float64, types.float64), build
