@@ -6,7 +6,6 @@ Light is piecewise linear; piece i runs from `begins[i]` to `ends[i]` (ps, no ga
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from sensor.asynchronous.interval import exposure

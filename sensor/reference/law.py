@@ -1,10 +1,10 @@
-"""The exact law of an interval's threshold in float64: the quantile of the word that every tier has.
+"""The exact law of an interval's threshold in float64: the quantile of the word of every tier.
 
-Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal. Their
-sum has no inverse in closed form: it is inverted to full precision at nodes of the normal score,
-where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands for the
-probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as the table of
-the exact tier is (sensor/pixel/interval.py), so both tails keep their digits.
+Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal.
+Their sum has no inverse in closed form: it is inverted to full precision at nodes of the normal
+score, where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands
+for the probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as in
+the table of the exact tier (sensor/pixel/interval.py), so both tails keep their digits.
 """
 
 from __future__ import annotations
