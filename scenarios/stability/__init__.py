@@ -3,14 +3,19 @@
 from scenarios.stability.bright import BRIGHT as _BRIGHT
 from scenarios.stability.case import Case, Row, run_cases
 from scenarios.stability.chance import CHANCE as _CHANCE
+from scenarios.stability.circuits import CIRCUITS as _CIRCUITS
 from scenarios.stability.cutting import SAMENESS as _SAMENESS
 from scenarios.stability.denormals import DENORMALS as _DENORMALS
 from scenarios.stability.firing import FIRING as _FIRING
 from scenarios.stability.gathering import GATHERING as _GATHERING
+from scenarios.stability.solving import SOLVING as _SOLVING
 from scenarios.stability.ticks import TICKS as _TICKS
 
 __all__ = ["CASES", "Case", "Row", "run_cases"]
 
-_ALL = (*_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_DENORMALS, *_SAMENESS)
+_ALL = (
+    *_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_CIRCUITS, *_SOLVING, *_DENORMALS,
+    *_SAMENESS,
+)  # fmt: skip
 CASES = {case.number: case for case in sorted(_ALL, key=lambda case: case.number)}
 """Every case by its number."""

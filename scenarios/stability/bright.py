@@ -115,6 +115,7 @@ BRIGHT: Final = (
         1e-9,
         saturation,
         _sunlit,
+        {"spikes": 1_000_000},
     ),
     Case(
         9,

@@ -166,7 +166,7 @@ CHANCE: Final = (
         DECADES,
         poisson_law,
         _window,
-        {"n": 200_000},
+        {"n": 50_000},
     ),
     Case(
         6,

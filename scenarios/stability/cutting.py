@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -121,6 +122,7 @@ def filming(device: Device | None) -> Film:
     return film
 
 
+@cache
 def plain_bits() -> Bits:
     """The same run in plain numpy, in one piece."""
     chip = SMALL.chip
@@ -129,7 +131,9 @@ def plain_bits() -> Bits:
     numbers = np.arange(chip.height * chip.width, dtype=np.uint32)
     pixels = PlainPixels(SMALL.model, numbers)
     words = pixels.expose(exposure.spans(_light(0, chip.height), 0, CYCLES), CYCLES)
-    return unpack_planes(words.reshape(-1, chip.height, chip.width), 0, CYCLES)
+    bits = unpack_planes(words.reshape(-1, chip.height, chip.width), 0, CYCLES)
+    bits.setflags(write=False)
+    return bits
 
 
 def cutting(film: Film) -> float:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -186,9 +187,7 @@ def delays(fire: Late) -> float:
                 instants = fire(light, 100, delay, reset, stop).tolist()
                 own = Fraction(100 * PS) / Fraction(light) + delay
                 due = int((stop + reset) // (own + reset))
-                if len(instants) != due or any(
-                    b <= a for a, b in zip(instants, instants[1:], strict=False)
-                ):
+                if len(instants) != due or any(b <= a for a, b in pairwise(instants)):
                     return math.inf
                 for k, instant in enumerate(instants, 1):
                     worst = max(worst, abs(instant - k * own - (k - 1) * reset))

@@ -1,4 +1,4 @@
-"""Metastability: a latch that is asked while its input changes, and has not decided when it is read.
+"""Metastability: a latch whose input changes as it is asked, and that has not decided when read.
 
 A latch whose input changes within its window T_w hangs between its two states and leaves them at a
 rate 1 / tau: after the time t that it is given, exp(-t / tau) of them are still undecided. Spikes
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cosim.clock import PS, Clock
+from cosim.clock import Clock
 from cosim.effects import Bound, Effect, Summary
 from cosim.philox import philox4x32
 from cosim.streams import Stream
@@ -75,8 +75,8 @@ class Metastability:
 
 
 def metastability_effect(setting: Metastability, clock: Clock) -> Effect:
-    """What an undecided latch does is to put a spike into one of two neighbouring cycles, so at most
-    this share of the spikes moves by a cycle."""
+    """An undecided latch puts a spike into one of two neighbouring cycles, so at most this share of
+    the spikes moves by a cycle."""
 
     def bound(scene: Summary) -> Bound:
         return Bound(setting.share(clock), "estimate")

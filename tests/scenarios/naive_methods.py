@@ -14,11 +14,12 @@ from hashlib import sha256
 import numpy as np
 from numba import njit
 
-from cosim import PS, Clock, Light
+from cosim import PS, Clock, Light, Piece
 from cosim.streams import Stream
 from scenarios.stability.bright import Sunlit
 from scenarios.stability.cutting import CYCLES, SMALL, Cut, plain_bits
 from scenarios.stability.denormals import flushing
+from scenarios.stability.firing import Sine
 from scenarios.stability.gathering import CLOCK
 from scenarios.stability.ticks import Counters, Edges
 from sensor.pixel.fixed_point import ONE
@@ -185,3 +186,32 @@ def drawn_in_order(cut: Cut):  # type: ignore[no-untyped-def]
                 bits[begin + c, first:stop] = held >= 1
                 held = held % 1
     return bits
+
+
+def held_for_a_cycle(shipped: Sine) -> Sine:
+    """Case 10: the light of a cycle taken as it is at its beginning."""
+
+    def held(light: Light, stop: int) -> Light:
+        levels = [light.at(CLOCK.edge(k)) for k in range(CLOCK.cycle_at(stop))]
+        return Light(
+            tuple(Piece(CLOCK.edge(k), CLOCK.edge(k + 1), v, v) for k, v in enumerate(levels))
+        )
+
+    return Sine(
+        lambda light, threshold, stop: shipped.fire(held(light, stop), threshold, stop),
+        shipped.latch,
+    )
+
+
+def no_time_to_decide(setting, instants, clock, pixels, spikes):  # type: ignore[no-untyped-def]
+    """Case 12: whatever falls into the window."""
+    phase = instants % clock.edge(1) / clock.edge(1)
+    return np.minimum(phase, 1 - phase) < setting.window * clock.hz / 2
+
+
+def delay_at_the_latch(light: float, threshold: int, delay: int, reset: int, stop: int):  # type: ignore[no-untyped-def]
+    """Case 16: the spikes of a cycle, moved back by what the comparator took."""
+    period = CLOCK.edge(1)
+    held = light * period / PS * np.arange(1, stop // period + 1)
+    latched = np.flatnonzero(np.diff(held // threshold, prepend=0)) + 1
+    return np.array([CLOCK.edge(int(k)) - delay for k in latched], np.int64)

@@ -13,6 +13,7 @@ from cosim.opencl import Device
 from scenarios.stability import CASES, Case
 from scenarios.stability.chance import Z
 from tests.scenarios import naive_methods as naive
+from tests.scenarios import naive_solvers as solvers
 
 FIELDS = ["case", "name", "holds", "value", "limit", "unit", "what", "reference", "seconds"]
 
@@ -45,7 +46,7 @@ def test_the_method_that_ships_holds(number: int, device: Device) -> None:
     assert row.holds, row
 
 
-@pytest.mark.parametrize("number", [1, 2, 5, 6, 11, 18, 20])
+@pytest.mark.parametrize("number", [1, 2, 6, 11])
 def test_without_opencl_as_well(number: int) -> None:
     row = CASES[number].measure(None, quick=True)
     assert row.holds, row
@@ -115,6 +116,9 @@ class TestNaive:
     def test_case_9_light_sampled_at_the_edges_fails(self) -> None:
         fails(9, naive.light_at_the_edges)
 
+    def test_case_9_a_solver_not_restarted_at_the_flash_fails(self) -> None:
+        assert fails(9, solvers.flash_not_restarted) == 1  # it misses all of it
+
     @pytest.mark.parametrize("way", ["float32", "both edges", "neither edge"])
     def test_case_11_lost_ties_fail(self, device: Device, way: str) -> None:
         fails(11, naive.tie_methods(CASES[11].shipped(device))[way])
@@ -131,3 +135,33 @@ class TestNaive:
 
     def test_case_20_numbers_drawn_in_order_fail(self) -> None:
         fails(20, naive.drawn_in_order)
+
+    @pytest.mark.parametrize("way", ["plain_log", "float32_time", "in_coulombs"])
+    def test_case_7_times_that_lose_digits_fail(self, way: str) -> None:
+        fails(7, getattr(solvers, way))
+
+    def test_case_8_a_solver_not_restarted_at_the_step_fails(self) -> None:
+        fails(8, solvers.through_the_step)
+
+    def test_case_10_light_of_a_cycle_as_at_its_edge_fails(self, device: Device) -> None:
+        shipped = CASES[10].shipped(device)
+        fails(10, naive.held_for_a_cycle(shipped))
+
+    def test_case_12_no_time_to_decide_fails(self) -> None:
+        assert fails(12, naive.no_time_to_decide) > 10 * Z
+
+    @pytest.mark.parametrize("way", ["step_by_step", "in_coulombs"])
+    def test_case_13_solvers_at_default_tolerances_fail(self, way: str) -> None:
+        fails(13, getattr(solvers, way))
+
+    def test_case_14_a_sign_after_each_step_fails(self) -> None:
+        assert fails(14, solvers.step_by_step) == math.inf
+
+    def test_case_15_explicit_steps_fail(self) -> None:
+        assert fails(15, CASES[15].shipped(None)._replace(solve=solvers.explicit), spikes=1) > 1e4
+
+    def test_case_16_delay_taken_off_at_the_latch_fails(self) -> None:
+        assert fails(16, naive.delay_at_the_latch) == math.inf
+
+    def test_case_21_coulombs_fail(self) -> None:
+        fails(21, [solvers.in_coulombs])

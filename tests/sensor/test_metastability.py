@@ -32,7 +32,8 @@ def test_the_window_lies_around_every_edge(clock: Clock) -> None:
     half = Fraction(1, 20) * PS * clock.period  # a tenth of the cycle in all
     latch = Metastability(float(2 * half / PS), 0.0, 1e-10)
     for k in (0, 1, 7, 10**6 + 1):
-        at = [clock.edge(k) + math.floor(f * half) for f in (-2, Fraction(-9, 10), 0, Fraction(9, 10), 2)]  # fmt: skip
+        shares = (-2, Fraction(-9, 10), 0, Fraction(9, 10), 2)
+        at = [clock.edge(k) + math.floor(share * half) for share in shares]
         found = latch.undecided(np.array(at), clock, PIXELS[:5], SPIKES[:5], 1)
         assert found.tolist() == [False, True, True, True, False]
 
@@ -60,7 +61,8 @@ def test_the_bound_is_the_share_that_moves() -> None:
 
 
 def test_limits_are_refused() -> None:
-    for window, given, tau in ((-1.0, 0.0, 1.0), (0.0, -1.0, 1.0), (0.0, 0.0, 0.0), (math.nan,) * 3):
+    bad = (-1.0, 0.0, 1.0), (0.0, -1.0, 1.0), (0.0, 0.0, 0.0), (math.nan, 0.0, 1.0)
+    for window, given, tau in bad:
         with pytest.raises(ValueError, match="window and given must be"):
             Metastability(window, given, tau)
     with pytest.raises(ValueError, match="instants must stay below"):
