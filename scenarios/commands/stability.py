@@ -27,7 +27,7 @@ def stability(
 
     from cosim import InputError
     from scenarios.run import choose_device
-    from scenarios.stability import CASES, Row, run_cases
+    from scenarios.stability import CASES
 
     known = {str(number): case for number, case in CASES.items()}
     for given in cases or []:
@@ -38,19 +38,14 @@ def stability(
                 repr(given),
                 "leave the numbers out to run all",
             )
-    wanted = dict.fromkeys(cases or known)
-    chosen = [known[given] for given in wanted]
-    target = choose_device(device)
-    told = 0
-
-    def done(row: Row) -> None:
-        nonlocal told
-        told += 1
-        mark = "holds" if row.holds else "FAILS"
-        text = f"viform: {told}/{len(chosen)} case {row.case} {mark} after {row.seconds:.1f} s"
-        print(text, file=sys.stderr, flush=True)
-
-    rows = run_cases(chosen, target, done)
+    chosen = [known[given] for given in dict.fromkeys(cases or known)]
+    target, rows = choose_device(device), []
+    for n, case in enumerate(chosen, 1):
+        text = f"viform: {n}/{len(chosen)} case {case.number}, {case.name}:"
+        print(text, end=" ", file=sys.stderr, flush=True)
+        row = case.measure(target)
+        rows.append(row)
+        print(f"{'holds' if row.holds else 'FAILS'}, {row.seconds:.1f} s", file=sys.stderr)
     if json:
         print_document({"rows": [asdict(row) for row in rows]})
     else:

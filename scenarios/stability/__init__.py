@@ -1,7 +1,7 @@
 """The stability suite: stiff and extreme cases, each beside a reference of its own."""
 
 from scenarios.stability.bright import BRIGHT as _BRIGHT
-from scenarios.stability.case import Case, Row, run_cases
+from scenarios.stability.case import Case, Row
 from scenarios.stability.chance import CHANCE as _CHANCE
 from scenarios.stability.circuits import CIRCUITS as _CIRCUITS
 from scenarios.stability.cutting import SAMENESS as _SAMENESS
@@ -11,7 +11,7 @@ from scenarios.stability.gathering import GATHERING as _GATHERING
 from scenarios.stability.solving import SOLVING as _SOLVING
 from scenarios.stability.ticks import TICKS as _TICKS
 
-__all__ = ["CASES", "Case", "Row", "run_cases"]
+__all__ = ["CASES", "Case", "Row"]
 
 _ALL = (
     *_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_CIRCUITS, *_SOLVING, *_DENORMALS,

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from cosim.opencl import Device
 
-__all__ = ["Case", "Row", "run_cases"]
+__all__ = ["Case", "Row"]
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,3 @@ class Case:
             self.number, self.name, self.holds(value), value if math.isfinite(value) else None,
             self.limit, self.unit, self.what, self.reference, time.perf_counter() - begin,
         )  # fmt: skip
-
-
-def run_cases(
-    cases: Sequence[Case], device: Device | None, done: Callable[[Row], None]
-) -> list[Row]:
-    """Runs cases in order; `done` is told of each as it ends."""
-    rows = []
-    for case in cases:
-        rows.append(case.measure(device))
-        done(rows[-1])
-    return rows

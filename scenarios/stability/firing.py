@@ -180,7 +180,7 @@ def delays(fire: Late) -> float:
     """Largest distance of an instant from k (Q/light + delay) + (k - 1) reset, in ps; infinite
     where instants do not rise. Delays of 1, 1.5 and 4 latch cycles, resets of 0 and 1 ps."""
     worst, stop = Fraction(0), PS // 100
-    for light in (1e3, 1e6, 1e9):
+    for light in (1e3, 7e6, 1e9):
         for cycles in (Fraction(1), Fraction(3, 2), Fraction(4)):
             for reset in (0, 1):
                 delay = int(cycles * CLOCK.edge(1))

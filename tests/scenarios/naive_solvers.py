@@ -26,8 +26,8 @@ def float32_time(circuit, knots, first, last, goals):  # type: ignore[no-untyped
     return spike_train(circuit, knots, first, last, goals).astype(np.float32)
 
 
-def in_coulombs(circuit, knots, first, last, goals, tolerance=1e-3):  # type: ignore[no-untyped-def]
-    """Cases 7, 13, 21: the charge in coulombs, at default tolerances but for the relative one."""
+def in_coulombs(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]
+    """Cases 7 and 13: the charge in coulombs, at default tolerances."""
     e, times, start = ELEMENTARY_CHARGE, [], knots[0]
 
     def slope(t, n):  # type: ignore[no-untyped-def]
@@ -37,7 +37,7 @@ def in_coulombs(circuit, knots, first, last, goals, tolerance=1e-3):  # type: ig
     for goal in goals:
         full = lambda t, n, goal=goal: n[0] - goal * e  # noqa: E731
         full.terminal = True
-        made = solve_ivp(slope, (start, knots[1]), [0.0], "LSODA", events=full, rtol=tolerance)
+        made = solve_ivp(slope, (start, knots[1]), [0.0], "LSODA", events=full)
         if not made.t_events[0].size:
             break
         times.append(made.t_events[0][0])
@@ -57,36 +57,57 @@ def step_by_step(circuit, knots, first, last, goals):  # type: ignore[no-untyped
     return made.t_events[0][:1]
 
 
-def through_the_step(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]
-    """Case 8: every phase by a solver, but none restarted where the light steps."""
+def _phases(circuit, knots, first, last, goals, unit, rtol, atol):  # type: ignore[no-untyped-def]
+    """Integration, comparator and reset by a solver, restarted at each switch but not where the
+    light changes. unit: of charge, in electrons."""
     times, now, charge = [], knots[0], 0.0
     leak, ohmic = circuit.leak, circuit.resistance * circuit.capacitance
+    volt = circuit.gain / circuit.electrons * unit
+    options = {"method": "LSODA", "rtol": rtol, "atol": atol}
 
     def light(t):  # type: ignore[no-untyped-def]
-        return first[min(int(np.searchsorted(knots, t, side="right")) - 1, first.size - 1)]
+        i = min(int(np.searchsorted(knots, t, side="right")) - 1, first.size - 1)
+        share = (t - knots[i]) / (knots[i + 1] - knots[i])
+        return (first[i] + (last[i] - first[i]) * share) / unit
 
-    for goal in goals:
+    for goal in goals / unit:
         full = lambda t, y, goal=goal: y[0] - goal  # noqa: E731
         tripped = lambda t, y: y[1] - circuit.trip  # noqa: E731
         full.terminal = tripped.terminal = True
-        volt = circuit.gain / circuit.electrons
 
-        def waiting(t, y, goal=goal, volt=volt):  # type: ignore[no-untyped-def]
+        def waiting(t, y, goal=goal):  # type: ignore[no-untyped-def]
             return [light(t) - y[0] / leak, (volt * (y[0] - goal) - y[1]) / circuit.pole]
 
-        tight = {"rtol": 1e-8, "atol": 1e-8}
         made = solve_ivp(
-            lambda t, y: [light(t) - y[0] / leak], (now, knots[-1]), [charge], events=full, **tight
+            lambda t, y: [light(t) - y[0] / leak],
+            (now, knots[-1]),
+            [charge],
+            events=full,
+            **options,
         )
+        if not made.t_events[0].size:
+            break  # it stepped over the threshold
         begun = made.t_events[0][0]
-        made = solve_ivp(waiting, (begun, begun + 1e-6), [goal, 0.0], events=tripped, **tight)
+        made = solve_ivp(waiting, (begun, begun + 1e-6), [goal, 0.0], events=tripped, **options)
+        if not made.t_events[0].size:
+            break
         times.append(made.t_events[0][0])
         made = solve_ivp(
             lambda t, y: [light(t) - y[0] / leak - y[0] / ohmic],
-            (times[-1], times[-1] + circuit.reset_time), [made.y_events[0][0][0]], **tight,
+            (times[-1], times[-1] + circuit.reset_time), [made.y_events[0][0][0]], **options,
         )  # fmt: skip
         charge, now = made.y[0, -1], times[-1] + circuit.reset_time
     return np.array(times)
+
+
+def through_the_step(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]
+    """Case 8: tight tolerances, but no restart where the light steps."""
+    return _phases(circuit, knots, first, last, goals, 1.0, 1e-10, 1e-8)
+
+
+def phases_in_coulombs(circuit, knots, first, last, goals, tolerance):  # type: ignore[no-untyped-def]
+    """Case 21: the charge in coulombs, the absolute tolerance as it comes."""
+    return _phases(circuit, knots, first, last, goals, 1 / ELEMENTARY_CHARGE, tolerance, 1e-6)
 
 
 def explicit(circuit: Circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]
