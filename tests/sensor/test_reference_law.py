@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy import integrate, special, stats
@@ -76,7 +78,7 @@ def test_the_mixed_law_inverts_its_definition(q: float, sigma: float) -> None:
         knots = np.linspace(-12, 12, 13)
         found = sum(
             integrate.quad(inside, a, b, epsabs=1e-24, epsrel=1e-11)[0]
-            for a, b in zip(knots, knots[1:], strict=False)
+            for a, b in itertools.pairwise(knots)
         )
         assert found == pytest.approx(target, rel=1e-8)
 
