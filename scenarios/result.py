@@ -12,7 +12,7 @@ from typing import Any
 from cosim.files.whole import whole
 
 __all__ = [
-    "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
+    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
 ]  # fmt: skip
 
 
@@ -43,6 +43,15 @@ class Metric:
 
     value: float | None
     unit: str
+
+
+@dataclass(frozen=True)
+class Error:
+    """The simulation against full physics. kind: what it is of. ci: [low, high] at 99.9 %."""
+
+    value: float | None
+    kind: str | None
+    ci: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -77,6 +86,7 @@ class Result:
     version: str = field(default_factory=viform_version)
     renderer: str | None = None
     run_time_s: float | None = None
+    error: Error | None = None
     kept: list[str] = field(default_factory=list)
     left_out: list[dict[str, Any]] = field(default_factory=list)
     metrics: dict[str, Metric] = field(default_factory=dict)
@@ -95,7 +105,10 @@ class Result:
             "renderer": self.renderer,
             "simulated_s": self.simulated_s,
             "run_time_s": self.run_time_s,
-            "error": {"value": None, "kind": None, "ci": None, "tolerance": self.tolerance},
+            "error": {
+                **asdict(self.error or Error(None, None, None)),
+                "tolerance": self.tolerance,
+            },
             "plan": {"kept": self.kept, "left_out": self.left_out},
             "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
             "latency": [asdict(row) for row in self.latency],

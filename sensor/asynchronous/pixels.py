@@ -48,8 +48,10 @@ class EventPixels(Protocol):
 
 
 class AsynchronousPixels:
-    """Pixels of `shape` under a model. gain: photoelectrons a second for a unit of light. most:
-    firings of the whole run, beyond which it is refused rather than fill the memory."""
+    """Pixels of an array of `shape` under a model. gain: photoelectrons a second for a unit of
+    light. most: firings of the whole run, beyond which it is refused rather than fill the memory.
+    numbers: (n,) of the pixels that are run, all unless given; a pixel's noise hangs on its number
+    alone."""
 
     def __init__(
         self,
@@ -61,12 +63,15 @@ class AsynchronousPixels:
         start: int = 0,
         most: int = 20_000_000,
         tile: int = TILE,
+        numbers: npt.NDArray[np.uint32] | None = None,
     ) -> None:
         self.model, self.shape = model, shape
         self._gain, self._tile, self._most = gain, tile, most
         self._fired = 0
-        n = shape[0] * shape[1]
-        self._pixels = np.arange(n, dtype=np.uint32)
+        self._chosen = numbers
+        whole = np.arange(shape[0] * shape[1], dtype=np.uint32)
+        self._pixels = whole if numbers is None else numbers
+        n = self._pixels.size
         fixed = None if pattern is None else pattern.at(self._pixels)
         self._scale: Rates | None = None if fixed is None else fixed.gain
         self._dark: Rates | None = None if fixed is None else fixed.dark
@@ -82,9 +87,10 @@ class AsynchronousPixels:
 
     def rate(self, plane: npt.NDArray[np.float32]) -> Rates:
         """Electrons a second of every pixel under a plane of light, (n,)."""
-        if not (plane >= 0).all():
-            raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
-        electrons = plane.astype(np.float64).ravel() * self._gain
+        mine = plane.ravel() if self._chosen is None else plane.ravel()[self._chosen]
+        if not (mine >= 0).all():
+            raise ValueError(f"light must be 0 or more, not {float(mine.min()):g}")
+        electrons = mine.astype(np.float64) * self._gain
         if self._scale is not None and self._dark is not None:
             electrons = electrons * self._scale + self._dark
         return electrons
