@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,21 +28,28 @@ from sensor.asynchronous import (
 from sensor.asynchronous.closed import ClosedPixels
 from sensor.asynchronous.plan import reduced
 
-__all__ = ["kept_names", "plan_events", "plan_notes", "plan_of", "view_of"]
+__all__ = [
+    "EventStart",
+    "begin_events",
+    "kept_names",
+    "plan_events",
+    "plan_notes",
+    "plan_of",
+    "view_of",
+]
 
 _SAMPLE = 4096
 """Pixels that costs are measured on."""
 
 
 def plan_of(
-    model: EventModel, setting: CameraSetting, light: Light, stop: int, tolerance: float,
-    *, closed: bool = True,
-) -> EventPlan:  # fmt: skip
+    model: EventModel, setting: CameraSetting, light: Light, stop: int, tolerance: float
+) -> EventPlan:
     """The plan for a run that ends at `stop` (ps), from the light it begins with."""
     rate = light.pieces[0].first.ravel().astype(np.float64) * setting.electrons_per_lux
     shape = (setting.chip.height, setting.chip.width)
     scene = summarise(model, setting.pattern, rate, shape, stop, is_steady(light, stop))
-    return make_plan(scene, setting.pattern, tolerance, closed=closed)
+    return make_plan(scene, setting.pattern, tolerance)
 
 
 def view_of(setting: CameraSetting, light: Light, until: int) -> View:
@@ -50,6 +58,38 @@ def view_of(setting: CameraSetting, light: Light, until: int) -> View:
     return View(
         light, until, shape, setting.electrons_per_lux, setting.pattern, setting.seed
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EventStart:
+    """A scenario as it is known before it is run. stop: its end, ps."""
+
+    model: EventModel
+    setting: CameraSetting
+    view: View
+    stop: int
+
+    def plan(self, tolerance: float) -> EventPlan:
+        return plan_of(self.model, self.setting, self.view.light, self.stop, tolerance)
+
+    @property
+    def cycles(self) -> int:
+        """Cycles of sensor.clock as far as the light is known, the last one begun."""
+        return max(self.setting.clock.cycle_at(self.view.until - 1) + 1, 1)
+
+
+def begin_events(scenario: Scenario) -> EventStart:
+    """Raises InputError for what a run would refuse."""
+    scenario = with_defaults(scenario)
+    setting = event_setting(scenario)
+    model = event_model(scenario, setting)
+    stop = seconds_to_ps(scenario.duration)
+    cycles = setting.clock.cycle_at(stop - 1) + 1
+    shape = (setting.chip.height, setting.chip.width)
+    source = make_source(scenario.scene, shape, setting.clock, cycles, aligned=False)
+    relay = make_relay(choose_lens(scenario, setting), setting)
+    light, _, until = next(light_steps(source, relay, setting.clock, stop))
+    return EventStart(model, setting, view_of(setting, light, until), stop)
 
 
 def _channel_row(scenario: Scenario, plan: EventPlan) -> dict[str, Any] | None:
@@ -108,11 +148,11 @@ def _costs(plan: EventPlan, view: View, stop: int) -> dict[str, float]:
         model, device = reduced(scene.model, view.pattern, names)
         return lambda: AsynchronousPixels(
             model, view.shape, view.gain, device, numbers=numbers
-        ).step(view.light, start, stop)
+        ).unordered(view.light, start, stop)
 
     def closed(names: frozenset[str]) -> Callable[[], object]:
         model, device = reduced(scene.model, view.pattern, names)
-        return lambda: ClosedPixels(model, view.shape, view.gain, device, numbers).step(
+        return lambda: ClosedPixels(model, view.shape, view.gain, device, numbers).unordered(
             view.light, start, stop
         )
 
@@ -138,26 +178,16 @@ def plan_events(scenario: Scenario) -> list[dict[str, Any]]:
 
     Raises InputError for what a run would refuse.
     """
-    scenario = with_defaults(scenario)
-    setting = event_setting(scenario)
-    model = event_model(scenario, setting)
-    stop = seconds_to_ps(scenario.duration)
-    cycles = setting.clock.cycle_at(stop - 1) + 1
-    shape = (setting.chip.height, setting.chip.width)
-    source = make_source(scenario.scene, shape, setting.clock, cycles, aligned=False)
-    relay = make_relay(choose_lens(scenario, setting), setting)
-    light, _, until = next(light_steps(source, relay, setting.clock, stop))
-    plan = plan_of(model, setting, light, stop, scenario.tolerance)
-    view = view_of(setting, light, until)
-    costs, rows = _costs(plan, view, until), []
-    done = max(setting.clock.cycle_at(until - 1) + 1, 1)
+    start = begin_events(scenario)
+    plan = start.plan(scenario.tolerance)
+    costs, rows = _costs(plan, start.view, start.view.until), []
     for effect, bounds, out in zip(plan.effects, plan.bounds, plan.left_out, strict=True):
         bound = float(bounds[out].max() if out.any() else bounds.max())
         share = 1 - float(plan.scene.pixels[out].sum() / plan.scene.pixels.sum())
         rows.append({
             "effect": effect.name, "kept": share > 0, "share": share,
             "bound": bound if np.isfinite(bound) else None, "kind": effect.kind,
-            "cost_ns": costs[effect.name] * 1e9 / done,
+            "cost_ns": costs[effect.name] * 1e9 / start.cycles,
         })  # fmt: skip
     channel = _channel_row(scenario, plan)
     return rows if channel is None else [*rows, channel]

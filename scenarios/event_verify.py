@@ -74,7 +74,7 @@ def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
     and for each effect the one in which leaving it out may change most."""
     scene = plan.scene
     steep = scene.rms / np.maximum(scene.mean, 1e-300)
-    chosen = [int(np.argmax(scene.brightest)), int(np.argmin(scene.brightest)),
+    chosen = [int(np.argmax(scene.mean)), int(np.argmin(scene.mean)),
               int(np.argmax(steep))]  # fmt: skip
     drawn = np.random.default_rng(seed).permutation(scene.mean.size)[:RANDOM]
     chosen += [int(n) for n in drawn]

@@ -2,6 +2,7 @@
 
 from sensor.asynchronous.closed import is_steady
 from sensor.asynchronous.effects import SIDE, EventEffect, EventScene, event_effects, summarise
+from sensor.asynchronous.law import WeakError, weak_error
 from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.pixels import AsynchronousPixels, EventPixels
 from sensor.asynchronous.plan import EventPlan, PlannedPixels, make_plan
@@ -18,6 +19,7 @@ __all__ = [
     "Firings",
     "Followed",
     "PlannedPixels",
+    "WeakError",
     "event_effects",
     "follow",
     "is_steady",
@@ -25,4 +27,5 @@ __all__ = [
     "make_plan",
     "quantile_error",
     "summarise",
+    "weak_error",
 ]

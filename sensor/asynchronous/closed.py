@@ -90,7 +90,7 @@ class ClosedPixels:
             interval_table(float(model.threshold)) if model.shot else np.zeros(1, np.int64)
         )
 
-    def step(self, light: Light, start: int, stop: int) -> Firings:
+    def unordered(self, light: Light, start: int, stop: int) -> Firings:
         """First spikes after start, up to stop (ps), in the order of the pixels' numbers. Raises
         ValueError for light that is not steady since the run began."""
         m, n = self.model, self._numbers.size

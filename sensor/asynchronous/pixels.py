@@ -106,6 +106,11 @@ class AsynchronousPixels:
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""
+        made = self.unordered(light, start, stop)
+        return made.take(np.lexsort((made.pixel, made.instant)))
+
+    def unordered(self, light: Light, start: int, stop: int) -> Firings:
+        """The same in any order."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         parts = []
@@ -113,8 +118,7 @@ class AsynchronousPixels:
             if piece.stop > start and piece.start < stop:
                 parts += self._piece(piece, min(stop, piece.stop))
         check_memory("the events of a step", STEP_BYTES * sum(len(part) for part in parts), FEWER)
-        made = Firings.join(parts)
-        return made.take(np.lexsort((made.pixel, made.instant)))
+        return Firings.join(parts)
 
     def _piece(self, piece: Piece, stop: int) -> list[Firings]:
         first = self._rates(piece.first)

@@ -17,7 +17,7 @@ from cosim.light import Light
 from sensor.asynchronous.closed import ClosedPixels
 from sensor.asynchronous.effects import EventEffect, EventScene, event_effects
 from sensor.asynchronous.model import EventModel, Firings
-from sensor.asynchronous.pixels import FEWER, AsynchronousPixels, EventPixels
+from sensor.asynchronous.pixels import FEWER, AsynchronousPixels
 from sensor.pattern import DevicePattern
 
 __all__ = ["EventPlan", "PlannedPixels", "make_plan", "reduced"]
@@ -29,14 +29,12 @@ _LATER = "later reports"
 
 @dataclass(frozen=True, eq=False)
 class EventPlan:
-    """effects: all that act. bounds: (effects, tiles). left_out: (effects, tiles) bool. closed:
-    whether tiles that send once may be run in closed form (the tier "fast")."""
+    """effects: all that act. bounds: (effects, tiles). left_out: (effects, tiles) bool."""
 
     scene: EventScene
     effects: tuple[EventEffect, ...]
     bounds: Reals
     left_out: npt.NDArray[np.bool_]
-    closed: bool = True
 
     def where(self, name: str) -> npt.NDArray[np.bool_]:
         """(tiles,) in which an effect is left out."""
@@ -65,18 +63,15 @@ def _twice(effects: tuple[EventEffect, ...]) -> Reals:
     return np.array([[2.0 if e.kind == "estimate" else 1.0] for e in effects])
 
 
-def make_plan(
-    scene: EventScene, pattern: DevicePattern | None, tolerance: float, *, closed: bool = True
-) -> EventPlan:
+def make_plan(scene: EventScene, pattern: DevicePattern | None, tolerance: float) -> EventPlan:
     """A plan for a tolerance; 0 keeps everything, and so does light that changes, since only its
     beginning is known before the run."""
     effects = event_effects(scene.model, pattern)
     bounds = np.array([e.bound(scene) for e in effects])
     left_out = np.zeros(bounds.shape, np.bool_)
-    # The engine has later reports in any case.
-    free = [n for n, e in enumerate(effects) if e.work > 0 and (closed or e.name != _LATER)]
+    free = [n for n, e in enumerate(effects) if e.work > 0]
     if not free or tolerance <= 0 or not scene.steady:
-        return EventPlan(scene, effects, bounds, left_out, closed)
+        return EventPlan(scene, effects, bounds, left_out)
     names = [effects[n].name for n in free]
     sets = (np.arange(2 ** len(free))[:, None] >> np.arange(len(free))) & 1 == 1
     counted = (bounds * _twice(effects))[free]
@@ -92,7 +87,7 @@ def make_plan(
         best[better], chosen[better] = saved[n], n
     left_out[free] = sets[chosen].T
     bounds[free] = np.where(once[chosen].T & left_out[free], 0.0, bounds[free])
-    return EventPlan(scene, effects, bounds, left_out, closed)
+    return EventPlan(scene, effects, bounds, left_out)
 
 
 def reduced(
@@ -131,7 +126,7 @@ class PlannedPixels:
     ) -> None:
         self.shape, self._most, self._fired = shape, most, 0
         self.groups: list[tuple[Numbers, EventModel, DevicePattern | None]] = []
-        self._pixels: list[EventPixels] = []
+        self._pixels: list[AsynchronousPixels | ClosedPixels] = []
         if numbers is None:
             numbers = np.arange(shape[0] * shape[1], dtype=np.uint32)
         bits = 1 << np.arange(len(plan.effects), dtype=np.int64)
@@ -146,7 +141,7 @@ class PlannedPixels:
             names = plan.names(int(like[kind]))
             model, device = reduced(plan.scene.model, pattern, names)
             self.groups.append((group, model, device))
-            if plan.closed and _LATER in names:
+            if _LATER in names:
                 self._pixels.append(ClosedPixels(model, shape, gain, device, group))
             else:
                 self._pixels.append(
@@ -155,11 +150,9 @@ class PlannedPixels:
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""
-        parts = [pixels.step(light, start, stop) for pixels in self._pixels]
+        parts = [pixels.unordered(light, start, stop) for pixels in self._pixels]
         self._fired += sum(len(part) for part in parts)
         if self._fired > self._most:
             raise InputError("the events", f"at most {self._most:,}", "more", FEWER)
-        if len(parts) == 1 and not isinstance(self._pixels[0], ClosedPixels):
-            return parts[0]
         made = Firings.join(parts)
         return made.take(np.lexsort((made.pixel, made.instant)))
