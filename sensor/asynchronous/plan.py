@@ -67,7 +67,9 @@ def make_plan(scene: EventScene, pattern: DevicePattern | None, tolerance: float
     """A plan for a tolerance; 0 keeps everything, and so does light that changes, since only its
     beginning is known before the run."""
     effects = event_effects(scene.model, pattern)
-    bounds = np.array([e.bound(scene) for e in effects])
+    with np.errstate(invalid="ignore"):  # nothing of what has no bound
+        bounds = np.array([e.bound(scene) for e in effects])
+    bounds[np.isnan(bounds)] = np.inf
     left_out = np.zeros(bounds.shape, np.bool_)
     free = [n for n, e in enumerate(effects) if e.work > 0]
     if not free or tolerance <= 0 or not scene.steady:

@@ -182,6 +182,17 @@ def test_the_page_is_one_file_without_a_network(whole):
     )
 
 
+def test_the_page_says_the_error_and_what_was_left_out(whole):
+    result, run = whole
+    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    assert "not measured yet" not in page
+    assert f"<b>{result.error.value:.2g}</b>" in page
+    assert result.left_out
+    for row in result.left_out:
+        cells = f"<td>{row['bound']:.2g}</td><td>{row['kind']}</td><td>{row['measured']:.2g}</td>"
+        assert cells in page
+
+
 def test_the_stream_holds_what_was_sent(whole):
     _, run = whole
     events = read_events(run.folder / "stream.events.npz")
