@@ -243,4 +243,9 @@ def verify(plan: EventPlan, view: View, tolerance: float) -> Checked:
             )
             plan = plan.without({e.name for e in plan.effects})
             continue
+        if not plan.left_out.any() and error.high > tolerance > 0:
+            said.append(
+                f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
+                f"tile's rate, more than the tolerance {tolerance:g}"
+            )
         return Checked(plan, error, tiles, rows, said)

@@ -124,6 +124,8 @@ class AsynchronousPixels:
         first = self._rates(piece.first)
         last = first if piece.constant else self._rates(piece.last)
         spans = [(n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)]
+        if len(spans) == 1:
+            return self._run(spans[0], first, last, piece, stop)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             tiles = [pool.submit(self._run, span, first, last, piece, stop) for span in spans]
             try:
