@@ -212,7 +212,7 @@ def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatc
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(AsynchronousPixels, "step", stop)
+    monkeypatch.setattr(AsynchronousPixels, "unordered", stop)
     with pytest.raises(Interrupted, match="run it afresh"):
         shoot(tmp_path / "run", *SMALL)
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["scenario.toml"]
