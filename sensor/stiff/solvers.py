@@ -145,7 +145,8 @@ def solved_train(
                 unit = min(left, 2 * (goal - charge) / rate)
 
             def slope(t: float, y: Values, unit: float = unit, rate: float = rate,
-                      goal: float = goal, phase: int = phase, level: float = level, ramp: float = change,
+                      goal: float = goal, phase: int = phase, level: float = level,
+                      ramp: float = change,
                       ) -> list[float]:  # fmt: skip
                 n = y[0] * goal
                 v = swing(n)
