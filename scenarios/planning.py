@@ -147,20 +147,20 @@ def plan_run(
 ) -> RunPlan:
     """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given."""
     scene = seen.scene
-    own = 0.0
+    own = setting.lumped_error
     if tier is None:
         tier = "exact"
         if device is not None and tolerance > 0 and setting.reset == "residual":
-            own = fast_bound(setting, scene)
-            tier = "fast" if own <= SHARE * tolerance / 2 else "exact"
-    elif tier == "fast":
-        own = fast_bound(setting, scene)
+            fast = fast_bound(setting, scene)
+            tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
+    if tier == "fast":
+        own += fast_bound(setting, scene)
     effects = setting.kept
     if tier != "fast":  # it runs all tiles alike
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     plan = make_plan(
         effects, scene, tolerance, certain=seen.certain, base_ns=QUIET,
-        own=own if tier == "fast" else 0.0, forced=forced,
+        own=own, forced=forced,
     )  # fmt: skip
     flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]

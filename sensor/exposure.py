@@ -90,7 +90,7 @@ class Exposure:
         electrons = light.astype(np.float64) * self._per_cycle
         if self._pattern is not None:
             gain, dark = (m.reshape(plane.shape)[y0:y1, x0:x1] for m in self._pattern)
-            electrons = electrons * gain + dark
+            electrons = np.maximum(electrons * gain + dark, 0)  # a leak may be more than the light
         return electrons
 
     def _fixed(self, plane: Plane, box: Box) -> Charge:

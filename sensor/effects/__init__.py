@@ -1,5 +1,6 @@
 """The physical effects of the pixel, one file each."""
 
+from sensor.effects.circuit import leak_effect, overshoot_effect
 from sensor.effects.crosstalk import crosstalk_effect
 from sensor.effects.dead_time import dead_time_effect
 from sensor.effects.fixed_pattern import pattern_effects
@@ -22,7 +23,9 @@ __all__ = [
     "first_thresholds",
     "initial_deficit",
     "ktc_electrons",
+    "leak_effect",
     "metastability_effect",
+    "overshoot_effect",
     "pattern_effects",
     "row_sampling_effect",
     "threshold_noise_effect",

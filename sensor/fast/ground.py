@@ -86,19 +86,19 @@ class Ground:
     @property
     def scale(self) -> float:
         """Thresholds a cycle for a unit of light, without pattern."""
-        return self.gain * float(self.clock.period) / self.model.threshold
+        return self.gain * float(self.clock.period) / self.model.mean
 
     @property
     def brightest(self) -> np.float32:
         """Level at which light is held, in thresholds a cycle."""
-        return np.float32(LARGEST / self.model.threshold)
+        return np.float32(LARGEST / self.model.mean)
 
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
         """Thresholds a cycle for a unit of light, and in the dark, of each padded pixel."""
         if self.pattern is None:
             return None
-        dark = self.pattern.dark * (float(self.clock.period) / self.model.threshold)
+        dark = self.pattern.dark * (float(self.clock.period) / self.model.mean)
         return (
             self.padded((self.pattern.gain * self.scale).astype(np.float32)),
             self.padded(dark.astype(np.float32)),

@@ -57,6 +57,7 @@ class ReferencePixels:
         pattern: FixedPattern | None = None,
         offsets: npt.NDArray[np.int64] | None = None,
         circuit: Circuit | None = None,
+        overshoot: float = 0.0,
     ) -> None:
         n = numbers.size
         self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
@@ -72,6 +73,7 @@ class ReferencePixels:
                     f"{model.reset!r} and {model.dead_time:g} cycle"
                 )
             circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
+        self._overshoot = overshoot
         shot = SHOT_NOISE in model.effects
         self._law = law_of(model.threshold, model.threshold_noise, shot)
         self._levels: list[tuple[Plane, Values]] = []
@@ -171,8 +173,8 @@ class ReferencePixels:
     def fraction(self) -> Values:
         """Charge stored at each pixel's last latch over the threshold of the interval that is
         running there, (n,)."""
-        fraction: Values = self._state["held"] / self._state["goal"]
-        return fraction
+        fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
+        return np.minimum(fraction, 1.0) if self._overshoot else fraction
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next cycles depend on, as copies."""
