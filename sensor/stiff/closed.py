@@ -2,7 +2,8 @@
 
 Time t and time constants share a unit; rate: electrons per unit of time; slope: its change per
 unit. All are sums of terms that cannot cancel, by the functions phi_k(z) = integral over u from 0
-to 1 of exp(-(1 - u) z) u^(k-1) / (k-1)! (Hochbruck and Ostermann, Acta Numerica 19:209, 2010, with -z).
+to 1 of exp(-(1 - u) z) u^(k-1) / (k-1)! (Hochbruck and Ostermann, Acta Numerica 19:209, 2010, with
+-z).
 """
 
 from __future__ import annotations
