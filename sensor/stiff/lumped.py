@@ -1,8 +1,8 @@
 """What of a circuit the exact tier can carry in its own settings, and what then remains.
 
 Under steady light s (electrons a second) an interval of the circuit lasts the time from what the
-reset left, n_r, to the threshold Q, then the comparator's delay t_d, then the reset. Its lumped form
-is (threshold + shift) / (s + dark) + dead time:
+reset left, n_r, to the threshold Q, then the comparator's delay t_d, then the reset. Its lumped
+form is (threshold + shift) / (s + dark) + dead time:
 
 - leak: dark = -(Q + n_r) / (2 tau), the mean of what leaks. With u = (Q - n_r) / (s tau - n_r) the
   interval is tau times -log(1 - u) instead of u / (1 - u / 2); the difference grows with u.
@@ -13,7 +13,7 @@ is (threshold + shift) / (s + dark) + dead time:
 
 t_d falls with light and n_r rises, so that on a cell of light the ends bound them: the bound is the
 sum of the three remainders over the least lumped interval of the cell, the worst cell. It is for
-steady light and for the threshold itself; under a leak a drawn threshold T would have dark -T / 2tau.
+steady light and for the threshold itself: under a leak a drawn threshold T would have its own dark.
 """
 
 from __future__ import annotations

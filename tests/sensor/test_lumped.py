@@ -1,4 +1,4 @@
-"""A circuit lumped into the exact tier's settings: the bound on what remains holds, and is tight."""
+"""A circuit lumped into the exact tier's settings: the bound on what remains holds, tightly."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def test_one_electron_with_noise_is_the_exponential_plus_normal_law(sigma: float
 
 @pytest.mark.parametrize(("q", "sigma"), [(20.0, 3.0), (100.0, 28.4), (1000.0, 5.8), (3e4, 900.0)])
 def test_the_mixed_law_inverts_its_definition(q: float, sigma: float) -> None:
-    drawn, (lower, upper) = draw_all(law_of(q, sigma), WORDS[:16]), tails(WORDS[:16])
+    drawn, (lower, upper) = draw_all(law_of(q, sigma), WORDS[:11]), tails(WORDS[:11])
     for x, below, above in zip(drawn, lower, upper, strict=True):
         if x <= 2 * LEAST:  # held there
             continue
