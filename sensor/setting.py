@@ -84,7 +84,8 @@ class CameraSetting:
 
     def rate(self, lux: float) -> float:
         """Spikes a cycle (more than 1 saturates) under `lux` on the pixel."""
-        return lux * self.electrons_per_lux * float(self.clock.period) / self.threshold
+        gathered = lux * self.electrons_per_lux * float(self.clock.period)
+        return gathered / (self.threshold + self.overshoot)
 
     @property
     def kept(self) -> tuple[Effect, ...]:

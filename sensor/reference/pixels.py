@@ -44,7 +44,8 @@ class ReferencePixels:
     numbers: of the pixels, (n,) uint32. gain: electrons a second for a unit of light. pattern: of
     these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
     spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
-    model's dead time, which must be 0, and under `residual` alone. Memory: 16 bytes a pixel and
+    model's dead time, which must be 0, and under `residual` alone. overshoot: electrons that it
+    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes a pixel and
     piece of light beside the light itself: it is for patches.
     """
 
@@ -172,7 +173,7 @@ class ReferencePixels:
 
     def fraction(self) -> Values:
         """Charge stored at each pixel's last latch over the threshold of the interval that is
-        running there, (n,)."""
+        running there, with what a late comparator lets it gather beyond; at most 1, (n,)."""
         fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
         return np.minimum(fraction, 1.0) if self._overshoot else fraction
 
