@@ -6,7 +6,7 @@
 // cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
 
 #ifdef DEAD_TIME
-#define LOST(add) convert_int16_rtz(convert_float16(add) * dead)
+#define LOST(add) convert_int16(convert_float16(add) * dead)
 #define BELOW(d, add) ((d) < (add))
 #else
 #define LOST(add) (int16)(0)
@@ -30,13 +30,13 @@
 
 inline int16 units_of(const float16 rate)
 {
-    return convert_int16_rte((rate < MOST ? rate : (float16)(MOST)) * (float)ONE);
+    return convert_int16((rate < MOST ? rate : (float16)(MOST)) * (float)ONE + 0.5f);
 }
 
 // Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
 inline int16 multiple(const int16 whole, const int16 part)
 {
-    int16 m = convert_int16_rtz(convert_float16(whole) / convert_float16(part));
+    int16 m = convert_int16(convert_float16(whole) / convert_float16(part));
     m += (m * part > whole);
     m -= (whole - m * part >= part);
     return m;
@@ -51,7 +51,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
     // Products wrap; the difference of the two is small.
     const float16 guess = (convert_float16(n) * convert_float16(part) - convert_float16(d)) /
                           convert_float16(whole);
-    int16 m = convert_int16_rtz(guess);
+    int16 m = convert_int16(guess);
     int16 r = as_int16(as_uint16(d) + as_uint16(m) * as_uint16(whole) - as_uint16(n) * as_uint16(part));
     for (uint i = 0; i < 2; i++) {
         m -= (r < 0);
@@ -124,7 +124,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
         }                                                                                         \
     }
 
-__kernel void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
+__kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUP
     STATE
@@ -133,21 +133,101 @@ __kernel void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     KEEP_STATE
 }
 
-__kernel void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
+#ifdef NOISE
+#define BATCH 5
+#define DRAW(k) (used_up == BATCH ? (draw_words(drawn, k, pixel, seed),                           \
+                                     slot = convert_uint16((k) & 3), used_up = 0) : 0,            \
+                 quantile(nth_word(drawn, used_up++, slot), table))
+#define NEXT_K (first_k + convert_ulong16(used))
+#else
+#define DRAW(k) (int16)(ONE)
+#endif
+
+// Light that is the same in every cycle: from spike to spike, all lanes in step. The number of cycles
+// to the next spike is estimated in float and corrected in integers, so that no rounding shows. A
+// lane that did not fire is at its window's end and draws no more.
+__kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     STATE
-    QUEUE
     const float16 rate = LEVEL(plane);
     const int16 add = units_of(rate), lost = LOST(add);
-    uint16 bits = 0;
-    for (uint c = 0; c < cycles;) {
-        const uint bit = 1u << (c & 31);
-        CYCLE(add, lost)
-        if (!(++c & 31) || c == cycles) {
-            store_word(bits, words + ((c - 1) >> 5) * stride, row, x, width);
-            bits = 0;
+    const int16 sure = add >= TOP + lost;
+    const int any_sure = some(sure);
+    const float16 light = convert_float16(add), reciprocal = 1.0f / (light + 0.5f);
+    // No spike at all, with room for the roundings of float.
+    if (!some(as_int16(convert_float16(d) - light * ((float)cycles * 1.0001f)))) {
+        d -= add * (int)cycles;
+        for (uint w = 0; w < (cycles + 31) / 32; w++)
+            store_word((uint16)(0), words + w * stride, row, x, width);
+        vstore16(d, g, charge);
+        return;
+    }
+#ifdef NOISE
+    uint16 drawn[8], slot = 0;
+    uint used_up;
+#endif
+    for (uint begin = 0; begin < cycles; begin += 64) {
+        const int stop = min(64u, cycles - begin);
+        int16 at = 0;
+        uint16 early = 0, late = 0;
+#ifdef NOISE
+        used_up = BATCH;
+#endif
+        for (;;) {
+            const int16 left = stop - at;
+            const float16 most = convert_float16(left), root = convert_float16(d) * reciprocal;
+            int16 n = convert_int16(root < most ? root : most);
+            int16 rest = d - n * add;
+            const int16 over = rest >> 31;
+            n += over;
+            rest += over & add;
+            const int16 go = (rest >= add) & (n < left);
+            n -= go;
+            rest -= go & add;
+            int16 fired = n < left;
+            if (any_sure) {
+                const int16 run = sure & fired & BELOW(d, add);
+                if (some(run)) {
+                    rest = run_over(d, left, add, ONE + lost, &used, run) & run | rest & ~run;
+                    const uint16 from = as_uint16(at);
+                    early |= as_uint16(run) & 
+                        (at < 32 ? (uint16)(0xFFFFFFFFu) << (from & 31) : (uint16)(0)) &
+                        (stop < 32 ? (1u << stop) - 1 : 0xFFFFFFFFu);
+                    if (stop > 32)
+                        late |= as_uint16(run) & 
+                            (at > 31 ? (uint16)(0xFFFFFFFFu) << (from & 31) : (uint16)(0xFFFFFFFFu)) &
+                            (0xFFFFFFFFu >> (64 - stop));
+                    n = select(n, left, run);
+                    fired &= ~run;
+                }
+            }
+            d = rest - (fired & add);
+            if (!some(fired))
+                break;
+            at += n;
+            const uint16 bit = as_uint16(fired) & ((uint16)(1) << as_uint16(at & 31));
+            early |= as_uint16(at < 32) & bit;
+            late |= as_uint16(at > 31) & bit;
+            at -= fired;
+            used -= as_uint16(fired);
+            d += fired & (lost + DRAW(NEXT_K));
+            while (some(d)) {
+                const int16 again = d < 0;
+                used -= as_uint16(again);
+#ifdef NOISE
+                used_up = BATCH;
+#endif
+                d += again & (lost + DRAW(NEXT_K));
+#ifdef NOISE
+                used_up = BATCH;
+#endif
+            }
         }
+        __global uint *word = words + (begin >> 5) * stride;
+        store_word(early, word, row, x, width);
+        if (stop > 32)
+            store_word(late, word + stride, row, x, width);
     }
     KEEP_STATE
 }

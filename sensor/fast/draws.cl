@@ -46,5 +46,5 @@ inline int16 quantile(const uint16 word, __global const int *table)
     const int16 index = as_int16(bits >> 16) - SMALLEST + (upper & SIDE);
     const int16 low = look(table, index), step = look(table + 1, index) - low;
     const float16 part = convert_float16(as_int16(bits & 0xFFFF));
-    return low + convert_int16_rtz(convert_float16(step) * part * 0x1p-16f);
+    return low + convert_int16(convert_float16(step) * part * 0x1p-16f);
 }

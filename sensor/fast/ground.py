@@ -90,8 +90,8 @@ class Ground:
 
     @property
     def brightest(self) -> np.float32:
-        """Level at which light is held, in thresholds a cycle."""
-        return np.float32(LARGEST / self.model.threshold)
+        """Level at which light is held, in thresholds a cycle, an int32 in any case."""
+        return np.float32(min(LARGEST / self.model.threshold, 2.0**30))
 
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:

@@ -2,6 +2,13 @@
 // float32 with one rounding an operation: the same numbers as plain numpy on every device.
 #pragma OPENCL FP_CONTRACT OFF
 
+// Without this word the compiler takes sixteen lanes apart into two vectors of eight.
+#if __has_attribute(min_vector_width)
+#define WIDE __attribute__((min_vector_width(512)))
+#else
+#define WIDE
+#endif
+
 #define PLANES 16
 #define ROW_OF(g) ((uint)(g) / groups)
 #define X_OF(g) (16 * ((uint)(g) % groups))

@@ -29,6 +29,9 @@ __all__ = ["FastPixels"]
 
 _PLANES: Final = 16
 """Planes that a launch reads."""
+import os
+_L=os.environ.get("H2L","1")
+_LOCAL = (int(_L),1) if _L!="0" else None
 _ENTRY: Final = 5 + _PLANES
 """Integers that describe a segment to a kernel."""
 
@@ -153,7 +156,7 @@ class FastPixels:
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
             self._kernels[flags][0](
-                self._device.queue, (n,), None, *self._state(flags),
+                self._device.queue, (n,), (_LOCAL[:1] if _LOCAL else None), *self._state(flags),
                 plane, words, np.uint32(height * self._ground.shape[1]),
                 np.uint32(self._ground.shape[1]), np.uint32(groups), self._ground.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
@@ -180,7 +183,7 @@ class FastPixels:
         shared = device.upload(entries), device.upload(weights)
         for flags in self._lists:
             self._kernels[flags][1](
-                device.queue, (g1 - g0, y1 - y0), None, *self._state(flags),
+                device.queue, (g1 - g0, y1 - y0), _LOCAL, *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._ground.groups[1]), self._ground.brightest,
