@@ -26,7 +26,7 @@
     vstore16(convert_uint16(last_k >> 32), g, high);
 #define STATE_PARAMETERS                                                                          \
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
-        __global const int *table, const uint seed, const float dead
+        __global const long *table, const uint seed, const float dead
 
 inline int16 units_of(const float16 rate)
 {

@@ -21,30 +21,18 @@ inline uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
     return select(select(words[i], words[i + 1], odd), select(words[i + 2], words[i + 3], odd), late);
 }
 
-#if defined(__AVX512DQ__) && __has_builtin(__builtin_ia32_gathersiv16si)
-inline int16 look(__global const int *table, const int16 index)
-{
-    const either16 at = {index}, none = {(int16)(0)};
-    either16 found;
-    found.p = __builtin_ia32_gathersiv16si(none.p, table, at.p, (short)-1, 4);
-    return found.v;
-}
-#else
-inline int16 look(__global const int *t, const int16 i)
-{
-    return (int16)(t[i.s0], t[i.s1], t[i.s2], t[i.s3], t[i.s4], t[i.s5], t[i.s6], t[i.s7],
-                   t[i.s8], t[i.s9], t[i.sa], t[i.sb], t[i.sc], t[i.sd], t[i.se], t[i.sf]);
-}
-#endif
-
-// Threshold of a random word.
-inline int16 quantile(const uint16 word, __global const int *table)
+// Threshold of a random word. `table` holds pairs: value at a knot, step to the next.
+inline int16 quantile(const uint16 word, __global const long *table)
 {
     const int16 upper = as_int16(word) >> 31;
     const float16 y = convert_float16(as_int16(word) ^ upper);
     const uint16 bits = as_uint16(y < 0.5f ? (float16)(0.5f) : y);
-    const int16 index = as_int16(bits >> 16) - SMALLEST + (upper & SIDE);
-    const int16 low = look(table, index), step = look(table + 1, index) - low;
+    const int16 i = as_int16(bits >> 16) - SMALLEST + (upper & SIDE);
+    const int16 a = as_int16((long8)(table[i.s0], table[i.s1], table[i.s2], table[i.s3],
+                                     table[i.s4], table[i.s5], table[i.s6], table[i.s7]));
+    const int16 b = as_int16((long8)(table[i.s8], table[i.s9], table[i.sa], table[i.sb],
+                                     table[i.sc], table[i.sd], table[i.se], table[i.sf]));
     const float16 part = convert_float16(as_int16(bits & 0xFFFF));
-    return low + convert_int16(convert_float16(step) * part * 0x1p-16f);
+    const float16 step = convert_float16((int16)(a.odd, b.odd));
+    return (int16)(a.even, b.even) + convert_int16(step * part * 0x1p-16f);
 }

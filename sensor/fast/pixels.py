@@ -74,7 +74,8 @@ class FastPixels:
         )
         self._device = device
         self._numbers = device.upload(ground.padded(numbers))
-        self._table = device.upload(ground.units.table)
+        knots = ground.units.table
+        self._table = device.upload(np.stack([knots[:-1], np.diff(knots)], axis=1))
         self._flags = device.upload(ground.kept)
         flat = ground.kept.ravel()
         lists = {int(f): np.flatnonzero(flat == f).astype(np.uint32) for f in np.unique(flat)}

@@ -80,7 +80,7 @@ class Units:
     @property
     def smallest(self) -> int:
         """The shortest threshold that can be drawn."""
-        return int(self.table.min()) if self.table.size > 1 else self.one
+        return int(self.table.min())
 
 
 def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
@@ -90,7 +90,7 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
 def units_of(model: ExactModel) -> Units:
     """Units and table for a model's thresholds."""
     if not model.noisy:
-        return Units(BITS, np.full(1, 1 << BITS, np.int32), 1 << BITS)
+        return Units(BITS, np.full(2, 1 << BITS, np.int32), 1 << BITS)
     knots = _spread(model.table())
     longest = int(max(knots.max(), _first_table(model).max()))
     bits = min(BITS, floor(_LONGEST - log2(longest / model.q)))
