@@ -5,6 +5,9 @@
 // TOP is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
 // cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
 
+#define SCALE ((float)ONE)
+#define LIMIT MOST
+
 #ifdef DEAD_TIME
 #define LOST(add) convert_int16(convert_float16(add) * dead)
 #define BELOW(d, add) ((d) < (add))
@@ -26,11 +29,11 @@
     vstore16(convert_uint16(last_k >> 32), g, high);
 #define STATE_PARAMETERS                                                                          \
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
-        __global const long *table, const uint seed, const float dead
+        __global const int *table, const uint seed, const float dead
 
 inline int16 units_of(const float16 rate)
 {
-    return convert_int16((rate < MOST ? rate : (float16)(MOST)) * (float)ONE + 0.5f);
+    return convert_int16((rate < MOST ? rate : (float16)(MOST)) * SCALE + 0.5f);
 }
 
 // Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
@@ -71,7 +74,8 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
         uint16 drawn[8];                                                                          \
         const ulong16 k = first_k + convert_ulong16(used) + 1;                                    \
         const uint16 slot = convert_uint16(k & 3);                                                \
-        draw_words(drawn, k, pixel, seed);                                                        \
+        block_words(drawn, k >> 2, pixel, seed);                                                  \
+        block_words(drawn + 4, (k >> 2) + 1, pixel, seed);                                        \
         t0 = quantile(nth_word(drawn, 0, slot), table);                                           \
         t1 = quantile(nth_word(drawn, 1, slot), table);                                           \
         t2 = quantile(nth_word(drawn, 2, slot), table);                                           \
@@ -129,18 +133,46 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     MOVING_GROUP
     STATE
     QUEUE
-    WALK(const int16 add = units_of(rate); const int16 lost = LOST(add); CYCLE(add, lost))
+    WALK(const int16 add = convert_int16(units + 0.5f); const int16 lost = LOST(add);
+         CYCLE(add, lost),
+         const int16 add = units_of(rate); const int16 lost = LOST(add); ANY_CYCLE(add, lost))
     KEEP_STATE
 }
 
 #ifdef NOISE
-#define BATCH 5
-#define DRAW(k) (used_up == BATCH ? (draw_words(drawn, k, pixel, seed),                           \
-                                     slot = convert_uint16((k) & 3), used_up = 0) : 0,            \
-                 quantile(nth_word(drawn, used_up++, slot), table))
-#define NEXT_K (first_k + convert_ulong16(used))
+// The threshold of interval k of each lane. Lanes that fire together use up the words of a counter
+// together, so each further counter serves four spikes; `fresh` begins anew where they have come out
+// of step.
+inline int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ulong16 *block,
+                            const ulong16 k, const uint16 pixel, __global const int *table,
+                            const uint seed)
+{
+    if (*fresh) {
+        *slot = convert_uint16(k & 3);
+        *block = k >> 2;
+        block_words(drawn, *block, pixel, seed);
+        block_words(drawn + 4, *block + 1, pixel, seed);
+        *block += 2;
+        *i = *fresh = 0;
+    } else if (*i == 5) {
+        for (uint j = 0; j < 4; j++)
+            drawn[j] = drawn[4 + j];
+        block_words(drawn + 4, *block, pixel, seed);
+        *block += 1;
+        *i = 1;
+    }
+    return quantile(nth_word(drawn, (*i)++, *slot), table);
+}
+#define DRAWN                                                                                     \
+    uint16 drawn[8], slot = 0;                                                                    \
+    ulong16 block = 0;                                                                            \
+    uint i = 0;
+#define DRAW                                                                                      \
+    next_threshold(drawn, &i, &fresh, &slot, &block, first_k + convert_ulong16(used), pixel,      \
+                   table, seed)
 #else
-#define DRAW(k) (int16)(ONE)
+#define DRAWN
+#define DRAW (int16)(ONE)
 #endif
 
 // Light that is the same in every cycle: from spike to spike, all lanes in step. The number of cycles
@@ -163,17 +195,12 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
         vstore16(d, g, charge);
         return;
     }
-#ifdef NOISE
-    uint16 drawn[8], slot = 0;
-    uint used_up;
-#endif
+    DRAWN
     for (uint begin = 0; begin < cycles; begin += 64) {
         const int stop = min(64u, cycles - begin);
         int16 at = 0;
         uint16 early = 0, late = 0;
-#ifdef NOISE
-        used_up = BATCH;
-#endif
+        int fresh = 1;
         for (;;) {
             const int16 left = stop - at;
             const float16 most = convert_float16(left), root = convert_float16(d) * reciprocal;
@@ -211,17 +238,13 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
             late |= as_uint16(at > 31) & bit;
             at -= fired;
             used -= as_uint16(fired);
-            d += fired & (lost + DRAW(NEXT_K));
+            d += fired & (lost + DRAW);
             while (some(d)) {
                 const int16 again = d < 0;
                 used -= as_uint16(again);
-#ifdef NOISE
-                used_up = BATCH;
-#endif
-                d += again & (lost + DRAW(NEXT_K));
-#ifdef NOISE
-                used_up = BATCH;
-#endif
+                fresh = 1;
+                d += again & (lost + DRAW);
+                fresh = 1;
             }
         }
         __global uint *word = words + (begin >> 5) * stride;

@@ -97,31 +97,45 @@ inline int some(const int16 v)
     __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
                                             a8, a9, a10, a11, a12, a13, a14, a15};
 
-// Walks the segments: CYCLE is what is done with `rate`, thresholds that a cycle brings, of cycle c;
-// it adds its spikes to `bits` at `bit`.
-#define WALK(CYCLE)                                                                               \
+// Walks the segments. EASY is done with a cycle whose light stays below LIMIT thresholds and comes of
+// two planes at most: `units` is that light times SCALE. ANY is done with any other: `rate` is its
+// light in thresholds. Both add spikes to `bits` at `bit`.
+#define WALK(EASY, ANY)                                                                           \
     uint c = segments[0];                                                                         \
     uint16 bits = 0;                                                                              \
     if (c & 31)                                                                                   \
         bits = load_word(words + (c >> 5) * stride, row, x, width);                               \
     for (uint s = 0; s < n_segments; s++) {                                                       \
         __global const int *segment = segments + s * SEGMENT;                                     \
-        const uint end = segment[0] + segment[1], others = segment[4];                            \
+        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
         const float16 base = LEVEL(planes[segment[3]]);                                           \
         float16 step = 0.0f;                                                                      \
         if (others)                                                                               \
             step = LEVEL(planes[segment[5]]) - base;                                              \
         __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
-        for (; c < end; weight += rows * others) {                                                \
-            float16 rate = base;                                                                  \
-            if (others)                                                                           \
-                rate = rate + weight[0] * step;                                                   \
-            for (uint j = 1; j < others; j++)                                                     \
-                rate = rate + weight[j] * (LEVEL(planes[segment[5 + j]]) - base);                 \
-            rate = rate < 0.0f ? (float16)(0.0f) : rate;                                          \
-            const uint bit = 1u << (c & 31);                                                      \
-            CYCLE                                                                                 \
-            if (!(++c & 31)) {                                                                    \
+        const float16 room = LIMIT - base - (step > 0.0f ? step : (float16)(0.0f));               \
+        const int easy = others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));                 \
+        const float16 base_units = base * SCALE, step_units = step * SCALE;                       \
+        while (c < end) {                                                                         \
+            const uint stop = min(end, (c | 31) + 1);                                             \
+            if (easy)                                                                             \
+                for (; c < stop; c++, weight += jump) {                                           \
+                    const uint bit = 1u << (c & 31);                                              \
+                    const float16 units = base_units + weight[0] * step_units;                    \
+                    EASY                                                                          \
+                }                                                                                 \
+            else                                                                                  \
+                for (; c < stop; c++, weight += jump) {                                           \
+                    const uint bit = 1u << (c & 31);                                              \
+                    float16 rate = base;                                                          \
+                    if (others)                                                                   \
+                        rate = rate + weight[0] * step;                                           \
+                    for (uint j = 1; j < others; j++)                                             \
+                        rate = rate + weight[j] * (LEVEL(planes[segment[5 + j]]) - base);         \
+                    rate = rate < 0.0f ? (float16)(0.0f) : rate;                                  \
+                    ANY                                                                           \
+                }                                                                                 \
+            if (!(c & 31)) {                                                                      \
                 store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);                 \
                 bits = 0;                                                                         \
             }                                                                                     \

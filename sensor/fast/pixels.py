@@ -21,7 +21,7 @@ from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
 from sensor.fast.course import Course, Segment
 from sensor.fast.ground import LANES, Ground
-from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, SIDE, SMALLEST
+from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE
 from sensor.pattern import FixedPattern
 from sensor.pixel.model import ExactModel
 
@@ -74,8 +74,7 @@ class FastPixels:
         )
         self._device = device
         self._numbers = device.upload(ground.padded(numbers))
-        knots = ground.units.table
-        self._table = device.upload(np.stack([knots[:-1], np.diff(knots)], axis=1))
+        self._table = device.upload(ground.units.table)
         self._flags = device.upload(ground.kept)
         flat = ground.kept.ravel()
         lists = {int(f): np.flatnonzero(flat == f).astype(np.uint32) for f in np.unique(flat)}
@@ -103,7 +102,6 @@ class FastPixels:
         if flags & NOISE:
             source += philox_cl() + text("draws.cl")
             defines += ["-DNOISE", f"-DSTREAM={int(SHOT_NOISE.stream)}u"]
-            defines += [f"-DSIDE={SIDE}", f"-DSMALLEST={SMALLEST}"]
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         source += text("deficit.cl" if flags else "phase.cl")
@@ -168,14 +166,14 @@ class FastPixels:
         """One launch, of segments that share sixteen planes."""
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
-        begin = 0
+        begin = 1  # one weight stands for none
         for entry, segment in zip(entries, segments, strict=True):
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
-            entry[:5] = segment.first, segment.cycles, begin, used[0], len(segment.planes)
+            at = begin if segment.planes else 0
+            entry[:5] = segment.first, segment.cycles, at, used[0], len(segment.planes)
             entry[5 : 5 + len(segment.planes)] = used[1:]
             begin += segment.weights.size
         weights = np.concatenate([np.zeros(1, np.float32), *(s.weights.ravel() for s in segments)])
-        entries[:, 2] += 1
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (_PLANES - len(planes))
