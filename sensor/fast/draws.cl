@@ -24,11 +24,11 @@ inline uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
 inline int16 entry(__global const int *numbers, const int16 octave, const int16 upper)
 {
     const either16 at = {octave};
-    either16 n[4], low, high;
-    for (uint i = 0; i < 4; i++)
-        n[i].v = vload16(i, numbers);
-    low.p = __builtin_ia32_vpermi2vard512(n[0].p, at.p, n[1].p);
-    high.p = __builtin_ia32_vpermi2vard512(n[2].p, at.p, n[3].p);
+    const either16 a = {vload16(0, numbers)}, b = {vload16(1, numbers)};
+    const either16 c = {vload16(2, numbers)}, d = {vload16(3, numbers)};
+    either16 low, high;
+    low.p = __builtin_ia32_vpermi2vard512(a.p, at.p, b.p);
+    high.p = __builtin_ia32_vpermi2vard512(c.p, at.p, d.p);
     return upper ? high.v : low.v;
 }
 #else

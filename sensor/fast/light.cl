@@ -148,9 +148,11 @@ inline int some(const int16 v)
     __global const float *plane, __global uint *words, const uint stride, const uint width,       \
         const uint groups, const float brightest, __global const uint *list, const uint y0,       \
         const uint y1, const uint g0, const uint g1, const uint cycles GAIN_PARAMETERS
-// The group of this work-item, unless it lies in the changed box.
+// The group of this work-item, unless it lies in the changed box or only fills up the list.
 #define STEADY_GROUP                                                                              \
     const uint g = list[get_global_id(0)], row = ROW_OF(g), x = X_OF(g);                          \
+    if (g == 0xFFFFFFFF)                                                                          \
+        return;                                                                                   \
     if (row >= y0 && row < y1 && x >= 16 * g0 && x < 16 * g1)                                     \
         return;                                                                                   \
     GAINS(g)
@@ -159,12 +161,12 @@ inline int some(const int16 v)
     __global const uchar *flags, __global const int *segments, const uint n_segments,             \
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
-        const uint g0 GAIN_PARAMETERS
+        const uint g0, const uint g1 GAIN_PARAMETERS
 // The group of this work-item, a place in the changed box, unless its flags are others.
 #define MOVING_GROUP                                                                              \
     const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
     const uint g = row * groups + x / 16;                                                         \
-    if (flags[g] != FLAGS)                                                                        \
+    if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
         return;                                                                                   \
     PLANE_TABLE                                                                                   \
     GAINS(g)

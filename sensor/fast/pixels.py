@@ -30,8 +30,9 @@ __all__ = ["FastPixels"]
 _PLANES: Final = 16
 """Planes that a launch reads."""
 import os
-_L=os.environ.get("H2L","1")
-_LOCAL = (int(_L),1) if _L!="0" else None
+_LOCAL: Final = int(os.environ.get("H2L","8"))
+"""Work-items that share a core at a time. PoCL keeps the private arrays of all of them, so that few
+stay in its cache, and thousands overrun its stack."""
 _ENTRY: Final = 5 + _PLANES
 """Integers that describe a segment to a kernel."""
 
@@ -77,7 +78,7 @@ class FastPixels:
         self._table = device.upload(ground.units.table)
         self._flags = device.upload(ground.kept)
         flat = ground.kept.ravel()
-        lists = {int(f): np.flatnonzero(flat == f).astype(np.uint32) for f in np.unique(flat)}
+        lists = {int(f): _filled(np.flatnonzero(flat == f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
         self._gains: tuple[Any, ...] = (np.float32(ground.scale),)
         if ground.gains is not None:
@@ -155,7 +156,7 @@ class FastPixels:
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
             self._kernels[flags][0](
-                self._device.queue, (n,), (_LOCAL[:1] if _LOCAL else None), *self._state(flags),
+                self._device.queue, (n,), (_LOCAL,), *self._state(flags),
                 plane, words, np.uint32(height * self._ground.shape[1]),
                 np.uint32(self._ground.shape[1]), np.uint32(groups), self._ground.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
@@ -182,11 +183,11 @@ class FastPixels:
         shared = device.upload(entries), device.upload(weights)
         for flags in self._lists:
             self._kernels[flags][1](
-                device.queue, (g1 - g0, y1 - y0), _LOCAL, *self._state(flags),
+                device.queue, (-(-(g1 - g0) // _LOCAL) * _LOCAL, y1 - y0), (_LOCAL, 1), *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._ground.groups[1]), self._ground.brightest,
-                np.uint32(y0), np.uint32(g0), *self._gains, *planes,
+                np.uint32(y0), np.uint32(g0), np.uint32(g1), *self._gains, *planes,
             )  # fmt: skip
 
     def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
@@ -237,6 +238,12 @@ class FastPixels:
         self._put(
             pad(np.asarray(state["charge"], np.int32)), pad(np.asarray(state["spikes"], np.uint64))
         )
+
+
+def _filled(groups: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
+    """Numbers of groups, filled up to whole work-groups with one that there is not."""
+    rest = -groups.size % _LOCAL
+    return np.append(groups.astype(np.uint32), np.full(rest, 0xFFFFFFFF, np.uint32))
 
 
 def _groups(box: Box | None) -> tuple[int, int, int, int]:
