@@ -93,9 +93,6 @@ inline int some(const int16 v)
         __global const float *a9, __global const float *a10, __global const float *a11,           \
         __global const float *a12, __global const float *a13, __global const float *a14,          \
         __global const float *a15
-#define PLANE_TABLE                                                                               \
-    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
-                                            a8, a9, a10, a11, a12, a13, a14, a15};
 
 // Walks the segments. EASY is done with a cycle whose light stays below LIMIT thresholds and comes of
 // two planes at most: `units` is that light times SCALE. ANY is done with any other: `rate` is its
@@ -108,10 +105,10 @@ inline int some(const int16 v)
     for (uint s = 0; s < n_segments; s++) {                                                       \
         __global const int *segment = segments + s * SEGMENT;                                     \
         const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
-        const float16 base = LEVEL(planes[segment[3]]);                                           \
+        const float16 base = levels[segment[3]];                                           \
         float16 step = 0.0f;                                                                      \
         if (others)                                                                               \
-            step = LEVEL(planes[segment[5]]) - base;                                              \
+            step = levels[segment[5]] - base;                                              \
         __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
         const float16 room = LIMIT - base - (step > 0.0f ? step : (float16)(0.0f));               \
         const int easy = others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));                 \
@@ -131,7 +128,7 @@ inline int some(const int16 v)
                     if (others)                                                                   \
                         rate = rate + weight[0] * step;                                           \
                     for (uint j = 1; j < others; j++)                                             \
-                        rate = rate + weight[j] * (LEVEL(planes[segment[5 + j]]) - base);         \
+                        rate = rate + weight[j] * (levels[segment[5 + j]] - base);         \
                     rate = rate < 0.0f ? (float16)(0.0f) : rate;                                  \
                     ANY                                                                           \
                 }                                                                                 \
@@ -161,12 +158,16 @@ inline int some(const int16 v)
     __global const uchar *flags, __global const int *segments, const uint n_segments,             \
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
-        const uint g0, const uint g1 GAIN_PARAMETERS
+        const uint g0, const uint g1, const uint n_planes GAIN_PARAMETERS
 // The group of this work-item, a place in the changed box, unless its flags are others.
 #define MOVING_GROUP                                                                              \
     const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
     const uint g = row * groups + x / 16;                                                         \
     if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
         return;                                                                                   \
-    PLANE_TABLE                                                                                   \
-    GAINS(g)
+    GAINS(g)                                                                                      \
+    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
+                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
+    float16 levels[PLANES]; /* all fetched at once, since each comes from afar */                 \
+    for (uint p = 0; p < n_planes; p++)                                                           \
+        levels[p] = LEVEL(planes[p]);

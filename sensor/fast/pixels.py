@@ -29,8 +29,7 @@ __all__ = ["FastPixels"]
 
 _PLANES: Final = 16
 """Planes that a launch reads."""
-import os
-_LOCAL: Final = int(os.environ.get("H2L","8"))
+_LOCAL: Final = 8
 """Work-items that share a core at a time. PoCL keeps the private arrays of all of them, so that few
 stay in its cache, and thousands overrun its stack."""
 _ENTRY: Final = 5 + _PLANES
@@ -187,7 +186,8 @@ class FastPixels:
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._ground.groups[1]), self._ground.brightest,
-                np.uint32(y0), np.uint32(g0), np.uint32(g1), *self._gains, *planes,
+                np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
+                *self._gains, *planes,
             )  # fmt: skip
 
     def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
