@@ -1,12 +1,12 @@
 // Groups with noise or dead time: state is the deficit, threshold - charge - 1, in int32; its sign is
 // the spike. Between spikes only light is taken off, so a pixel goes from spike to spike.
-//   NOISE      each spike draws its threshold (draws.cl); else it is ONE
+//   NOISE      each spike draws its threshold (draws.cl); else it is the nominal one, `one`
 //   DEAD_TIME  each spike costs `dead` of its cycle's light
-// TOP is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
+// `top` is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
 // cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
 
-#define SCALE ((float)ONE)
-#define LIMIT MOST
+#define SCALE ((float)one)
+#define LIMIT ((float)CAP / (float)one)
 
 #ifdef DEAD_TIME
 #define LOST(add) convert_int16(convert_float16(add) * dead)
@@ -29,11 +29,12 @@
     vstore16(convert_uint16(last_k >> 32), g, high);
 #define STATE_PARAMETERS                                                                          \
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
-        __global const int *table, const uint seed, const float dead
+        __global const int *table, const uint seed, const float dead,     \
+        const int one, const int top
 
-inline int16 units_of(const float16 rate)
+inline int16 units_of(const float16 rate, const int one)
 {
-    return convert_int16((rate < MOST ? rate : (float16)(MOST)) * SCALE + 0.5f);
+    return convert_int16(held(rate, LIMIT) * SCALE + 0.5f);
 }
 
 // Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
@@ -83,7 +84,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
     }
 #define SHIFT(f) t0 = f ? t1 : t0; t1 = f ? t2 : t1; t2 = f ? t3 : t2; t3 = f ? (int16)(EMPTY) : t3;
 #else
-#define QUEUE const int16 t0 = ONE;
+#define QUEUE const int16 t0 = one;
 #define REFILL {}
 #define SHIFT(f)
 #endif
@@ -91,11 +92,11 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 // Everything that can happen in a cycle: several thresholds, or more than any.
 #define ANY_CYCLE(add, lost)                                                                      \
     {                                                                                             \
-        const int16 certain = ((add) >= TOP + (lost)) & BELOW(d, add);                            \
+        const int16 certain = ((add) >= top + (lost)) & BELOW(d, add);                            \
         int16 r = d - (add);                                                                      \
         bits |= as_uint16(certain | (r >> 31)) & bit;                                             \
         if (some(certain)) {                                                                      \
-            r = select(r, run_over(d, (int16)(1), add, ONE + (lost), &used, certain), certain);   \
+            r = select(r, run_over(d, (int16)(1), add, one + (lost), &used, certain), certain);   \
             RENEW(certain)                                                                        \
         }                                                                                         \
         while (some(r)) {                                                                         \
@@ -118,7 +119,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 #define CYCLE(add, lost)                                                                          \
     {                                                                                             \
         const int16 rest = d - (add), f = rest < 0, next = rest + (f & (t0 + (lost)));            \
-        if (some(next | (TOP - 1 + (lost) - (add))))                                              \
+        if (some(next | (top - 1 + (lost) - (add))))                                              \
             ANY_CYCLE(add, lost)                                                                  \
         else {                                                                                    \
             d = next;                                                                             \
@@ -135,7 +136,7 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     QUEUE
     WALK(const int16 add = convert_int16(units + 0.5f); const int16 lost = LOST(add);
          CYCLE(add, lost),
-         const int16 add = units_of(rate); const int16 lost = LOST(add); ANY_CYCLE(add, lost))
+         const int16 add = units_of(rate, one); const int16 lost = LOST(add); ANY_CYCLE(add, lost))
     KEEP_STATE
 }
 
@@ -172,7 +173,7 @@ inline int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ul
                    table, seed)
 #else
 #define DRAWN
-#define DRAW (int16)(ONE)
+#define DRAW (int16)(one)
 #endif
 
 // Light that is the same in every cycle: from spike to spike, all lanes in step. The number of cycles
@@ -183,8 +184,8 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
     STEADY_GROUP
     STATE
     const float16 rate = LEVEL(plane);
-    const int16 add = units_of(rate), lost = LOST(add);
-    const int16 sure = add >= TOP + lost;
+    const int16 add = units_of(rate, one), lost = LOST(add);
+    const int16 sure = add >= top + lost;
     const int any_sure = some(sure);
     const float16 light = convert_float16(add), reciprocal = 1.0f / (light + 0.5f);
     // No spike at all, with room for the roundings of float.
@@ -216,7 +217,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
             if (any_sure) {
                 const int16 run = sure & fired & BELOW(d, add);
                 if (some(run)) {
-                    rest = run_over(d, left, add, ONE + lost, &used, run) & run | rest & ~run;
+                    rest = run_over(d, left, add, one + lost, &used, run) & run | rest & ~run;
                     const uint16 from = as_uint16(at);
                     early |= as_uint16(run) & 
                         (at < 32 ? (uint16)(0xFFFFFFFFu) << (from & 31) : (uint16)(0)) &

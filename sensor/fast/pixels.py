@@ -19,7 +19,7 @@ from cosim.opencl import Device
 from cosim.philox import philox_cl
 from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
-from sensor.fast.course import Course, Segment
+from sensor.fast.course import MOST_PLANES, Course, Segment
 from sensor.fast.ground import LANES, Ground
 from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE
 from sensor.pattern import FixedPattern
@@ -92,11 +92,8 @@ class FastPixels:
         def text(name: str) -> str:
             return (files("sensor.fast") / name).read_text()
 
-        units, source = self._ground.units, text("light.cl")
-        one = units.one
-        defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DONE={one}"]
-        defines += [f"-DMOST={CAP / one!r}f", f"-DEMPTY=({EMPTY})"]
-        defines.append(f"-DTOP={units.top if flags & NOISE else one}")
+        source = text("light.cl")
+        defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DCAP={CAP}", f"-DEMPTY=({EMPTY})"]
         if self._ground.gains is not None:
             defines.append("-DPATTERN")
         if flags & NOISE:
@@ -125,10 +122,11 @@ class FastPixels:
         """Arguments of a kernel that are the pixels' own."""
         if not flags:
             return (self._charge,)
-        ground = self._ground
+        ground, units = self._ground, self._ground.units
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
-            np.uint32(ground.model.seed), ground.dead,
+            np.uint32(ground.model.seed), ground.dead, np.int32(units.one),
+            np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
     def _look(self, course: Course) -> None:
@@ -145,6 +143,9 @@ class FastPixels:
                     shared = np.ascontiguousarray(plane, np.float32)
                     known = (plane, self._device.share(shared))
                 kept[id(plane)] = known
+        for segment in course.segments:  # those that were made for one cycle
+            if id(segment.base) not in kept:
+                kept[id(segment.base)] = (segment.base, self._device.share(segment.base))
         self._planes = kept
 
     def _steady(self, course: Course, cycles: int, words: Any) -> None:
@@ -176,7 +177,7 @@ class FastPixels:
         weights = np.concatenate([np.zeros(1, np.float32), *(s.weights.ravel() for s in segments)])
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
-        planes += planes[:1] * (_PLANES - len(planes))
+        planes += planes[:1] * (MOST_PLANES - len(planes))
         y0, y1, g0, g1 = _groups(box)
         (height, width), device = self._ground.shape, self._device
         shared = device.upload(entries), device.upload(weights)
@@ -196,7 +197,7 @@ class FastPixels:
         met: set[int] = set()
         for segment in segments:
             needs = {id(p) for p in (segment.base, *segment.planes)}
-            if not runs or len(met | needs) > _PLANES:
+            if not runs or len(met | needs) > MOST_PLANES:
                 runs.append([])
                 met = set()
             met |= needs
