@@ -169,5 +169,19 @@ def plan_run(
 
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
-    """Relative error of the fast tier's own arithmetic in the worst tile."""
-    return 1e-6
+    """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile;
+    infinite where nothing is promised. Tiles under the shortest threshold are one case, those
+    beyond the longest another; one in between has no promise."""
+    from sensor.fast import rate_bound
+
+    model = setting.model
+    low, high = np.broadcast_arrays(scene.darkest, scene.brightest)
+
+    def worst(tiles: npt.NDArray[np.bool_]) -> float:
+        if not tiles.any():
+            return 0.0
+        least, most = float(low[tiles].min()), float(high[tiles].max())
+        return float(rate_bound(model, least, most, scene.window, scene.floor, scene.cycles).value)
+
+    bright = low > model.mean
+    return max(worst(bright), worst(~bright))

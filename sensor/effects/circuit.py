@@ -19,9 +19,7 @@ def overshoot_effect(electrons: float) -> Effect:
         shift = share * scene.brightest * scene.cycles / scene.threshold
         return made(scene, share * contrast(scene) + shifted(scene, shift), True)
 
-    source = (
-        "comparator of one pole on a ramp, late by trip / (gain x slope) (sensor/stiff/lumped.py)"
-    )
+    source = "comparator of one pole on a ramp: late by trip / (gain x slope)"
     return Effect(
         "comparator overshoot", source, Stream.NONE, "", str, bound, circuit_cost, group="circuit"
     )

@@ -90,8 +90,8 @@ class Ground:
 
     @property
     def brightest(self) -> np.float32:
-        """Level at which light is held, in thresholds a cycle."""
-        return np.float32(LARGEST / self.model.mean)
+        """Level at which light is held, in thresholds a cycle, an int32 in any case."""
+        return np.float32(min(LARGEST / self.model.mean, 2.0**30))
 
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
@@ -114,7 +114,16 @@ class Ground:
         """The course of light over a call. Raises ValueError for light of another shape or time."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        return course_of(light, self.clock, self.late, start, cycles)
+        return course_of(light, self.clock, self.late, start, cycles, self._most)
+
+    @cached_property
+    def _most(self) -> Any:
+        """Light at which a pixel's is held."""
+        if self.pattern is None:
+            return float(self.brightest) / self.scale if self.scale else np.inf
+        gain = np.maximum(self.pattern.gain * self.scale, 1e-300).reshape(self.shape)
+        dark = self.pattern.dark.reshape(self.shape) * float(self.clock.period)
+        return np.maximum(float(self.brightest) - dark / self.model.mean, 0) / gain
 
     def fraction(
         self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]
