@@ -1,12 +1,12 @@
-"""The course of light over a call as few planes and weights, so that a kernel can make the charge of
+"""The course of light over a call as few planes and weights, of which a kernel makes the charge of
 every cycle by itself.
 
 The light of a cycle is base + sum of weight x (plane - base): for a cycle within a piece, base is
 its first plane and the weight of its last is how far the cycle's middle lies in it; for a cycle in
 which pieces meet, each plane counts by the share of the cycle that it has (the integral of linear
-pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a run
-is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the sum
-is the base to the last bit, so what lies outside the changed boxes needs no weights.
+pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a
+run is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the
+sum is the base to the last bit, so what lies outside the changed boxes needs no weights.
 """
 
 from __future__ import annotations
@@ -66,7 +66,9 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
     return min(y0), max(y1), min(x0), max(x1)
 
 
-def _within(piece: Piece, clock: Clock, c: int, cycles: int, late: npt.NDArray[np.int64]) -> Weights:
+def _within(
+    piece: Piece, clock: Clock, c: int, cycles: int, late: npt.NDArray[np.int64]
+) -> Weights:
     """How far into its piece the middle of each cycle from c on lies, (cycles, rows)."""
     origin = clock.cycle_at(piece.start)
     begun = float(origin - clock.position(piece.start)) + 0.5 + late / float(PS * clock.period)
@@ -106,9 +108,7 @@ def _meeting(
     return tuple(planes[n] for n in kept), made.astype(np.float32)
 
 
-def _merged(
-    base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, most: Any
-) -> Plane:
+def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, most: Any) -> Plane:
     """A cycle in which more pieces meet than a segment can have, as one plane of its own."""
     y0, y1, x0, x1 = box
     held = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
