@@ -18,6 +18,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
     monkeypatch.setattr(scenarios.bench, "PLAIN_CYCLES", 1)
     monkeypatch.setattr(scenarios.bench, "REPEATS", 1)
+    monkeypatch.setattr(scenarios.bench, "BLOCK", 8)
 
 
 @pytest.mark.usefixtures("quick")
