@@ -5,11 +5,11 @@ the stored share of the running interval. Its slope is one over a threshold. So 
 charges, and the charge gathered, are right to E, G is right to E / (shortest threshold). E grows by
 
     a cycle   half a unit (the increment's rounding) and the float32 roundings of its light,
-    a spike   the threshold's error, and with dead time that of the light lost. A spike that falls on
-              a cycle's edge in one tier and beyond it in the other loses another cycle's light;
+    a spike   the threshold's error, and with dead time that of the light lost. A spike that falls
+              on a cycle's edge in one tier and beyond it in the other loses another cycle's light;
 
 and the fraction itself is read with a unit and a threshold's error. This holds while a cycle cannot
-hold two spikes, its light being less than the shortest threshold. Light that reaches the longest one
+hold two spikes, its light being less than the shortest threshold. Light that reaches the longest
 fires in every cycle in both tiers, whose rates then differ by the two fractions alone. In between
 the number of spikes that share a cycle hangs on the last bit, and nothing is promised.
 """
@@ -39,13 +39,13 @@ def rate_bound(
     floor: float = 0.0,
     cycles: int | None = None,
 ) -> Bound:
-    """Largest difference of a pixel's rate between this tier and the exact one, with the same draws,
-    relative to max(rate, floor).
+    """Largest difference of a pixel's rate between this tier and the exact one, with the same
+    draws, relative to max(rate, floor).
 
-    dimmest, brightest: light of a cycle in electrons, dark current in it, of the levels between which
-    light runs in the whole run. window: cycles over which the rate is taken (spikes plus the change
-    of stored charge over the running interval's own threshold). floor: spikes a cycle. cycles: of the
-    run up to the window's end, the window alone unless given.
+    dimmest, brightest: light of a cycle in electrons, dark current in it, of the levels between
+    which light runs in the whole run. window: cycles over which the rate is taken (spikes plus the
+    change of stored charge over the running interval's own threshold). floor: spikes a cycle.
+    cycles: of the run up to the window's end, the window alone unless given.
 
     The value is infinite where nothing can be promised.
     """

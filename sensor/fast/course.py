@@ -1,12 +1,12 @@
-"""The course of light over a call as few planes and weights, so that a kernel can make the charge of
+"""The course of light over a call as few planes and weights, of which a kernel makes the charge of
 every cycle by itself.
 
 The light of a cycle is base + sum of weight x (plane - base): for a cycle within a piece, base is
 its first plane and the weight of its last is how far the cycle's middle lies in it; for a cycle in
 which pieces meet, each plane counts by the share of the cycle that it has (the integral of linear
-pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a run
-is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the sum
-is the base to the last bit, so what lies outside the changed boxes needs no weights.
+pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a
+run is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the
+sum is the base to the last bit, so what lies outside the changed boxes needs no weights.
 """
 
 from __future__ import annotations

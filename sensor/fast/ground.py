@@ -1,4 +1,4 @@
-"""What both forms of the fast tier start from: padded pixels, their gains, flags and first charge."""
+"""What both forms of the fast tier start from: padded pixels, gains, flags, first charge."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Ground:
 
     @property
     def groups(self) -> tuple[int, int]:
-        """Rows, and groups in a row; the last one of a row is filled up with pixels without light."""
+        """Rows, and groups in a row, the last filled up with pixels that get no light."""
         return self.shape[0], -(-self.shape[1] // LANES)
 
     @cached_property

@@ -179,9 +179,10 @@ class FastPixels:
         y0, y1, g0, g1 = _groups(box)
         (height, width), device = self._ground.shape, self._device
         shared = device.upload(entries), device.upload(weights)
+        wide = -(-(g1 - g0) // _LOCAL) * _LOCAL
         for flags in self._lists:
             self._kernels[flags][1](
-                device.queue, (-(-(g1 - g0) // _LOCAL) * _LOCAL, y1 - y0), (_LOCAL, 1), *self._state(flags),
+                device.queue, (wide, y1 - y0), (_LOCAL, 1), *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._ground.groups[1]), self._ground.brightest,

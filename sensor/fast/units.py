@@ -1,4 +1,4 @@
-"""Charge in 32 bits: thresholds and light in units of threshold / 2^bits, and the law of an interval.
+"""Charge in 32 bits: thresholds and light in units of threshold / 2^bits; the interval's law.
 
 Two forms. A group of pixels whose threshold is always the same (no noise, no dead time) holds its
 charge as a phase of 2^32, whose carry is the spike. All others hold the deficit, threshold - charge
