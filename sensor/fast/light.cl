@@ -16,12 +16,18 @@
 #ifdef PATTERN
 #define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
 #define GAINS(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-#define LEVEL(plane) held(seen(plane, row, x, width) * gain + dark, brightest)
+// A leak may be more than the light.
+#define LEVEL(plane) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
 #else
 #define GAIN_PARAMETERS , const float gain
 #define GAINS(g)
 #define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
 #endif
+
+inline float16 lit(const float16 rate)
+{
+    return rate > 0.0f ? rate : (float16)(0.0f);
+}
 
 inline float16 held(const float16 rate, const float most)
 {

@@ -51,7 +51,7 @@ class PlainFast:
         if ground.gains is None:
             return np.minimum(light * _F(ground.scale), ground.brightest)
         gain, dark = ground.gains
-        return np.minimum(light * gain + dark, ground.brightest)
+        return np.minimum(np.maximum(light * gain + dark, _F(0)), ground.brightest)
 
     def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
         """Thresholds that each cycle brings."""
