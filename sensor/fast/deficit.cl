@@ -144,7 +144,7 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 // The threshold of interval k of each lane. Lanes that fire together use up the words of a counter
 // together, so each further counter serves four spikes; `fresh` begins anew where they have come out
 // of step.
-inline int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ulong16 *block,
+inline __attribute__((always_inline)) int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ulong16 *block,
                             const ulong16 k, const uint16 pixel, __global const int *table,
                             const uint seed)
 {

@@ -13,7 +13,7 @@ inline void block_words(uint16 *words, const ulong16 block, const uint16 pixel, 
 }
 
 // Word i of words that begin with the counter of a spike whose two lowest bits are `slot`.
-inline uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
+inline __attribute__((always_inline)) uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
 {
     const int16 odd = (slot & 1) != 0, late = (slot & 2) != 0;
     return select(select(words[i], words[i + 1], odd), select(words[i + 2], words[i + 3], odd), late);
@@ -21,7 +21,7 @@ inline uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
 
 // Entry `octave`, 0 to 31, of one of the two halves of 64 numbers.
 #if defined(__AVX512F__) && __has_builtin(__builtin_ia32_vpermi2vard512)
-inline int16 entry(__global const int *numbers, const int16 octave, const int16 upper)
+inline __attribute__((always_inline)) int16 entry(__global const int *numbers, const int16 octave, const int16 upper)
 {
     const either16 at = {octave};
     const either16 a = {vload16(0, numbers)}, b = {vload16(1, numbers)};
@@ -32,7 +32,7 @@ inline int16 entry(__global const int *numbers, const int16 octave, const int16 
     return upper ? high.v : low.v;
 }
 #else
-inline int16 entry(__global const int *numbers, const int16 octave, const int16 upper)
+inline __attribute__((always_inline)) int16 entry(__global const int *numbers, const int16 octave, const int16 upper)
 {
     const int16 i = octave | (upper & 32);
     return (int16)(numbers[i.s0], numbers[i.s1], numbers[i.s2], numbers[i.s3], numbers[i.s4],
@@ -45,7 +45,7 @@ inline int16 entry(__global const int *numbers, const int16 octave, const int16 
 
 // Threshold of a random word: the word's distance from the nearer end of its range as a float, whose
 // exponent is the octave and whose mantissa is the place in it.
-inline int16 quantile(const uint16 word, __global const int *table)
+inline __attribute__((always_inline)) int16 quantile(const uint16 word, __global const int *table)
 {
     const int16 upper = as_int16(word) >> 31;
     float16 y = convert_float16(as_int16(word) ^ upper);
