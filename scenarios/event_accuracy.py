@@ -33,7 +33,7 @@ from sensor.asynchronous import (
 __all__ = ["TOLERANCES", "accuracy_events", "fit_order"]
 
 TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
-_CALLS: Final = 7
+_CALLS: Final = 25
 _ENOUGH: Final = 5.0
 """Seconds of repeated calls after which no more are made."""
 _FEW: Final = 8
