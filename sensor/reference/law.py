@@ -1,10 +1,10 @@
-"""The exact law of an interval's threshold in float64: the quantile of the word that every tier has.
+"""The exact law of an interval's threshold in float64: the quantile of the word of every tier.
 
-Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal. Their
-sum has no inverse in closed form: it is inverted to full precision at nodes of the normal score,
-where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands for the
-probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as the table of
-the exact tier is (sensor/pixel/interval.py), so both tails keep their digits.
+Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal.
+Their sum has no inverse in closed form: it is inverted to full precision at nodes of the normal
+score, where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands
+for the probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as in
+the table of the exact tier (sensor/pixel/interval.py), so both tails keep their digits.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
     lower, upper, density = np.empty(x.size), np.empty(x.size), np.empty(x.size)
     narrow = (sigma * sigma < q) & (x - 12 * sigma > 0)
     if narrow.any():
-        z = np.linspace(-10.5, 10.5, 211)
+        z = np.linspace(-10.5, 10.5, 106)
         weight = np.exp(-z * z / 2)
         weight /= weight.sum()
         g = x[narrow, None] - sigma * z
@@ -69,16 +69,13 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
     if not narrow.all():
         rest = x[~narrow]
         most = float(rest.max()) + 12 * sigma
-        top = np.log(max(q + 12 * np.sqrt(q) + 80, most))
+        # Only a lower tail is here where the gamma is the wider one: g reaches little beyond x.
+        top = np.log(most if sigma * sigma < q else max(q + 12 * np.sqrt(q) + 80, most))
         bottom = min((np.log(1e-20) + gammaln(q + 1)) / q, np.log(q))
-        wide = min(1 / np.sqrt(q), sigma / max(np.exp(top), LEAST))
-        if sigma * sigma < q:  # only a lower tail is here: g reaches little beyond x
-            top = np.log(most)
-            wide = min(1 / np.sqrt(q), sigma / most)
-        else:
-            bottom = max(bottom, np.log(q) - 14 / np.sqrt(q)) if q > 200 else bottom
-            wide = min(1 / np.sqrt(q), 1.0)
-        t = np.linspace(bottom, top, int(np.clip(12 * (top - bottom) / wide, 400, 20_000)))
+        if sigma * sigma >= q > 200:
+            bottom = max(bottom, np.log(q) - 14 / np.sqrt(q))
+        wide = min(1 / np.sqrt(q), sigma / most)
+        t = np.linspace(bottom, top, int(np.clip(3 * (top - bottom) / wide, 400, 20_000)))
         g = np.exp(t)
         weight = np.exp(q * t - g - gammaln(q)) * (t[1] - t[0])
         # Below the first node the gamma is as good as zero, above the last as good as not there.

@@ -42,10 +42,10 @@ class ReferencePixels:
     dead time nor circuit that phase is the exact tier's own.
 
     numbers: of the pixels, (n,) uint32. gain: electrons a second for a unit of light. pattern: of
-    these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each spike
-    then takes its comparator's delay and its reset, and the charge leaks, instead of the model's
-    dead time, which must be 0, and under `residual` alone. Memory: 16 bytes a
-    pixel and piece of light beside the light itself: it is for patches.
+    these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
+    spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
+    model's dead time, which must be 0, and under `residual` alone. Memory: 16 bytes a pixel and
+    piece of light beside the light itself: it is for patches.
     """
 
     def __init__(
@@ -158,12 +158,13 @@ class ReferencePixels:
         before = tuple(state[key] for key in ("tick", "part", "charge", "goal", "spikes", "held"))
         given = (self._numbers, self._offsets, *course, edges)
         drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
+        run: Any = expose if self._circuit is None else expose_circuit
         if self._circuit is None:
             dead = model.dead_time * float(clock.period) * PS
-            expose(*before, *given, _RULE[model.reset], dead, *drawn, words)
+            run(*before, *given, _RULE[model.reset], dead, *drawn, words)
         else:
             phases = (state["phase"], state["volts"], state["wait"])
-            expose_circuit(*before, *phases, *given, self._circuit, *drawn, words)
+            run(*before, *phases, *given, self._circuit, *drawn, words)
         state["cycle"] = np.full(1, start + cycles)
         return words
 

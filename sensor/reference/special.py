@@ -1,11 +1,11 @@
-"""Special functions of scipy inside compiled loops, by address, so that the loops stay cacheable."""
+"""Special functions of scipy inside compiled loops, by address: so the loops stay cacheable."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import get_cython_function_address, intrinsic
 
@@ -25,21 +25,21 @@ def _call(builder: Any, args: list[Any]) -> Any:
     return builder.call(function, [*args[1:], ir.Constant(flag, 0)])
 
 
-@intrinsic
-def call_one(typing, where, x):  # type: ignore[no-untyped-def]
-    """f(x) of the function at an address."""
-
+def _one(typing, where, x):  # type: ignore[no-untyped-def]
     def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
         return _call(builder, args)
 
     return types.float64(types.int64, types.float64), build
 
 
-@intrinsic
-def call_two(typing, where, a, x):  # type: ignore[no-untyped-def]
-    """f(a, x) of the function at an address."""
-
+def _two(typing, where, a, x):  # type: ignore[no-untyped-def]
     def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
         return _call(builder, args)
 
     return types.float64(types.int64, types.float64, types.float64), build
+
+
+call_one: Any = intrinsic(_one)
+"""f(x) of the function at an address."""
+call_two: Any = intrinsic(_two)
+"""f(a, x) of the function at an address."""
