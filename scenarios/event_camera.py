@@ -7,7 +7,7 @@ from scenarios.exposure import camera_setting
 from scenarios.readout import refuse_keys, resized, with_section
 from scenarios.schema import AsynchronousSection, Scenario
 from sensor import CameraSetting
-from sensor.asynchronous import AsynchronousPixels, EventModel, EventPixels
+from sensor.asynchronous import EventModel, EventPixels, EventPlan, PlannedPixels
 from sensor.channel import ChannelModel
 
 __all__ = ["channel_model", "event_model", "event_pixels", "event_setting", "with_defaults"]
@@ -98,13 +98,13 @@ def event_model(scenario: Scenario, setting: CameraSetting) -> EventModel:
     )
 
 
-def event_pixels(scenario: Scenario, setting: CameraSetting, model: EventModel) -> EventPixels:
-    """The pixels of the scenario's kind."""
-    return AsynchronousPixels(
-        model,
+def event_pixels(scenario: Scenario, setting: CameraSetting, plan: EventPlan) -> EventPixels:
+    """The pixels of the scenario's kind, run by a plan."""
+    return PlannedPixels(
+        plan,
+        setting.pattern,
         (setting.chip.height, setting.chip.width),
         setting.electrons_per_lux,
-        setting.pattern,
         most=_section(scenario).most_events,
     )
 

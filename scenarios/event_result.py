@@ -10,11 +10,10 @@ import numpy.typing as npt
 from cosim import Clock, Events, Plane
 from scenarios.fidelity import Estimate, to_white
 from scenarios.scenes import Source
-from sensor import CameraSetting
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.asynchronous.image import rate_image
 
-__all__ = ["EventShot", "effect_names", "first_instants", "take_event_shots"]
+__all__ = ["EventShot", "first_instants", "take_event_shots"]
 
 Instants = npt.NDArray[np.int64]
 
@@ -40,15 +39,6 @@ def take_event_shots(
         rate = rate_image(events, tick, model.threshold, model.delay / 1e12)
         shots.append(EventShot(cycle, source.truth(middle), to_white(rate, white)))
     return shots
-
-
-def effect_names(model: EventModel, setting: CameraSetting, channel: bool) -> list[str]:
-    """Effects that act, by name."""
-    pattern = [e.name for e in setting.kept if e not in setting.effects]
-    made = ["shot noise", "shortest width", "timing clock"]
-    made += ["longest width"] * bool(model.longest)
-    made += ["first-spike rule"] * bool(model.change)
-    return [*made, *pattern, *(["shared channel"] if channel else [])]
 
 
 def first_instants(sent: Firings) -> Instants:

@@ -148,6 +148,9 @@ def _early_notes(run: _Prepared) -> list[str]:
         notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
     if not run.setting.noise:
         notes.append("shot noise is off")
+    notes.append(
+        "nothing is left out, and there is no second tier of these pixels to measure an error by"
+    )
     return [*notes, *notes_of(run.setting, run.white), *run.source.notes]
 
 

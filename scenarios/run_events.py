@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +26,9 @@ from scenarios.event_camera import (
     with_defaults,
 )
 from scenarios.event_output import STREAM, Output, gather_events
-from scenarios.event_result import (
-    EventShot,
-    effect_names,
-    first_instants,
-    take_event_shots,
-)
+from scenarios.event_plan import kept_names, plan_notes, plan_of, view_of
+from scenarios.event_result import EventShot, first_instants, take_event_shots
+from scenarios.event_verify import KIND, Checked, verify
 from scenarios.exposure import choose_lens, lens_notes
 from scenarios.fidelity import judge
 from scenarios.folder import begin_folder, claimed, output_folder, write_images
@@ -45,11 +43,11 @@ from scenarios.readout import (
     refuse_options,
     spread,
 )
-from scenarios.result import Metric, Result, Throughput, write_result
+from scenarios.result import Error, Metric, Result, Throughput, write_result
 from scenarios.scenes import Patch, Source, make_source
 from scenarios.schema import Scenario
 from sensor import CameraSetting
-from sensor.asynchronous import EventModel, EventPixels, Firings
+from sensor.asynchronous import EventModel, Firings
 from sensor.channel import Channel
 
 __all__ = ["EventRun", "run_events"]
@@ -63,7 +61,7 @@ class EventRun:
     """What a run with event readout leaves in memory for its report.
 
     sent: firings that crossed the channel; events: the same as the file has them. stop: the run's
-    end, ps. delay: of each in the channel, ps, None without one.
+    end, ps. delay: of each in the channel, ps, None without one. checked: the plan it was run by.
     """
 
     result: Result
@@ -80,6 +78,7 @@ class EventRun:
     found: list[Recovered]
     shots: list[EventShot]
     delay: Instants | None
+    checked: Checked
     seconds: dict[str, float]
     began: float
     notes: list[str] = field(default_factory=list)
@@ -98,7 +97,6 @@ class _Prepared:
     source: Source
     patches: list[Patch]
     instants: list[int]
-    pixels: EventPixels
     output: Output
     notes: list[str]
 
@@ -134,7 +132,6 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     return _Prepared(
         name, scenario, setting, model, lens, white_rate, source, patches,
         [] if patches else choose_instants(scenario, cycles),
-        event_pixels(scenario, setting, model),
         Output(
             None if bus is None else Channel(bus, shape),
             stop,
@@ -145,36 +142,48 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     )  # fmt: skip
 
 
-def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int]:
-    """Runs the chain; seconds of every stage, and turns of the pixels' loop."""
-    clock, chip = run.setting.clock, run.setting.chip
+def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int, Checked]:
+    """Plans, holds the plan against the reference, and runs the chain; seconds of every stage,
+    turns of the pixels' loop, and the plan."""
+    setting, clock, chip = run.setting, run.setting.clock, run.setting.chip
     progress.start(f"{run.name}: {chip.width} x {chip.height} asynchronous pixels", run.cycles)
-    seconds, work = {"scene": 0.0, "sensor": 0.0, "channel": 0.0}, 0
-    last = time.perf_counter()
-    done, relay = 0, make_relay(run.lens, run.setting)
+    seconds, work = {"scene": 0.0, "plan and verification": 0.0, "sensor": 0.0, "channel": 0.0}, 0
+    done, relay = 0, make_relay(run.lens, setting)
+    steps = light_steps(run.source, relay, clock, run.stop)
     try:
-        for light, start, until in light_steps(run.source, relay, clock, run.stop):
+        last = time.perf_counter()
+        first = next(steps)
+        begin = time.perf_counter()
+        tolerance = run.scenario.tolerance
+        plan = plan_of(run.model, setting, first[0], run.stop, tolerance)
+        checked = verify(plan, view_of(setting, first[0], first[2]), tolerance)
+        pixels = event_pixels(run.scenario, setting, checked.plan)
+        end = time.perf_counter()
+        seconds["scene"], seconds["plan and verification"] = begin - last, end - begin
+        last = end
+        for light, start, until in chain([first], steps):
             begin = time.perf_counter()
-            firings = run.pixels.step(light, start, until)
+            firings = pixels.step(light, start, until)
             middle = time.perf_counter()
             run.output.take(firings, until)
             end = time.perf_counter()
-            for stage, spent in zip(
-                seconds, (begin - last, middle - begin, end - middle), strict=True
-            ):
+            for stage, spent in (
+                ("scene", begin - last), ("sensor", middle - begin), ("channel", end - middle)
+            ):  # fmt: skip
                 seconds[stage] += spent
             last, work = end, work + firings.work
             done = clock.cycle_at(until - 1) + 1
             progress.advance(done)
     except KeyboardInterrupt:
         raise Interrupted(done, run.cycles, AFRESH) from None
-    return seconds, work
+    return seconds, work, checked
 
 
 def _make_result(
     run: _Prepared, sent: Firings, delay: Instants | None, found: list[Recovered],
-    shots: list[EventShot], seconds: dict[str, float], work: int,
+    shots: list[EventShot], checked: Checked, seconds: dict[str, float], work: int,
 ) -> Result:  # fmt: skip
+    error = checked.error
     return Result(
         scenario=run.name,
         outcome="degraded" if run.source.degraded else "ok",
@@ -182,7 +191,9 @@ def _make_result(
         device="numba on this processor",
         simulated_s=run.scenario.duration,
         tolerance=run.scenario.tolerance,
-        kept=effect_names(run.model, run.setting, delay is not None),
+        error=Error(error.value, KIND, (error.low, error.high)),
+        kept=kept_names(checked.plan, delay is not None),
+        left_out=checked.left_out,
         metrics={
             **(dynamic_range(found, run.model, run.stop) if found else judge(shots, ("tfi",))),
             **run.output.metrics(len(sent)),
@@ -223,7 +234,7 @@ def run_events(
         begin_folder(folder, to_toml(scenario))
         for note in run.notes:
             progress.note(note)
-        seconds, work = _expose(run, progress)
+        seconds, work, checked = _expose(run, progress)
         try:
             begin = time.perf_counter()
             sent, leaves = run.output.crossed()
@@ -244,15 +255,17 @@ def run_events(
                 events, run.source, run.setting.clock, run.instants, run.model, white
             )
             seconds["estimates"] = time.perf_counter() - begin
-            result = _make_result(run, sent, delay, found, shots, seconds, work)
+            result = _make_result(run, sent, delay, found, shots, checked, seconds, work)
             result.files += write_images(folder, shots, ("tfi",))
-            warnings = [*run.source.degraded, *run.output.losses(), *unheard(found)]
+            warnings = [
+                *plan_notes(checked), *run.source.degraded, *run.output.losses(), *unheard(found)
+            ]  # fmt: skip
             for note in warnings:
                 progress.note(note)
             result.files += report(EventRun(
                 result, scenario, folder, run.source, run.setting, run.model, run.lens,
-                run.white_rate, events, sent, run.stop, found, shots, delay, seconds, began,
-                [*run.notes, *warnings],
+                run.white_rate, events, sent, run.stop, found, shots, delay, checked, seconds,
+                began, [*run.notes, *warnings],
             ))  # fmt: skip
             result.files.append("result.json")
             result.run_time_s = time.perf_counter() - began

@@ -67,14 +67,21 @@ class DevicePattern:
             four = philox4x32((pixels, 0, 0, draw), (self.device_seed, Stream.PATTERN))
             return [(w.astype(np.float64) + 0.5) / 2.0**32 for w in four]
 
-        light, dark, threshold, _ = (ndtri(u) for u in words(0))
-        hot, dead, *_ = words(1)
-        # A normal gain below zero would be a pixel that light empties; it is held at nothing.
-        scale = 1 / np.maximum(1 + self.threshold_fpn * threshold, 0.05)
-        gain = np.maximum(1 + self.prnu * light, 0) * (dead >= self.dead) * scale
-        current = self.dark * np.maximum(1 + self.dsnu * dark, 0) + self.hot_current * (
-            hot < self.hot
+        # What has no size is not drawn: the bits are the same.
+        spreads = (self.prnu, self.dsnu if self.dark else 0.0, self.threshold_fpn)
+        drawn = words(0)[:3] if any(spreads) else [np.zeros(pixels.shape)] * 3
+        light, dark, threshold = (
+            size * ndtri(u) if size else np.zeros(pixels.shape)
+            for size, u in zip(spreads, drawn, strict=True)
         )
+        # A normal gain below zero would be a pixel that light empties; it is held at nothing.
+        scale = 1 / np.maximum(1 + threshold, 0.05)
+        gain = np.maximum(1 + light, 0) * scale
+        current = self.dark * np.maximum(1 + dark, 0)
+        if self.dead or self.hot:
+            hot, dead, *_ = words(1)
+            gain = np.maximum(1 + light, 0) * (dead >= self.dead) * scale
+            current = current + self.hot_current * (hot < self.hot)
         return FixedPattern(
             np.rint(gain * _GRAIN) / _GRAIN, np.rint(current * scale * _GRAIN) / _GRAIN
         )

@@ -119,7 +119,11 @@ def advance(  # type: ignore[no-untyped-def]
                             countdown[n] = geometric(p, pixel, spikes[n], seed)
                         period = mean / rate0 + delay + reset
                         many = min(countdown[n], fitting(left, period, math.sqrt(variance) / rate0))
-                        if many >= LEAST:
+                        # Without noise a stretch of any length is exact, and of no concern
+                        # until the light changes.
+                        if not shot and stop < ends:
+                            break
+                        if many >= LEAST or (not shot and many > 0):
                             held = max(a, rate0 * (shortest - delay))
                             span = stretch(
                                 many, mean, variance, third, held, pixel, spikes[n], seed

@@ -48,8 +48,10 @@ class EventPixels(Protocol):
 
 
 class AsynchronousPixels:
-    """Pixels of `shape` under a model. gain: photoelectrons a second for a unit of light. most:
-    firings of the whole run, beyond which it is refused rather than fill the memory."""
+    """Pixels of an array of `shape` under a model. gain: photoelectrons a second for a unit of
+    light. most: firings of the whole run, beyond which it is refused rather than fill the memory.
+    numbers: (n,) of the pixels that are run, all unless given; a pixel's noise hangs on its number
+    alone."""
 
     def __init__(
         self,
@@ -61,12 +63,15 @@ class AsynchronousPixels:
         start: int = 0,
         most: int = 20_000_000,
         tile: int = TILE,
+        numbers: npt.NDArray[np.uint32] | None = None,
     ) -> None:
         self.model, self.shape = model, shape
         self._gain, self._tile, self._most = gain, tile, most
         self._fired = 0
-        n = shape[0] * shape[1]
-        self._pixels = np.arange(n, dtype=np.uint32)
+        self._chosen = numbers
+        whole = np.arange(shape[0] * shape[1], dtype=np.uint32)
+        self._pixels = whole if numbers is None else numbers
+        n = self._pixels.size
         fixed = None if pattern is None else pattern.at(self._pixels)
         self._scale: Rates | None = None if fixed is None else fixed.gain
         self._dark: Rates | None = None if fixed is None else fixed.dark
@@ -82,9 +87,10 @@ class AsynchronousPixels:
 
     def rate(self, plane: npt.NDArray[np.float32]) -> Rates:
         """Electrons a second of every pixel under a plane of light, (n,)."""
-        if not (plane >= 0).all():
-            raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
-        electrons = plane.astype(np.float64).ravel() * self._gain
+        mine = plane.ravel() if self._chosen is None else plane.ravel()[self._chosen]
+        if not (mine >= 0).all():
+            raise ValueError(f"light must be 0 or more, not {float(mine.min()):g}")
+        electrons = mine.astype(np.float64) * self._gain
         if self._scale is not None and self._dark is not None:
             electrons = electrons * self._scale + self._dark
         return electrons
@@ -100,6 +106,11 @@ class AsynchronousPixels:
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""
+        made = self.unordered(light, start, stop)
+        return made.take(np.lexsort((made.pixel, made.instant)))
+
+    def unordered(self, light: Light, start: int, stop: int) -> Firings:
+        """The same in any order."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         parts = []
@@ -107,13 +118,14 @@ class AsynchronousPixels:
             if piece.stop > start and piece.start < stop:
                 parts += self._piece(piece, min(stop, piece.stop))
         check_memory("the events of a step", STEP_BYTES * sum(len(part) for part in parts), FEWER)
-        made = Firings.join(parts)
-        return made.take(np.lexsort((made.pixel, made.instant)))
+        return Firings.join(parts)
 
     def _piece(self, piece: Piece, stop: int) -> list[Firings]:
         first = self._rates(piece.first)
         last = first if piece.constant else self._rates(piece.last)
         spans = [(n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)]
+        if len(spans) == 1:
+            return self._run(spans[0], first, last, piece, stop)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             tiles = [pool.submit(self._run, span, first, last, piece, stop) for span in spans]
             try:

@@ -160,7 +160,7 @@ def test_the_folder_is_as_the_design_says(whole):
     there = {str(p.relative_to(run.folder)) for p in run.folder.rglob("*") if p.is_file()}
     assert set(document["files"]) == there
     assert {"report.html", "stream.events.npz", "scenario.toml", "result.json"} <= there
-    assert document["outcome"] == "ok" and document["error"]["value"] is None
+    assert document["outcome"] == "ok"
     assert [row["stage"] for row in document["latency"]] == ["first event", "channel"]
     metrics = {name: m["value"] for name, m in document["metrics"].items()}
     assert metrics["events_offered"] == (
@@ -182,6 +182,17 @@ def test_the_page_is_one_file_without_a_network(whole):
     )
 
 
+def test_the_page_says_the_error_and_what_was_left_out(whole):
+    result, run = whole
+    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    assert "not measured yet" not in page
+    assert f"<b>{result.error.value:.2g}</b>" in page
+    assert result.left_out
+    for row in result.left_out:
+        cells = f"<td>{row['bound']:.2g}</td><td>{row['kind']}</td><td>{row['measured']:.2g}</td>"
+        assert cells in page
+
+
 def test_the_stream_holds_what_was_sent(whole):
     _, run = whole
     events = read_events(run.folder / "stream.events.npz")
@@ -201,7 +212,7 @@ def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatc
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(AsynchronousPixels, "step", stop)
+    monkeypatch.setattr(AsynchronousPixels, "unordered", stop)
     with pytest.raises(Interrupted, match="run it afresh"):
         shoot(tmp_path / "run", *SMALL)
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["scenario.toml"]

@@ -1,0 +1,192 @@
+"""Error against run time of the asynchronous readout: a ladder of tolerances.
+
+The tier "fast" is the engine, and closed form where a tile's plan lets it; at tolerance 0 it is the
+engine alone, so this is the exact tier.
+
+A cycle is one of sensor.clock. Time is that of the pixels alone, their making included: one call
+discarded, the least of the rest; finding the plan and the error is not timed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from cosim import PS, InputError
+from scenarios.event_plan import EventStart, begin_events, kept_names
+from scenarios.event_verify import choose_tiles, measure, verify
+from scenarios.progress import Progress
+from scenarios.schema import Scenario
+from sensor.asynchronous import (
+    EventPlan,
+    PlannedPixels,
+    WeakError,
+    follow,
+    quantile_error,
+    weak_error,
+)
+
+__all__ = ["TOLERANCES", "accuracy_events", "fit_order"]
+
+TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
+_CALLS: Final = 7
+_ENOUGH: Final = 5.0
+"""Seconds of repeated calls after which no more are made."""
+_FEW: Final = 8
+_MANY: Final = 64
+"""Intervals a pixel whose difference in time is the cost of one."""
+_BRIGHTEST: Final = 1024
+"""Pixels whose unsent spikes are compared in law."""
+_DIGITS: Final = 200_000
+"""Terms that checking the reference's quantiles may add up."""
+_ROUNDING: Final = 2.0**-50
+"""Of the reference's instants: a few roundings of float64 each."""
+
+
+def _least(call: Callable[[], object]) -> float:
+    """Seconds: one call discarded, the least of some more."""
+    call()
+    spent: list[float] = []
+    while len(spent) < _CALLS and sum(spent) < _ENOUGH:
+        begin = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - begin)
+    return min(spent)
+
+
+def _run(start: EventStart, plan: EventPlan) -> None:
+    view = start.view
+    pixels = PlannedPixels(plan, view.pattern, view.shape, view.gain)
+    pixels.step(view.light, view.light.pieces[0].start, view.until)
+
+
+def _reference(start: EventStart, plan: EventPlan) -> dict[str, Any]:
+    """What an interval and a pixel cost the reference, on the brightest tile, what the whole run
+    would cost it, and its own error."""
+    view, scene = start.view, plan.scene
+    tile = int(np.argmax(scene.mean))
+    numbers = np.flatnonzero(scene.tile_of == tile).astype(np.uint32)
+
+    def call(intervals: int) -> Callable[[], object]:
+        return lambda: follow(
+            start.model, numbers, view.light, view.gain, view.pattern, view.until, intervals
+        )
+
+    made = [
+        int(follow(start.model, numbers, view.light, view.gain, view.pattern, view.until, n)
+            .count.sum())
+        for n in (_FEW, _MANY)
+    ]  # fmt: skip
+    few, many = _least(call(_FEW)), _least(call(_MANY))
+    # Fewer intervals than asked for are drawn all the same.
+    each = (many - few) / (numbers.size * (_MANY - _FEW))
+    pixel = max(few / numbers.size - _FEW * each, 0.0)
+    seconds = (view.until - view.light.pieces[0].start) / PS
+    intervals = float((scene.mean * scene.pixels).sum()) * seconds + scene.tile_of.size
+    checked = numbers[: max(_DIGITS // start.model.threshold, 1)]
+    own = max(quantile_error(start.model, checked), _ROUNDING)
+    whole = pixel * scene.tile_of.size + each * intervals
+    return {
+        "what": "every interval by itself in float64, instants in whole picoseconds and a "
+        "fraction, scipy's quantiles of Gamma(Q) at the same random words, compiled by numba; "
+        "its cost is that of an interval and of a pixel on the brightest tile, times those "
+        "that the light of the whole array makes",
+        "intervals_measured": made[1], "ns_per_interval": each * 1e9, "intervals": intervals,
+        "error": own,
+        "error_is": f"thresholds of {checked.size} pixels against the law added up in 60 digits, "
+        "and a few roundings",
+        "run_time_s": whole,
+        "ns_per_pixel_cycle": whole * 1e9 / (scene.tile_of.size * start.cycles),
+    }  # fmt: skip
+
+
+def _weak(start: EventStart, plan: EventPlan) -> WeakError | None:
+    """Of the brightest pixels."""
+    view = start.view
+    if not plan.scene.steady:
+        return None
+    light = view.light.pieces[0].first.ravel().astype(np.float64) * view.gain
+    numbers = np.sort(np.argsort(-light, kind="stable")[:_BRIGHTEST]).astype(np.uint32)
+    rates = light[numbers]
+    if view.pattern is not None:
+        fixed = view.pattern.at(numbers)
+        rates = rates * fixed.gain + fixed.dark
+    lit = rates > 0
+    return weak_error(start.model, numbers[lit], rates[lit] / PS) if lit.any() else None
+
+
+def fit_order(rows: list[dict[str, Any]]) -> float | None:
+    """e of error ~ C tolerance^e, over the rows that are well above the error at tolerance 0."""
+    floor = min((r["error"] for r in rows if r["error"] and not r["tolerance"]), default=0.0)
+    points = [
+        (math.log(r["tolerance"]), math.log(r["error"]))
+        for r in rows
+        if r["error"] and r["tolerance"] and r["error"] > 3 * floor
+    ]
+    if len({x for x, _ in points}) < 3:
+        return None
+    x, y = np.array(points).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
+    """{reference, order, rows, floor, weak} of a scenario with asynchronous readout.
+
+    rows: {tier, tolerance, error, ci, run_time_s, ns_per_pixel_cycle, effects, failed, notes}, the
+    loosest first. error: as `event_verify` has it, of the worst of the tiles that any row's plan
+    has reason to look at. floor: the reference's own error; and, of the laws of unsent spikes, what
+    chance alone makes of the mean. Raises InputError for what a run would refuse.
+    """
+    start = begin_events(scenario)
+    progress.start("accuracy of the asynchronous readout", len(TOLERANCES) + 1)
+    checks = [verify(start.plan(tol), start.view, tol) for tol in TOLERANCES]
+    tiles = sorted({n for c in checks for n in choose_tiles(c.plan, start.view.seed)})
+    full = checks[-1].plan
+    reference = _reference(start, full)
+    progress.advance(1)
+    pixels, own = full.scene.tile_of.size, float(reference["error"])
+    rows: list[dict[str, Any]] = []
+    for n, (tolerance, checked) in enumerate(zip(TOLERANCES, checks, strict=True)):
+        row = {
+            "tier": "fast", "tolerance": tolerance, "error": None, "ci": None, "run_time_s": None,
+            "ns_per_pixel_cycle": None, "effects": kept_names(checked.plan, channel=False),
+            "failed": None, "notes": checked.broken,
+        }  # fmt: skip
+        try:
+            spent = _least(lambda plan=checked.plan: _run(start, plan))  # type: ignore[misc]
+            found = measure(checked.plan, start.view, tiles)
+            row |= {
+                "error": found.value, "ci": [found.low, found.high], "run_time_s": spent,
+                "ns_per_pixel_cycle": spent * 1e9 / (pixels * start.cycles),
+            }  # fmt: skip
+        except InputError as exc:
+            row["failed"] = str(exc)
+        rows.append(row)
+        progress.advance(n + 2)
+    order = fit_order(rows)
+    rows.append({
+        "tier": "reference", "tolerance": 0.0, "error": own, "ci": [0.0, own],
+        "run_time_s": reference["run_time_s"],
+        "ns_per_pixel_cycle": reference["ns_per_pixel_cycle"],
+        "effects": kept_names(full, channel=False), "failed": None,
+        "notes": ["run time: predicted, see reference"],
+    })  # fmt: skip
+    weak = _weak(start, full)
+    return {
+        "reference": reference,
+        "order": order,
+        "rows": rows,
+        "floor": {"reference": own, "monte_carlo": None if weak is None else weak.mean[2]},
+        "weak": None
+        if weak is None
+        else {
+            "what": f"{weak.intervals} unsent intervals of {weak.pixels} of the brightest pixels: "
+            "charge against the closed form, (engine, reference, 99.9 % by chance)",
+            "mean": weak.mean,
+            "variance": weak.variance,
+        },
+    }

@@ -1,0 +1,268 @@
+"""What each effect of an asynchronous pixel can change, tile by tile.
+
+A bound is the root mean square over a tile's pixels of the change of the rate that a pixel says
+first (1 / width, or its share of a threshold by the end), over the tile's mean rate or the floor.
+Bounds of what is drawn at random hold for the pixels of a tile with the confidence of 99.9 %, and
+so does the upper limit of what is measured on them: `_margin` has room for both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS
+from sensor.asynchronous.model import EventModel
+from sensor.pattern import DevicePattern
+
+__all__ = ["CONFIDENCE", "SIDE", "EventEffect", "EventScene", "event_effects", "summarise"]
+
+SIDE: Final = 16
+"""Pixels along a tile."""
+CONFIDENCE: Final = 3.2905
+"""Standard deviations of 99.9 %, two-sided."""
+
+Reals = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class EventScene:
+    """What bounds read of a scene; rates in spikes a second, arrays by tile.
+
+    tile_of: (pixels,) tile of each pixel. pixels: of each tile. mean: what the tile's pixels say.
+    rms: root mean square of what light alone would make them fire at. few: pixels that such a mean
+    square is worth. brightest: highest rate within, with dark current. floor: rate under which an
+    error is counted as if of this. stop: end of the run, seconds. steady: light does not change.
+    """
+
+    model: EventModel
+    pattern: DevicePattern
+    tile_of: npt.NDArray[np.int64]
+    pixels: Reals
+    mean: Reals
+    rms: Reals
+    few: Reals
+    brightest: Reals
+    floor: float
+    stop: float
+    steady: bool
+
+    @property
+    def scale(self) -> Reals:
+        """What errors of a tile are relative to, spikes a second."""
+        return np.maximum(self.mean, self.floor)
+
+
+def summarise(
+    model: EventModel,
+    pattern: DevicePattern | None,
+    rate: Reals,
+    shape: tuple[int, int],
+    stop: int,
+    steady: bool,
+) -> EventScene:
+    """rate: (pixels,) electrons a second of light, without the fixed pattern. stop: ps."""
+    device = pattern or DevicePattern()
+    row, column = np.divmod(np.arange(rate.size), shape[1])
+    tile_of = row // SIDE * -(-shape[1] // SIDE) + column // SIDE
+    tiles = int(tile_of.max()) + 1
+
+    def summed(values: Reals) -> Reals:
+        return np.asarray(np.bincount(tile_of, values, tiles), np.float64)
+
+    pixels = np.bincount(tile_of, minlength=tiles).astype(np.float64)
+    light = rate / model.threshold
+    fires = light + device.dark / model.threshold
+    # A width is at least the shortest, so this is at most what the tile says.
+    says = fires / (1 + fires * ((model.shortest + model.delay) / PS))
+    square, fourth = summed(fires**2), summed(fires**4)
+    few = np.divide(square**2, fourth, out=np.ones(tiles), where=fourth > 0)
+    brightest = np.zeros(tiles)
+    np.maximum.at(brightest, tile_of, fires)
+    longest = min(model.longest or stop, stop)
+    return EventScene(
+        model, device, tile_of, pixels, summed(says) / pixels, np.sqrt(square / pixels),
+        few, brightest, PS / longest, stop / PS, steady,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EventEffect:
+    """name: as reports print it. source: of its bound. kind: "proof", or "estimate", which counts
+    twice. work: what leaving it out saves, in draws of a threshold; nothing for what is kept
+    whatever it changes. bound: by tile."""
+
+    name: str
+    source: str
+    kind: Literal["proof", "estimate"]
+    work: float
+    bound: Callable[[EventScene], Reals]
+
+
+def _margin(independent: Reals) -> Reals:
+    """What a root mean square of n normal deviates is multiplied by, so that neither what they turn
+    out to be (one in 1e6) nor the upper limit measured of it (CONFIDENCE sqrt(2/n) of its square)
+    is above."""
+    from scipy.special import chdtri
+
+    n = np.maximum(independent, 1)
+    return np.asarray(np.sqrt(chdtri(n, 1e-6) / n * (1 + CONFIDENCE * np.sqrt(2 / n))))
+
+
+def _spread(q: int) -> float:
+    """Relative deviation of Q/Gamma(Q), from E G^-1 = 1/(Q - 1), E G^-2 = 1/((Q - 1)(Q - 2))."""
+    return math.sqrt((q + 2) / ((q - 1) * (q - 2))) if q > 2 else math.inf
+
+
+def _inverse(scene: EventScene) -> float:
+    """Root mean square of Q/Gamma(Q): what any other relative change is multiplied by."""
+    q = scene.model.threshold
+    if not scene.model.shot:
+        return 1.0
+    return q / math.sqrt((q - 1) * (q - 2)) if q > 2 else math.inf
+
+
+def _shot_noise(scene: EventScene) -> Reals:
+    m = scene.model
+    bound = _spread(m.threshold) * scene.rms
+    if m.longest:
+        # A reading has the deviation of its electrons and of its level, sqrt(Q) and Q/N at most.
+        read = (math.sqrt(m.threshold) + m.threshold / m.levels) / m.threshold
+        bound = bound + read * PS / m.longest
+    return np.asarray(bound / scene.scale * _margin(scene.few))
+
+
+def _prnu(scene: EventScene) -> Reals:
+    return scene.pattern.prnu * _inverse(scene) * scene.rms / scene.scale * _margin(scene.few)
+
+
+def _dark(scene: EventScene) -> Reals:
+    p, m = scene.pattern, scene.model
+    if not p.dark:
+        return np.zeros(scene.mean.shape)
+    # Of (1 + x)^2, x normal: mean 1 + v, variance 4 v + 2 v^2. The thresholds that are drawn vary
+    # what dark current changes as DSNU does.
+    v = p.dsnu**2 + (_spread(m.threshold) ** 2 if m.shot else 0.0)
+    spread = math.sqrt(4 * v + 2 * v * v) / (1 + v) if v < math.inf else math.inf
+    size = p.dark / m.threshold * math.hypot(1, p.dsnu) * _inverse(scene)
+    return np.asarray(size / scene.scale * (1 + CONFIDENCE * spread / np.sqrt(scene.pixels)))
+
+
+def _threshold_fpn(scene: EventScene) -> Reals:
+    size = scene.pattern.threshold_fpn
+    return size * _inverse(scene) * scene.rms / scene.scale * _margin(scene.few)
+
+
+def _broken(scene: EventScene) -> Reals:
+    p = scene.pattern
+    hot = math.sqrt(p.hot) * p.hot_current / scene.model.threshold
+    return np.hypot(hot, math.sqrt(p.dead) * scene.rms) / scene.scale
+
+
+def _later(scene: EventScene) -> Reals:
+    """One width over another is a ratio of two Gamma(Q) variables, w/(w + w') being Beta(Q, Q);
+    delay and shortest width only bring it nearer to 1. A pixel that fires n times sends again with
+    a probability of at most n times that of the ratio leaving 1 by change/sqrt(Q), and its rate is
+    then off by about as much."""
+    from scipy.special import betainc
+
+    m, q = scene.model, float(scene.model.threshold)
+    if not m.change or m.longest or not scene.steady:
+        return np.full(scene.mean.shape, math.inf)
+    if not m.shot:
+        return np.zeros(scene.mean.shape)
+    away = m.change / math.sqrt(q)
+    often = float(betainc(q, q, 1 / (2 + away)))
+    if away < 1:
+        often += float(betainc(q, q, (1 - away) / (2 - away)))
+        size = away / (1 - away)
+    else:
+        size = away
+    share = np.minimum(scene.brightest * scene.stop * often, 1)
+    return np.asarray(np.sqrt(share) * size * scene.rms / scene.scale)
+
+
+def _nothing_gained(model: EventModel) -> list[EventEffect]:
+    """Kept in any case: they are part of an interval's one formula, or of the stream's format."""
+    tick, shortest, delay, reset = (x / PS for x in (
+        model.tick, model.shortest, model.delay, model.reset
+    ))  # fmt: skip
+
+    def held(scene: EventScene) -> Reals:
+        from scipy.special import gammainc
+
+        # (light/G - 1/shortest)+ is at most (light/G - light)+ where light has time enough; over
+        # those that are held, by Cauchy and Schwarz with a normal law's fourth moment.
+        q, top = float(model.threshold), scene.brightest
+        p = gammainc(q, top * q * max(shortest - delay, 0)) if model.shot else 0.0
+        late = np.maximum(top - 1 / shortest, 0)
+        return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + late) / scene.scale)
+
+    made = [
+        EventEffect("shortest width", "Huang 2022 section 4.4", "estimate", 0.0, held),
+        # A width that begins with the run is up to a tick too long, evenly.
+        EventEffect(
+            "timing clock", "an even error within a tick", "proof", 0.0,
+            lambda s: np.minimum(s.brightest, 1 / shortest) ** 2 * tick / s.scale,
+        ),
+    ]  # fmt: skip
+    if delay:
+        made.append(EventEffect(
+            "comparator delay", "1/w - 1/(w + delay)", "proof", 0.0,
+            lambda s: s.brightest**2 * delay / s.scale,
+        ))  # fmt: skip
+    if reset:
+        made.append(EventEffect(
+            "reset dead time", "of the spikes' number: 1/w - 1/(w + reset)", "proof", 0.0,
+            lambda s: s.brightest**2 * reset / s.scale,
+        ))  # fmt: skip
+    if model.longest:
+        made.append(EventEffect(
+            "longest width", "what is read is below a threshold", "proof", 0.0,
+            lambda s: np.minimum(s.brightest, PS / model.longest) / s.scale,
+        ))  # fmt: skip
+    if model.change:
+        made.append(EventEffect(
+            "first-spike rule", "what is not sent is this near to what was", "proof", 0.0,
+            lambda s: model.change / math.sqrt(model.threshold) * s.mean / s.scale,
+        ))  # fmt: skip
+    return made
+
+
+def event_effects(model: EventModel, pattern: DevicePattern | None) -> tuple[EventEffect, ...]:
+    """Every effect that acts, first those that can be left out."""
+    p = pattern or DevicePattern()
+    made = [
+        (
+            model.shot,
+            EventEffect(
+                "shot noise", "deviation of Q/Gamma(Q): Huang 2022 section 5.1", "proof", 1.0,
+                _shot_noise,
+            ),
+        ),
+        (p.prnu > 0, EventEffect("PRNU", "EMVA 1288 release 4.0", "proof", 3.0, _prnu)),
+        (
+            p.dark > 0,
+            EventEffect("dark current and DSNU", "Huang 2022 section 4.4", "proof", 3.0, _dark),
+        ),
+        (
+            p.threshold_fpn > 0,
+            EventEffect("threshold FPN", "capacitance mismatch", "estimate", 3.0, _threshold_fpn),
+        ),
+        (
+            p.hot * p.hot_current + p.dead > 0,
+            EventEffect("hot and dead pixels", "EMVA 1288", "estimate", 2.0, _broken),
+        ),
+        (
+            model.change > 0,
+            EventEffect(
+                "later reports", "ratio of two widths: Beta(Q, Q)", "estimate", 20.0, _later
+            ),
+        ),
+    ]  # fmt: skip
+    return (*(effect for acts, effect in made if acts), *_nothing_gained(model))
