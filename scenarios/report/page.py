@@ -15,6 +15,7 @@ from scenarios.loading import to_toml
 from scenarios.playback import write_clip
 from scenarios.png import Levels, for_display, to_linear_bytes, write_png
 from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
+from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.machine import machine
 from scenarios.report.parts import (
     cards,
@@ -59,9 +60,10 @@ def _cards(run: Finished) -> str:
 
     spent = time.perf_counter() - run.began
     rows = [
-        ("first", "unknown", "error against full physics: not measured yet"),
+        ("first", *error_card(run)),
         ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
-        ("first", str(len(result.left_out)), "effects left out"),
+        ("first", *full_physics_card(run)),
+        ("first", *left_out_card(run)),
         fidelity("tfp"),
         fidelity("tfi"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
@@ -270,6 +272,7 @@ def write_report(run: Finished) -> list[str]:
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
         _size(run),
+        kept(run),
         machine(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin
@@ -292,6 +295,7 @@ def write_report(run: Finished) -> list[str]:
         "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
+        "figures/plan.png",
         "playback.mp4",
         "report.html",
     ]

@@ -64,9 +64,7 @@ def lump(circuit: Circuit, threshold: float, least: float, most: float) -> Lumpe
     for i, s in enumerate(light):
         t, charge, _ = within(DELAY, threshold, 0.0, 0.0, threshold, s / PS, 0.0, 1e30, packed)
         delay[i] = t / PS
-        _, left[i], _ = within(
-            RESET, charge, 0.0, packed[7], threshold, s / PS, 0.0, 1e30, packed
-        )
+        _, left[i], _ = within(RESET, charge, 0.0, packed[7], threshold, s / PS, 0.0, 1e30, packed)
     residual = float(left[0] + left[-1]) / 2
     swing = circuit.swing(threshold)
     raised = circuit.trip / circuit.gain * circuit.electrons * (1 + circuit.nonlinearity * swing)
