@@ -136,8 +136,10 @@ def _map(run: Finished, path: Path) -> list[list[str]]:
         told = ", ".join(out) or "nothing"
         legend.append([str(n + 1), f"{counts[index]}", told])
         if n < len(_COLOURS):
-            short = told if len(told) <= 40 else f"{len(out)} effects, see the table"
-            handles.append(Patch(color=_COLOURS[n], label=f"{n + 1}: without {short}"))
+            short = f"without {told}" if len(told) <= 40 else f"without {len(out)}, see the table"
+            handles.append(
+                Patch(color=_COLOURS[n], label=f"{n + 1}: {short if out else 'with everything'}")
+            )
     handles.append(Patch(fill=False, edgecolor=MARK, label="checked"))
     axes.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), fontsize=8, frameon=False
