@@ -41,6 +41,7 @@ from sensor import tau_levels
 
 __all__ = ["write_report"]
 
+_WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _CLIP_FRAMES = 75
 _LONG = 800
 """Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
@@ -225,7 +226,7 @@ def _again(run: Finished) -> str:
     ]
     return (
         "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, "
-        "the second the whole run: the same bits on any device.</p>"
+        "the second the whole run: the same bits " + _WHERE[run.plan.tier] + ".</p>"
         f"<pre>{html.escape(chr(10).join(lines))}</pre>"
         f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
     )

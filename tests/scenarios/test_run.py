@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -277,11 +278,15 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
     assert document["renderer"] is None
     assert document["simulated_s"] == 0.0025
     assert document["run_time_s"] > 0
-    assert document["error"] == {"value": None, "kind": None, "ci": None, "tolerance": 1e-3}
+    error = document["error"]
+    assert list(error) == ["value", "kind", "ci", "tolerance"]
+    assert error["tolerance"] == 1e-3 and 0 <= error["ci"][0] <= error["value"] <= error["ci"][1]
+    assert error["ci"][1] <= 1e-3
+    assert re.fullmatch(r"measured on \d+ patches of \d+ pixels", error["kind"])
     assert document["plan"] == {"kept": list(EFFECTS), "left_out": []}
     assert list(document["metrics"]) == [
         "tfp_psnr", "tfp_ssim", "tfi_psnr", "tfi_ssim", "spike_rate", "white_rate", "f_number",
-        "size_zstd", "size_repeat", "size_first_spike", "size_line", "size_statistical",
+        "full_physics", "size_zstd", "size_repeat", "size_first_spike", "size_line", "size_statistical",
     ]  # fmt: skip
     for metric in document["metrics"].values():
         assert list(metric) == ["value", "unit"]
