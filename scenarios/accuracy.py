@@ -49,7 +49,7 @@ class Progress(Protocol):
 class Row:
     """tolerance: asked for, None for the reference, which has none. error: worst patch and window,
     with its 99.9 % interval. run_time_s: of the camera for the whole run, from ns_per_pixel_cycle.
-    effects: kept by some tile."""
+    effects: kept by some tile. left_out: by some tile."""
 
     tier: str
     tolerance: float | None
@@ -58,12 +58,13 @@ class Row:
     run_time_s: float
     ns_per_pixel_cycle: float
     effects: list[str]
+    left_out: list[str]
 
     def document(self) -> dict[str, Any]:
         return {
             "tier": self.tier, "tolerance": self.tolerance, "error": self.error, "ci": self.ci,
             "run_time_s": self.run_time_s, "ns_per_pixel_cycle": self.ns_per_pixel_cycle,
-            "effects": self.effects,
+            "effects": self.effects, "left_out": self.left_out,
         }  # fmt: skip
 
 
@@ -131,12 +132,13 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
         found = worst(paired.rates(name), truth, floor)
         rows.append(Row(
             tier, tolerance, found.value, (found.low, found.high), ns * 1e-9 * pixels * cycles, ns,
-            list(plan.plan.everywhere),
+            list(plan.plan.everywhere), list(plan.plan.left_out),
         ))  # fmt: skip
     ns = paired.ns("reference")
     own = reference_error(setting.spread)
     everything = [effect.name for effect in setting.kept]
-    best = Row("reference", None, own, None, ns * 1e-9 * pixels * cycles, ns, everything)
+    seconds = ns * 1e-9 * pixels * cycles
+    best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
     n = float(np.mean(truth)) * window * plane.numbers.size / len(plane.tiles)
     return {
         "scenario": scenario.title,
@@ -147,8 +149,10 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
             "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
         },
         "order": fitted_order(rows),
-        "monte_carlo_floor": setting.spread / math.sqrt(n) if n > 0 else None,
-        "rows": [row.document() for row in rows],
+        "floor": {
+            "reference": own, "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
+        },
+        "rows": [row.document() for row in [*rows, best]],
     }  # fmt: skip
 
 

@@ -66,7 +66,7 @@ class RunPlan:
 
     def patches(self, seed: int) -> list[int]:
         """Tiles to check: the brightest, the darkest, the steepest, where each left-out effect has
-        promised most, and some by chance."""
+        promised most, some by chance, and one of every set of effects that has none yet."""
         scene, grid = self.look.scene, self.look.grid
         whole = np.flatnonzero(grid.whole)
         low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
@@ -77,7 +77,19 @@ class RunPlan:
             order += np.argsort(-promised, kind="stable")[:FAULT].tolist()
         chance = np.random.default_rng(seed).permutation(len(whole))[:RANDOM]
         chosen = dict.fromkeys(int(whole[n]) for n in [*order, *chance.tolist()])
+        chosen |= dict.fromkeys(self._uncovered(np.array(list(chosen)), whole, seed))
         return sorted(chosen)
+
+    def _uncovered(
+        self, chosen: npt.NDArray[np.intp], whole: npt.NDArray[np.intp], seed: int
+    ) -> list[int]:
+        """A tile by chance of each set of effects that none of `chosen` has."""
+        kept = np.stack([np.broadcast_to(k, len(self.look.grid)) for k in self.plan.kept.values()])
+        _, which = np.unique(kept, axis=1, return_inverse=True)
+        which = which.ravel()
+        rng = np.random.default_rng([seed, 1])
+        missing = np.setdiff1d(which[whole], which[chosen])
+        return [int(rng.choice(whole[which[whole] == one])) for one in missing]
 
     def verifier(
         self, full: CameraSetting, seed: int, device: Device | None, stop_early: bool = True

@@ -25,6 +25,7 @@ from cosim import (
 from cosim.files import Recorder, ZarrStream
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
+from scenarios.checked import ARITHMETIC, full_physics_s, left_out, shortfall, too_far
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.folder import begin_folder, check_room, claimed, output_folder, write_images
@@ -45,8 +46,6 @@ CHECKPOINT = "checkpoint.npz"
 """In a run's folder while it is not finished."""
 PUT_BACK = "put_back.json"
 """Beside it where a promise was broken."""
-ARITHMETIC = "32-bit arithmetic"
-"""What the fast tier adds of its own, as an effect that may be put right."""
 
 
 @dataclass
@@ -59,6 +58,7 @@ class Finished:
     source: Source
     setting: CameraSetting
     plan: RunPlan
+    put_back: list[Finding]
     lens: Lens
     white_rate: float
     stream: ZarrStream
@@ -99,21 +99,6 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
             "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
         )
     return list(at)
-
-
-def _shortfall(run: _Prepared) -> list[Finding]:
-    """What to put back because the whole error is larger than asked for: the effect that changed
-    most, or the fast tier itself."""
-    error = run.verifier.error()
-    tolerance = run.scenario.tolerance
-    if tolerance == 0 or error.high <= tolerance:
-        return []
-    measured = run.verifier.measured()
-    if measured:
-        name = max(measured, key=lambda n: measured[n])
-        promised = float(run.plan.plan.promise[name].max())
-        return [Finding(name, promised, measured[name], None)]
-    return [Finding(ARITHMETIC, run.plan.own, error.high, None)] if run.plan.tier == "fast" else []
 
 
 class _WiderStage:
@@ -281,7 +266,7 @@ def _film_as_promised(
     while True:
         try:
             seconds, throughput = _film(run, folder, resume, progress)
-            new = _shortfall(run)
+            new = shortfall(run.plan, run.verifier)
         except BrokenPromise as exc:
             new = exc.findings
         if not new:
@@ -297,36 +282,6 @@ def _film_as_promised(
 
 def _mend(folder: Path) -> str:
     return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
-
-
-def full_physics_s(run: _Prepared) -> float:
-    """Seconds that the reference would take for every pixel of the run, from what it took for the
-    patches."""
-    pixels = run.camera.shape[0] * run.camera.shape[1]
-    return run.verifier.ns("reference") * 1e-9 * pixels * run.cycles
-
-
-def left_out(plan: RunPlan, verifier: Verifier) -> list[dict[str, Any]]:
-    """What some tile left out: its bound there, and what the check measured on the patches."""
-    measured = verifier.measured()
-    return [
-        {
-            "effect": row.effect, "bound": row.bound, "kind": row.kind,
-            "measured": measured.get(row.effect),
-        }
-        for row in plan.plan.rows if row.effect in plan.plan.left_out
-    ]  # fmt: skip
-
-
-def too_far(run: _Prepared) -> list[str]:
-    """A note where the tolerance was not reached with everything kept."""
-    error, tolerance = run.verifier.error(), run.scenario.tolerance
-    if tolerance == 0 or error.high <= tolerance:
-        return []
-    return [
-        f"the error is {error.value:.2g} (up to {error.high:.2g}) where {tolerance:g} was asked "
-        "for, with every effect kept: the exact tier comes no nearer"
-    ]
 
 
 def run_scenario(
@@ -348,7 +303,8 @@ def run_scenario(
     """
     place = output_folder(name, out, resume)
     run = _prepare(name, scenario, device)
-    check_room(place, run.cycles * run.camera.shape[0] * run.camera.shape[1])
+    pixels = run.camera.shape[0] * run.camera.shape[1]
+    check_room(place, run.cycles * pixels)
     with claimed(name, out, resume) as folder:
         run, seconds, throughput, put_back = _film_as_promised(run, folder, resume, progress)
         try:
@@ -375,7 +331,7 @@ def run_scenario(
                     "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
                     "white_rate": Metric(run.white_rate, "spikes/cycle"),
                     "f_number": Metric(run.lens.f_number, "1"),
-                    "full_physics": Metric(full_physics_s(run), "s"),
+                    "full_physics": Metric(full_physics_s(run.verifier, pixels, run.cycles), "s"),
                     **size_metrics(sizes),
                 },
                 latency=interval_latency(stream.clock, shots),
@@ -386,15 +342,15 @@ def run_scenario(
             result.files += write_images(folder, shots)
             progress.advance(2)
             seconds["images"] = time.perf_counter() - begin - seconds["sizes"]
-            short = too_far(run)
+            short = too_far(run.plan, run.verifier)
             if short:
                 result.outcome = "degraded"
             for note in [*run.source.degraded, *short]:
                 progress.note(note)
             told = [f.told for f in put_back]
             result.files += report(Finished(
-                result, scenario, folder, run.source, run.setting, run.plan, run.lens,
-                run.white_rate, stream, shots, sizes, seconds, began,
+                result, scenario, folder, run.source, run.setting, run.plan, put_back,
+                run.lens, run.white_rate, stream, shots, sizes, seconds, began,
                 [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
             ))  # fmt: skip
             result.files.append("result.json")

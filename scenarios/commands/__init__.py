@@ -3,6 +3,7 @@ fast as it can."""
 
 import typer as _typer
 
+from scenarios.commands.accuracy import accuracy as _accuracy
 from scenarios.commands.bench import bench as _bench
 from scenarios.commands.convert import convert as _convert
 from scenarios.commands.doctor import doctor as _doctor
@@ -26,6 +27,7 @@ app = _typer.Typer(
 app.command("run")(_run)
 app.command("list")(_list)
 app.command("plan")(_plan)
+app.command("accuracy")(_accuracy)
 app.command("image")(_image)
 app.command("convert")(_convert)
 app.command("bench")(_bench)

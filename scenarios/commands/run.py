@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from scenarios.commands.output import Json, make_progress, print_document
+from scenarios.result import Result
 
 __all__ = ["run"]
 
@@ -69,9 +70,29 @@ def run(
     metrics = result.metrics
     wide = max(12, *(len(key) for key in metrics))
     for key, metric in metrics.items():
+        if key == "full_physics":
+            continue
         unit = "" if metric.unit == "1" else f" {metric.unit}"
         value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
         print(f"{key:<{wide}} {value}")
+    for name_of, told in _checked(result):
+        print(f"{name_of:<{wide}} {told}")
     print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
     print(f"{'outcome':<{wide}} {result.outcome}")
     print(f"{'report':<{wide}} {folder / 'report.html'}")
+
+
+def _checked(result: Result) -> list[tuple[str, str]]:
+    """Error, what full physics would have taken, what was left out: a line each."""
+    error, lines = result.error, []
+    if error.value is None:
+        lines.append(("error", "unknown"))
+    else:
+        high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
+        lines.append(("error", f"{error.value:.2g}{high} against full physics; {error.kind}"))
+    full = result.metrics.get("full_physics")
+    if full is not None and full.value is not None:
+        lines.append(("full physics", f"{full.value:.3g} s predicted for the camera alone"))
+    names = [str(row["effect"]) for row in result.left_out]
+    lines.append(("left out", ", ".join(names) or "nothing"))
+    return lines

@@ -1,8 +1,7 @@
-"""The machine that a run simulated: its numbers and where they are from, and its effects."""
+"""The machine that a run simulated: its numbers and where they are from."""
 
 from __future__ import annotations
 
-from cosim import Summary
 from scenarios.report.parts import table
 from scenarios.run import Finished
 from scenarios.schema import SensorSection
@@ -46,7 +45,7 @@ def faults(section: SensorSection) -> list[list[str]]:
 
 
 def machine(run: Finished) -> str:
-    """Tables of the chip's numbers and of the effects that were kept."""
+    """A table of the chip's numbers."""
     setting, scenario = run.setting, run.scenario
     chip = setting.chip
     provenance = chip.provenance()
@@ -71,20 +70,4 @@ def machine(run: Finished) -> str:
         celsius = scenario.sensor.pattern.temperature
         dark = f"{setting.pattern.dark:.3g} e/s at {celsius:g} °C"
         numbers.append(["dark current at that temperature", dark, "computed"])
-    darkest = min(float(s.truth.min()) for s in run.shots)
-    per_cycle = run.white_rate * setting.threshold
-    summary = Summary(
-        darkest * per_cycle, per_cycle, setting.threshold, scenario.image.window, run.stream.cycles
-    )
-    effects = [
-        [e.name, "kept", f"{e.bound(summary).value:.2g} ({e.bound(summary).kind})", e.source]
-        for e in setting.kept
-    ]
-    return (
-        "<h2>The machine</h2>"
-        + table(["what", "value", "from"], numbers)
-        + "<h2>What was kept and what was left out</h2><p>Nothing was left out. The third column "
-        "bounds what leaving the effect out could have changed in a pixel's spike rate over the "
-        "image window, wherever in the images that is most.</p>"
-        + table(["effect", "", "bound, relative", "source"], effects)
-    )
+    return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers)

@@ -15,6 +15,7 @@ from scenarios.loading import to_toml
 from scenarios.playback import write_clip
 from scenarios.png import Levels, for_display, to_linear_bytes, write_png
 from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
+from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.machine import machine
 from scenarios.report.parts import (
     cards,
@@ -40,6 +41,7 @@ from sensor import tau_levels
 
 __all__ = ["write_report"]
 
+_WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _CLIP_FRAMES = 75
 _LONG = 800
 """Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
@@ -59,9 +61,10 @@ def _cards(run: Finished) -> str:
 
     spent = time.perf_counter() - run.began
     rows = [
-        ("first", "unknown", "error against full physics: not measured yet"),
+        ("first", *error_card(run)),
         ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
-        ("first", str(len(result.left_out)), "effects left out"),
+        ("first", *full_physics_card(run)),
+        ("first", *left_out_card(run)),
         fidelity("tfp"),
         fidelity("tfi"),
         ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
@@ -223,7 +226,7 @@ def _again(run: Finished) -> str:
     ]
     return (
         "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, "
-        "the second the whole run: the same bits on any device.</p>"
+        "the second the whole run: the same bits " + _WHERE[run.plan.tier] + ".</p>"
         f"<pre>{html.escape(chr(10).join(lines))}</pre>"
         f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
     )
@@ -270,6 +273,7 @@ def write_report(run: Finished) -> list[str]:
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
         _size(run),
+        kept(run),
         machine(run),
     ]
     run.seconds["report"] = time.perf_counter() - begin
@@ -292,6 +296,7 @@ def write_report(run: Finished) -> list[str]:
         "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
+        "figures/plan.png",
         "playback.mp4",
         "report.html",
     ]

@@ -19,6 +19,7 @@ from scenarios.loading import load, to_toml
 from scenarios.png import for_display, to_linear_bytes
 from scenarios.report import write_report
 from scenarios.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
+from sensor import EFFECTS
 
 VOID = {"meta", "img", "br"}
 
@@ -131,22 +132,36 @@ def test_the_page_holds_the_resolved_scenario_and_how_to_make_it_again(page, ste
     assert run == f"viform run {step_run.folder / 'scenario.toml'}"
 
 
-def test_error_run_time_and_what_was_left_out_come_first(page):
-    cards = page.text["b"][:6]
-    assert cards[0] == "unknown"
+def test_error_run_time_and_what_was_left_out_come_first(page, step_run):
+    cards, error = page.text["b"][:6], step_run.result.error
+    assert cards[0] == f"{error.value:.2g}"
+    assert f"at most {error.ci[1]:.2g} (99.9 %), {error.kind}; 0.001 asked for" in page.source
     assert re.fullmatch(r"\d+\.\d s", cards[1])
-    assert cards[2] == "0"
+    assert cards[2] == f"{step_run.result.metrics['full_physics'].value:.3g} s"
+    assert cards[3] == str(len(step_run.result.left_out))
     assert page.source.index('class="cards"') < page.source.index("<img")
 
 
 def test_figures_on_the_page_are_those_of_the_document(page, step_run):
     metrics = step_run.result.metrics
-    assert page.text["b"][3:6] == [
+    assert page.text["b"][4:7] == [
         f"{metrics['tfp_psnr'].value:.1f} dB",
         f"{metrics['tfi_psnr'].value:.1f} dB",
         f"{metrics['spike_rate'].value:.3f}",
     ]
     assert f"SSIM {metrics['tfp_ssim'].value:.3f}" in page.source
+
+
+def test_every_effect_of_the_camera_is_in_the_table_with_its_share(page, step_run):
+    rows = re.findall(
+        r"<tr><td>([^<]*)</td><td>([\d.]+%)</td>" + r"<td>([^<]*)</td>" * 5 + "</tr>", page.source
+    )
+    kept = {row[0]: row[1] for row in rows}
+    assert set(kept) == set(EFFECTS)
+    out = {row["effect"] for row in step_run.result.left_out}
+    assert {name for name, share in kept.items() if share != "100%"} == out
+    assert [row[6] for row in rows] == [EFFECTS[row[0]].source for row in rows]
+    assert "Nothing was left out" not in page.source and "not measured yet" not in page.source
 
 
 def test_what_was_assumed_of_the_chip_is_said_to_be(page):

@@ -139,7 +139,7 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
     # Left out, the rate of a window (spikes and the change of stored charge over Q) is off by the
     # Poisson noise of the electrons gathered.
     n, cycles, q, per_cycle = 100_000, 64, 100.0, 20.0
-    scene = Summary(per_cycle, per_cycle, q, cycles, cycles)
+    scene = Summary(per_cycle, per_cycle, q, cycles, cycles, spread=1 / math.sqrt(q))
     model = ExactModel(q, 5, tuple(EFFECTS.values()))
     noisy = KernelPixels(model, np.arange(n, dtype=np.uint32), open_device())
     before = noisy.state()
@@ -149,8 +149,10 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
     spikes = after.spikes.astype(float) - before.spikes.astype(float)
     variance = spikes.var() * (q / (per_cycle * cycles)) ** 2
     bound = SHOT_NOISE.bound(scene)
-    assert bound.kind == "proof"
-    assert bound.value == pytest.approx(1 / math.sqrt(per_cycle * cycles))
+    # The right size and no limit: a tile may be luckier or less lucky than the law's spread.
+    assert bound.kind == "estimate"
+    # At a fifth of a threshold a cycle two spikes share a cycle almost never.
+    assert bound.value == pytest.approx(1 / math.sqrt(per_cycle * cycles), rel=1e-6)
     # Whole counts carry the rounding of a spike (at most 1/4) on top of the noise itself.
     rounding = 0.25 * (q / (per_cycle * cycles)) ** 2
     assert bound.value**2 <= variance * 1.1

@@ -1,0 +1,55 @@
+"""What the check of a run found, as the run and its documents need it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from scenarios.planning import RunPlan
+from scenarios.verifier import Finding, Verifier
+
+__all__ = ["ARITHMETIC", "full_physics_s", "left_out", "shortfall", "too_far"]
+
+ARITHMETIC: Final = "32-bit arithmetic"
+"""What the fast tier adds of its own, as an effect that may be put right."""
+
+
+def shortfall(plan: RunPlan, verifier: Verifier) -> list[Finding]:
+    """What to put back because the whole error is larger than asked for: the effect that changed
+    most, or the fast tier itself."""
+    error, tolerance = verifier.error(), plan.plan.tolerance
+    if tolerance == 0 or error.high <= tolerance:
+        return []
+    measured = verifier.measured()
+    if measured:
+        name = max(measured, key=lambda n: measured[n])
+        return [Finding(name, float(plan.plan.promise[name].max()), measured[name], None)]
+    return [Finding(ARITHMETIC, plan.own, error.high, None)] if plan.tier == "fast" else []
+
+
+def full_physics_s(verifier: Verifier, pixels: int, cycles: int) -> float:
+    """Seconds that the reference would take for so many pixels of the run, from what it took for
+    the patches."""
+    return verifier.ns("reference") * 1e-9 * pixels * cycles
+
+
+def left_out(plan: RunPlan, verifier: Verifier) -> list[dict[str, Any]]:
+    """What some tile left out: its bound there, and what the check measured on the patches."""
+    measured = verifier.measured()
+    return [
+        {
+            "effect": row.effect, "bound": row.bound, "kind": row.kind,
+            "measured": measured.get(row.effect),
+        }
+        for row in plan.plan.rows if row.effect in plan.plan.left_out
+    ]  # fmt: skip
+
+
+def too_far(plan: RunPlan, verifier: Verifier) -> list[str]:
+    """A note where the tolerance was not reached with everything kept."""
+    error, tolerance = verifier.error(), plan.plan.tolerance
+    if tolerance == 0 or error.high <= tolerance:
+        return []
+    return [
+        f"the error is {error.value:.2g} (up to {error.high:.2g}) where {tolerance:g} was asked "
+        "for, with every effect kept: the exact tier comes no nearer"
+    ]

@@ -1,0 +1,120 @@
+"""`viform accuracy`: error against run time, tier by tier."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.commands.output import Json, make_progress, print_document
+
+__all__ = ["accuracy"]
+
+
+def accuracy(
+    scenario: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+    ],
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="a PNG to draw error against time to")] = None,
+    json: Json = False,
+) -> None:
+    """Measure error against run time: every tier at a ladder of tolerances."""
+    from cosim import InputError
+    from scenarios.loading import load
+    from scenarios.readout import refuse_leftovers
+
+    name, loaded = load(scenario, assignments, seed=seed)
+    refuse_leftovers(loaded)
+    if loaded.sensor.readout == "continuous":
+        raise InputError(
+            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "set one of them: the continuous readout has one tier, with nothing to leave out",
+        )  # fmt: skip
+    if figure is not None and not figure.absolute().parent.is_dir():
+        raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
+    progress = make_progress()
+    try:
+        if loaded.sensor.readout == "asynchronous":
+            from scenarios.event_accuracy import accuracy_events
+            from scenarios.readout import refuse_options
+
+            refuse_options("asynchronous", False, device)
+            document = accuracy_events(loaded, progress)
+        else:
+            from scenarios.accuracy import accuracy as accuracy_latched
+
+            document = accuracy_latched(loaded, device, progress)
+    finally:
+        progress.close()
+    if figure is not None:
+        from scenarios.report.accuracy import accuracy_figure
+
+        accuracy_figure(name, document, figure)
+    if json:
+        print_document(document)
+        return
+    print(_text(name, document))
+    if figure is not None:
+        print(f"figure: {figure}")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _error(row: dict[str, Any]) -> str:
+    if row["error"] is None:
+        return "unknown"
+    low, high = row["ci"] or (None, None)
+    span = "" if high is None else f" [{_number(low)}, {_number(high)}]"
+    return f"{row['error']:.3g}{span}"
+
+
+def _text(name: str, document: dict[str, Any]) -> str:
+    """The document for a reader."""
+    reference = document["reference"]
+    best = reference["ns_per_pixel_cycle"]
+    full = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
+    lines = [
+        f"{name}: error against full physics, the worst tile, with its 99.9 % interval",
+        "",
+        f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{'ns a pixel-cycle':>18}"
+        f"{'times faster':>14}  left out",
+    ]
+    for row in document["rows"]:
+        if row.get("failed"):
+            lines.append(
+                f"{row['tier']:<10}{_number(row['tolerance']):>10}  failed: {row['failed']}"
+            )
+            continue
+        out = [e for e in full if e not in row["effects"]]
+        part = [e for e in row.get("left_out", []) if e not in out]
+        told = ", ".join(out + [f"{e} in part" for e in part]) or "nothing"
+        ns = row["ns_per_pixel_cycle"]
+        lines.append(
+            f"{row['tier']:<10}{_number(row['tolerance']):>10}  {_error(row):<30}"
+            f"{_number(row['run_time_s']):>8} s{_number(ns):>18}"
+            f"{_number(best / ns) if ns else '':>14}  {told}"
+        )
+    floor = document["floor"]
+    order = document["order"]
+    lines += [
+        "",
+        f"order: error ~ tolerance^{order:.2f}, fitted" if order is not None
+        else "order: too few rows leave something to the tolerance to fit one",
+        f"the reference's own error: {_number(floor['reference'])}",
+    ]  # fmt: skip
+    if floor["monte_carlo"] is not None:
+        lines.append(
+            f"chance makes {_number(floor['monte_carlo'])} of one window of one tile's mean; the "
+            "rows share the reference's random numbers, so errors far below it are resolved"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,100 @@
+"""The figure of `viform accuracy`: error against time a pixel-cycle, a line a tier."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from cosim.files.whole import whole
+from scenarios.report.figures import INK, LINE, MARK, pyplot
+
+__all__ = ["accuracy_figure"]
+
+_COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
+_SMALLEST: Final = 1e-16
+"""Where an error of nothing is drawn: below float64's own rounding."""
+
+
+def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    found = [r for r in rows if r["error"] is not None and r["ns_per_pixel_cycle"]]
+    return sorted(found, key=lambda r: -(r["tolerance"] or 0.0))
+
+
+def _labels(axes: Any, points: list[dict[str, Any]], colour: str, right: bool) -> None:
+    """Tolerances at the points; those that fall on one another share a line."""
+    import math
+
+    groups: list[tuple[float, float, list[str]]] = []
+    for row in points:
+        x, y = math.log10(row["ns_per_pixel_cycle"]), math.log10(max(row["error"], _SMALLEST))
+        for gx, gy, texts in groups:
+            if abs(gx - x) < 0.12 and abs(gy - y) < 0.25:
+                texts.append(f"{row['tolerance']:g}")
+                break
+        else:
+            groups.append((x, y, [f"{row['tolerance']:g}"]))
+    for x, y, texts in groups:
+        axes.annotate(
+            ", ".join(texts), (10**x, 10**y), fontsize=8, color=colour,
+            xytext=(8 if right else -8, 5), textcoords="offset points",
+            ha="left" if right else "right",
+        )  # fmt: skip
+
+
+def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
+    """Draws the document of `viform accuracy` to a PNG."""
+    plt = pyplot()
+    rows, floor = document["rows"], document["floor"]
+    cost = document["reference"]["ns_per_pixel_cycle"]
+    figure, axes = plt.subplots(figsize=(9.5, 6))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    tiers = [t for t in ("exact", "fast") if any(r["tier"] == t for r in rows)]
+    for n, tier in enumerate(tiers):
+        points = _points([r for r in rows if r["tier"] == tier])
+        x = [r["ns_per_pixel_cycle"] for r in points]
+        y = [max(r["error"], _SMALLEST) for r in points]
+        low = [max(v - max((r["ci"] or (v, v))[0], _SMALLEST), 0) for v, r in zip(y, points)]  # noqa: B905
+        high = [max((r["ci"] or (v, v))[1] - v, 0) for v, r in zip(y, points)]  # noqa: B905
+        axes.errorbar(
+            x, y, yerr=[low, high], marker="o", markersize=5, linewidth=1.3, capsize=3,
+            color=_COLOURS[tier], label=f"{tier} tier, tolerance at its points",
+        )  # fmt: skip
+        _labels(axes, points, _COLOURS[tier], right=n == 0)
+    _lines(axes, floor, cost)
+    failed = [r for r in rows if r.get("failed")]
+    for n, row in enumerate(failed):
+        text = f"{row['tier']}, tolerance {row['tolerance']:g}: failed, {row['failed'][:90]}"
+        axes.text(0.01, 0.02 + 0.04 * n, text, transform=axes.transAxes, fontsize=8, color=MARK)
+    order = document["order"]
+    told = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
+    axes.set_title(f"{name}: error against run time; {told}", fontsize=11, color=INK)
+    axes.set_xlabel("time of the camera, ns a pixel-cycle", color=INK)
+    axes.set_ylabel("error against full physics, relative\n(worst tile; bars: 99.9 %)", color=INK)
+    axes.grid(color=LINE, linewidth=0.5, which="major")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=8, frameon=False, loc="best")
+    figure.tight_layout()
+    with whole(path) as part:
+        figure.savefig(part, dpi=120, format="png")
+    plt.close(figure)
+
+
+def _lines(axes: Any, floor: dict[str, float | None], cost: float | None) -> None:
+    """What no row can go below, and what the reference costs."""
+    if cost:
+        axes.axvline(cost, color=INK, linewidth=1, linestyle="--")
+        axes.annotate(
+            "the reference's cost", (cost, 0.98), xycoords=("data", "axes fraction"), fontsize=8,
+            rotation=90, va="top", ha="right", color=INK, xytext=(-3, 0),
+            textcoords="offset points",
+        )  # fmt: skip
+    own, chance = floor["reference"], floor["monte_carlo"]
+    if own:
+        axes.axhline(own, color=INK, linewidth=1, linestyle=":", label="the reference's own error")
+    if chance:
+        axes.axhline(
+            chance, color=MARK, linewidth=1, linestyle=":",
+            label="Monte Carlo floor: chance in one window of one tile (below it, <= CI without "
+            "common random numbers)",
+        )  # fmt: skip

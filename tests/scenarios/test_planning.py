@@ -1,0 +1,136 @@
+"""What is seen of a scene, and what is planned for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim import Block
+from cosim.opencl import Device
+from scenarios.loading import load
+from scenarios.planning import RunPlan, plan_run
+from scenarios.run import look_at, prepare_camera
+from scenarios.scenes import make_source
+from scenarios.scenes.survey import Sketched, survey
+from sensor.tiles import TileGrid
+
+SHAPE, CYCLES = (96, 160), 200
+SCENES = ("step", "star", "wave", "film")
+
+
+def made(name: str, *assignments: str):
+    _, scenario = load(name, list(assignments))
+    setting = prepare_camera(scenario, "numba")[0]
+    return make_source(scenario.scene, SHAPE, setting.clock, CYCLES, True), setting.clock
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_interval_holds_all_light_that_is_filmed(name):
+    sets = ["scene.at=2 ms"] if name == "step" else []
+    if name == "star":
+        sets = ["scene.rotation=40 Hz"]
+    source, clock = made(name, *sets)
+    seen = survey(source, clock, CYCLES)
+    filmed, _ = made(name, *sets)
+    least, most = np.full(SHAPE, np.inf), np.zeros(SHAPE)
+    start = 0
+    while start < CYCLES:
+        for piece in filmed.step(None, Block(start, min(64, CYCLES - start))).pieces:
+            for plane in (piece.first, piece.last):
+                least, most = np.minimum(least, plane), np.maximum(most, plane)
+        start += 64
+    slack = 1e-6 * most.max()
+    beyond = (seen.least > least + slack) | (most > seen.most + slack)
+    assert not beyond[seen.certain].any()
+    # Where the interval is an estimate, what is thinner than a pixel may pass between two looks.
+    assert beyond.mean() < 0.003
+    assert (seen.least <= seen.most).all()
+    # What does not move is known exactly, and something does.
+    still = seen.steady
+    assert still.any() == (name != "step")
+    np.testing.assert_allclose(least[still], most[still], rtol=1e-6, atol=slack)
+    assert not (least == most).all()
+    assert isinstance(source, Sketched) == (not seen.certain.all())
+
+
+def test_tiles_of_a_plane_cover_it_once():
+    grid = TileGrid(50, 70)
+    seen = np.zeros((50, 70), int)
+    for tile in range(len(grid)):
+        y0, y1, x0, x1 = grid.box(tile)
+        seen[y0:y1, x0:x1] += 1
+    assert (seen == 1).all() and grid.shape == (4, 5)
+    assert grid.whole.sum() == 12
+    plane = np.arange(3500.0).reshape(50, 70)
+    y0, y1, x0, x1 = grid.box(7)
+    assert grid.reduce(plane, np.maximum)[7] == plane[y0:y1, x0:x1].max()
+    assert grid.groups(np.arange(20)).shape == (50, 5)
+
+
+def planned(device: Device, name: str, *assignments: str, tolerance: float) -> RunPlan:
+    _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
+    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
+    seen = look_at(scenario, setting, lens, cycles)
+    return plan_run(seen, setting, tolerance, instants, device)
+
+
+BRIGHT = (
+    "scene.rotation=0 Hz", "sensor.preset=silicon", "sensor.threshold=100 ke", "image.window=201",
+    "scene.illuminance=50 klx",
+    "duration=10 ms",
+)  # fmt: skip
+DARK = (
+    "sensor.threshold=100 e",
+    "scene.before=0.05",
+    "scene.after=0.1",
+    "scene.at=2 ms",
+    "duration=10 ms",
+)
+
+
+def test_scenes_keep_what_they_need(device):
+    """A bright still scene does without its noise, at a third of the cost; a dark one needs it; in
+    one that moves it matters when a row is sampled."""
+    bright = planned(device, "star", *BRIGHT, tolerance=0.05)
+    assert {"shot noise", "threshold noise"} <= set(bright.plan.left_out)
+    assert bright.plan.kept["shot noise"].mean() < 0.25
+    assert bright.plan.full_ns >= 3 * bright.plan.cost_ns
+    assert bright.tier == "fast" and bright.look.classes["moving"] == 0
+    dark = planned(device, "step", *DARK, "sensor.preset=silicon", tolerance=0.05)
+    assert dark.plan.kept["shot noise"].all()
+    fast = planned(
+        device, "star", "scene.rotation=400 Hz", "sensor.preset=silicon", "duration=5 ms",
+        tolerance=0.05,
+    )  # fmt: skip
+    assert fast.plan.kept["row-by-row sampling"].all()
+    assert fast.look.classes["moving"] > 0
+    assert len({p.plan.everywhere for p in (bright, dark, fast)}) == 3
+
+
+def test_tolerance_0_keeps_everything_in_the_exact_tier(device):
+    plan = planned(device, "star", *BRIGHT, tolerance=0.0)
+    assert plan.tier == "exact" and plan.plan.left_out == ()
+    assert plan.plan.cost_ns == plan.plan.full_ns
+
+
+def test_every_set_of_effects_is_checked_somewhere(device):
+    plan = planned(device, "star", "sensor.preset=silicon", "duration=10 ms", tolerance=0.1)
+    assert len(plan.plan.sets) > 1
+    tiles = plan.patches(1)
+    kept = np.stack(list(plan.plan.kept.values()))
+    whole = plan.look.grid.whole
+    sets = {tuple(column) for column in kept[:, whole].T}
+    assert {tuple(column) for column in kept[:, tiles].T} == sets
+    assert tiles == sorted(set(tiles)) and whole[tiles].all()
+
+
+def test_a_forced_effect_stays(device):
+    _, scenario = load("star", ["sensor.chip=spikeone", *BRIGHT])
+    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
+    seen = look_at(scenario, setting, lens, cycles)
+    forced = plan_run(seen, setting, 0.02, instants, device, forced=["threshold noise"])
+    assert forced.plan.kept["threshold noise"].all()
+    assert "threshold noise" in {effect.name for effect in forced.setting.kept}
+    assert replace(forced.setting, threshold_noise=0.0) != forced.setting
