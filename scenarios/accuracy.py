@@ -29,8 +29,8 @@ from sensor.tiers import Tier
 
 __all__ = ["LADDER", "Row", "accuracy", "fitted_order"]
 
-LADDER = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
-"""Tolerances that are tried; those that give the plan of a tighter one add no row."""
+LADDER = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
+"""Tolerances that are tried. One that gives the plan of a tighter one is not filmed again."""
 TIMED = 3
 """Blocks of the whole chip that are timed, after one that is not."""
 TILES = 24
@@ -49,7 +49,8 @@ class Progress(Protocol):
 class Row:
     """tolerance: asked for, None for the reference, which has none. error: worst patch and window,
     with its 99.9 % interval. run_time_s: of the camera for the whole run, from ns_per_pixel_cycle.
-    effects: kept by some tile. left_out: by some tile."""
+    effects: kept by some tile. left_out: by some tile. same_as: the tighter tolerance that gives
+    the same plan, and so the same figures."""
 
     tier: str
     tolerance: float | None
@@ -59,19 +60,20 @@ class Row:
     ns_per_pixel_cycle: float
     effects: list[str]
     left_out: list[str]
+    same_as: float | None = None
 
     def document(self) -> dict[str, Any]:
         return {
             "tier": self.tier, "tolerance": self.tolerance, "error": self.error, "ci": self.ci,
             "run_time_s": self.run_time_s, "ns_per_pixel_cycle": self.ns_per_pixel_cycle,
-            "effects": self.effects, "left_out": self.left_out,
+            "effects": self.effects, "left_out": self.left_out, "same_as": self.same_as,
         }  # fmt: skip
 
 
 def fitted_order(rows: Sequence[Row]) -> float | None:
     """Exponent e of error = C tolerance^e by least squares in logarithms, over the rows that leave
     something to the tolerance; None of fewer than two."""
-    points = [(r.tolerance, r.error) for r in rows if r.tolerance and r.error]
+    points = [(r.tolerance, r.error) for r in rows if r.tolerance and r.error and r.same_as is None]
     if len({t for t, _ in points}) < 2:
         return None
     x, y = np.log([t for t, _ in points]), np.log([e for _, e in points])
@@ -84,13 +86,15 @@ def _signature(plan: RunPlan) -> tuple[bytes, ...]:
 
 def _ladder(
     seen: Any, setting: Any, instants: list[int], device: Device | None, tier: Tier
-) -> list[tuple[float, RunPlan]]:
-    """Distinct plans of one tier, the tightest tolerance of each."""
-    found: list[tuple[float, RunPlan]] = []
+) -> list[tuple[list[float], RunPlan]]:
+    """Distinct plans of one tier, each with the tolerances that give it, the tightest first."""
+    found: list[tuple[list[float], RunPlan]] = []
     for tolerance in LADDER:
         plan = plan_run(seen, setting, tolerance, instants, device, tier=tier)
-        if not found or _signature(plan) != _signature(found[-1][1]):
-            found.append((tolerance, plan))
+        if found and _signature(plan) == _signature(found[-1][1]):
+            found[-1][0].append(tolerance)
+        else:
+            found.append(([tolerance], plan))
     return found
 
 
@@ -112,13 +116,13 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     if device is not None and setting.reset == "residual":
         tiers.append("fast")
     ladder = [
-        (tier, tolerance, plan)
+        (tier, tolerances, plan)
         for tier in tiers
-        for tolerance, plan in _ladder(seen, setting, instants, device, tier)
+        for tolerances, plan in _ladder(seen, setting, instants, device, tier)
     ]
     plane = PatchPlane(seen.grid, _tiles([plan for *_, plan in ladder], scenario.seed))
     cameras = {"reference": PatchCamera(setting, plane, "reference")}
-    names = [f"{tier} {tolerance:g}" for tier, tolerance, _ in ladder]
+    names = [f"{tier} {tolerances[0]:g}" for tier, tolerances, _ in ladder]
     for name, (tier, _, plan) in zip(names, ladder, strict=True):
         planned = Planned(tier, plan.setting, plan.flags)
         cameras[name] = planned.on(plane, seen.grid, device)
@@ -128,12 +132,14 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     pixels, floor = setting.chip.height * setting.chip.width, seen.scene.floor
     truth = paired.rates("reference")
     rows = []
-    for name, (tier, tolerance, plan), ns in zip(names, ladder, spent, strict=True):
+    for name, (tier, tolerances, plan), ns in zip(names, ladder, spent, strict=True):
         found = worst(paired.rates(name), truth, floor)
-        rows.append(Row(
-            tier, tolerance, found.value, (found.low, found.high), ns * 1e-9 * pixels * cycles, ns,
-            list(plan.plan.everywhere), list(plan.plan.left_out),
-        ))  # fmt: skip
+        for at, tolerance in enumerate(tolerances):
+            rows.append(Row(
+                tier, tolerance, found.value, (found.low, found.high),
+                ns * 1e-9 * pixels * cycles, ns, list(plan.plan.everywhere),
+                list(plan.plan.left_out), tolerances[0] if at else None,
+            ))  # fmt: skip
     ns = paired.ns("reference")
     own = reference_error(setting.spread)
     everything = [effect.name for effect in setting.kept]
@@ -163,7 +169,7 @@ def reference_error(spread: float) -> float:
 
 def _film(
     scenario: Scenario, setting: Any, lens: Any, cycles: int, paired: Paired,
-    ladder: Sequence[tuple[Tier, float, RunPlan]], device: Device | None, progress: Progress,
+    ladder: Sequence[tuple[Tier, list[float], RunPlan]], device: Device | None, progress: Progress,
 ) -> list[float]:  # fmt: skip
     """Runs the scene once; ns a pixel-cycle of every row."""
     source = scene_source(scenario, setting, cycles)

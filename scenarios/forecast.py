@@ -18,7 +18,7 @@ from scenarios.schema import Scenario
 from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
 
-__all__ = ["forecast"]
+__all__ = ["forecast", "forecast_events"]
 
 BLOCKS = 2
 """Blocks of the scene's beginning that are run; the first warms up, the second is timed."""
@@ -107,4 +107,34 @@ def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str
             "full_physics_ns_per_pixel_cycle": took.full,
             "full_physics_s": took.full * total,
         },
+    }  # fmt: skip
+
+
+def forecast_events(name: str, scenario: Scenario) -> dict[str, Any]:
+    """The document of `viform plan --json` for asynchronous pixels, whose time hangs on the events
+    and is not predicted."""
+    from scenarios.event_plan import plan_events
+
+    rows = plan_events(scenario)
+    return {
+        "scenario": name,
+        "tolerance": scenario.tolerance,
+        "tier": "fast" if scenario.tolerance > 0 else "exact",
+        "device": "numba on this processor",
+        "tiles": {},
+        "kept": [row["effect"] for row in rows if row["kept"]],
+        "left_out": [
+            {"effect": r["effect"], "bound": r["bound"], "kind": r["kind"], "share": 1 - r["share"]}
+            for r in rows if r["share"] < 1
+        ],
+        "promised": None,
+        "rows": [
+            {
+                "effect": r["effect"], "kept": r["share"], "bound": r["bound"], "kind": r["kind"],
+                "cost_ns": r["cost_ns"],
+            }
+            for r in rows
+        ],
+        "sets": [],
+        "predicted": None,
     }  # fmt: skip

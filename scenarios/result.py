@@ -87,7 +87,7 @@ class Result:
     version: str = field(default_factory=viform_version)
     renderer: str | None = None
     run_time_s: float | None = None
-    error: Error | None = None
+    error: Error = Error(None, None, None)
     kept: list[str] = field(default_factory=list)
     left_out: list[dict[str, Any]] = field(default_factory=list)
     metrics: dict[str, Metric] = field(default_factory=dict)
@@ -106,10 +106,7 @@ class Result:
             "renderer": self.renderer,
             "simulated_s": self.simulated_s,
             "run_time_s": self.run_time_s,
-            "error": {
-                **asdict(self.error or Error(None, None, None)),
-                "tolerance": self.tolerance,
-            },
+            "error": asdict(self.error) | {"tolerance": self.tolerance},
             "plan": {"kept": self.kept, "left_out": self.left_out},
             "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
             "latency": [asdict(row) for row in self.latency],

@@ -26,13 +26,23 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
-    from scenarios.forecast import forecast
+    from cosim import InputError
+    from scenarios.forecast import forecast, forecast_events
     from scenarios.loading import load
-    from scenarios.readout import refuse_leftovers
+    from scenarios.readout import refuse_leftovers, refuse_options
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     refuse_leftovers(loaded)
-    document = forecast(name, loaded, device)
+    if loaded.sensor.readout == "continuous":
+        raise InputError(
+            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "set one of them: the continuous readout keeps everything",
+        )  # fmt: skip
+    if loaded.sensor.readout == "asynchronous":
+        refuse_options("asynchronous", False, device)
+        document = forecast_events(name, loaded)
+    else:
+        document = forecast(name, loaded, device)
     if json:
         print_document(document)
     else:
@@ -50,23 +60,27 @@ def _text(document: dict[str, Any]) -> str:
     lines = [
         f"{document['scenario']}: tolerance {document['tolerance']:g}, {document['tier']} tier on "
         f"{document['device']}",
-        f"tiles: {told}",
+        *([f"tiles: {told}"] if told else []),
         "",
-        f"{'effect':<24}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
+        f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
     ]
     for row in document["rows"]:
         bound = f"{'' if row['kind'] == 'proof' else '~'}{_number(row['bound'])}"
         cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
-        lines.append(f"{row['effect']:<24}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
+        lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
+    lines.append("")
+    if document["promised"] is not None:
+        lines.append(
+            f"error promised: at most {_number(document['promised'])} of the rate in the worst tile"
+        )
     predicted = document["predicted"]
-    lines += [
-        "",
-        f"error promised: at most {_number(document['promised'])} of the rate in the worst tile",
-        f"sensor: {_number(predicted['sensor_s'])} s predicted "
-        f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel-cycle), with everything kept "
-        f"{_number(predicted['everything_s'])} s; full physics would take "
-        f"{_number(predicted['full_physics_s'])} s; the scene takes "
-        f"{_number(predicted['scene_s'])} s to make",
-        "a bound with ~ is an estimate and counts twice; costs are nominal, a pixel-cycle",
-    ]
+    if predicted is not None:
+        lines.append(
+            f"sensor: {_number(predicted['sensor_s'])} s predicted "
+            f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel-cycle), with everything kept "
+            f"{_number(predicted['everything_s'])} s; full physics would take "
+            f"{_number(predicted['full_physics_s'])} s; the scene takes "
+            f"{_number(predicted['scene_s'])} s to make"
+        )
+    lines.append("a bound with ~ is an estimate and counts twice; costs are a pixel-cycle's")
     return "\n".join(lines)

@@ -45,8 +45,8 @@ class ReferencePixels:
     these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
     spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
     model's dead time, which must be 0, and under `residual` alone. overshoot: electrons that it
-    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes a pixel and
-    piece of light beside the light itself: it is for patches.
+    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes
+    a pixel and piece of light beside the light itself: it is for patches.
     """
 
     def __init__(
