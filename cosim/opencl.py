@@ -164,9 +164,10 @@ class Device:
         return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
 
     def share(self, array: npt.NDArray[Any], *, write: bool = False) -> Any:
-        """A device buffer over the memory of a contiguous `array`, which processors do not copy. The
-        array must stay as it is while kernels read it; with `write`, `settle` brings back what they
-        write."""
+        """A device buffer over the memory of a contiguous `array`, which processors do not copy.
+
+        The array must stay as it is while kernels read it; with `write`, `settle` brings back what
+        they write."""
         import pyopencl as cl
 
         access = cl.mem_flags.READ_WRITE if write else cl.mem_flags.READ_ONLY

@@ -5,6 +5,9 @@
 // product is then one instruction a vector on processors, where mul_hi on uint16 costs 5 times more.
 #define PHILOX_LOW 0xFFFFFFFFul
 
+#if __has_attribute(min_vector_width)
+__attribute__((min_vector_width(512)))
+#endif
 inline void philox16(ulong16 *c0, ulong16 *c1, ulong16 *c2, ulong16 *c3, uint k0, uint k1)
 {
     ulong16 a = *c0, b = *c1, c = *c2, d = *c3;

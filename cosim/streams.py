@@ -20,6 +20,8 @@ class Stream(IntEnum):
     SHOT_NOISE = 1
     """Thresholds of intervals, with shot noise and threshold noise in one draw."""
     INITIAL_CHARGE = 2
+    METASTABILITY = 3
+    """Time that a latch takes to decide."""
     PATTERN = 16
     """What stays from pixel to pixel; its seed is the device's, so no run's noise shares it."""
     SKIPPED = 48

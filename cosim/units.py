@@ -45,6 +45,8 @@ KINDS: dict[str, Kind] = {
         Kind("charge", "e", "1000 e", ("elementary_charge", "coulomb")),
         Kind("current", "e/s", "40 e/s", ("elementary_charge / second", "ampere")),
         Kind("capacitance", "fF", "15 fF", ("farad",)),
+        Kind("voltage", "V", "0.5 V", ("volt",)),
+        Kind("resistance", "ohm", "10 kohm", ("ohm",)),
         Kind("temperature", "degC", "25 degC", ("degree_Celsius", "kelvin")),
         Kind("length", "um", "10 um", ("meter",)),
         Kind("angle", "deg", "15 deg", ("degree", "radian")),

@@ -6,6 +6,7 @@ calls. The plain way is what a numpy user writes, at its best: float32, in place
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -15,10 +16,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.clock import PS, Clock
+from cosim.light import Light, Piece
 from cosim.opencl import Device
 from cosim.viform import words_for
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.effects import SHOT_NOISE
+from sensor.exposure import Exposure
+from sensor.fast import FastPixels
 from sensor.pixel.fixed_point import to_fixed
 from sensor.pixel.model import ExactModel, Span
 
@@ -30,13 +35,20 @@ REPEATS = 5
 THRESHOLD = 1000.0
 DARK, BRIGHT = 0.03, 0.6
 """Spikes a cycle at the darkest and brightest pixel of the bench's picture."""
+MEAN = 0.034
+"""Spikes a cycle of a drawn scene."""
+BLOCK = 64
+"""Cycles of a call on such a scene."""
+BOX = (400, 500)
+"""Rows and columns that change in it."""
 REAL_TIME = 40e3
 """Latch cycles a second of SpikeTwo."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One benchmark; value in unit, realtime 1 = real time."""
+    """One benchmark; value in unit, realtime 1 = real time. plain_ratio: null where the plain way
+    was not measured."""
 
     name: str
     tier: str
@@ -109,23 +121,101 @@ def _plain(n: int, *, noise: bool, ramp: bool) -> float:
     return n * PLAIN_CYCLES / _least(call, 3)
 
 
+Call = Callable[[Light, int, int], Any]
+"""Exposes cycles `start` to `start + cycles` to light, words brought back to the host."""
+
+
+def _tiers(device: Device, noise: bool) -> dict[str, Call]:
+    """Both tiers of the chip's pixels, from light itself."""
+    chip, clock = CHIPS["spiketwo"], Clock.from_hz(REAL_TIME)
+    effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
+    model = ExactModel(THRESHOLD, 1, effects)
+    numbers = np.arange(chip.width * chip.height, dtype=np.uint32)
+    gain = THRESHOLD * REAL_TIME  # a unit of light is a threshold a cycle
+    exposure, exact = Exposure(clock, gain), make_pixels(model, numbers, device)
+    fast = FastPixels(model, (chip.height, chip.width), numbers, device, clock, gain)
+    return {
+        "exact": lambda light, start, cycles: exact.expose(
+            exposure.spans(light, start, cycles), cycles
+        ),
+        "fast": fast.expose,
+    }
+
+
+def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
+    """Pixel-cycles a second of calls one after another, each of light not met before."""
+    start = -cycles
+
+    def next_call() -> None:
+        nonlocal start
+        start += cycles
+        call(light, start, cycles)
+
+    return n * cycles / _least(next_call, REPEATS)
+
+
+def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
+    """A picture of two waves, from dark to twice the mean."""
+    y, x = np.meshgrid(*(np.linspace(0, 2 * np.pi, n) for n in shape), indexing="ij")
+    return (mean * (1 + np.sin(2 * x + y) * np.cos(y))).astype(np.float32)
+
+
+def _scenes(shape: tuple[int, int]) -> dict[str, Light]:
+    """Light at the mean rate of a drawn scene: random and smooth, and a piece every two cycles that
+    changes a box of it."""
+    random = np.random.default_rng(1).uniform(0, 2 * MEAN, shape).astype(np.float32)
+    smooth, calls = _smooth(shape, MEAN), REPEATS + 1
+    (h, w), tick = BOX, PS / REAL_TIME
+    box = (shape[0] - h) // 2, (shape[0] + h) // 2, (shape[1] - w) // 2, (shape[1] + w) // 2
+    inside = slice(*box[:2]), slice(*box[2:])
+    planes = [smooth]
+    for n in range(BLOCK // 2):
+        planes.append(smooth.copy())
+        planes[-1][inside] = np.roll(smooth, 8 * n, axis=1)[inside]
+    edges = [round(2 * n * tick) for n in range(calls * BLOCK // 2 + 1)]
+    levels = [planes[n % len(planes)] for n in range(len(edges))]
+    moving = [
+        Piece(*ends, *level, box)
+        for ends, level in zip(itertools.pairwise(edges), itertools.pairwise(levels), strict=True)
+    ]
+    return {
+        "sensor.noise-random": Light((Piece(0, PS, random, random),)),
+        "sensor.noise-smooth": Light((Piece(0, PS, smooth, smooth),)),
+        "sensor.noise-box": Light(tuple(moving)),
+    }
+
+
 def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     chip = CHIPS["spiketwo"]
-    n = chip.width * chip.height
+    shape, n = (chip.height, chip.width), chip.width * chip.height
     rows = []
+
+    def row(name: str, tier: str, value: float, plain: float | None = None) -> None:
+        rows.append(
+            Row(
+                name, tier, value, "pixel-cycles/s", value / (n * REAL_TIME),
+                value / ceiling if ceiling else None, value / plain if plain else None,
+            )
+        )  # fmt: skip
+
     for name, noise, ramp in (
         ("static", False, False),
         ("ramp", False, True),
         ("noise", True, False),
     ):
-        value = _exact(device, n, noise=noise, ramp=ramp)
         plain = _plain(n, noise=noise, ramp=ramp)
-        rows.append(
-            Row(
-                f"sensor.{name}", "exact", value, "pixel-cycles/s", value / (n * REAL_TIME),
-                value / ceiling if ceiling else None, value / plain,
-            )
-        )  # fmt: skip
+        row(f"sensor.{name}", "exact", _exact(device, n, noise=noise, ramp=ramp), plain)
+        if device is not None:
+            first = _rates(n).reshape(shape).astype(np.float32)
+            last = first * np.float32(1 + (REPEATS + 1) / 2) if ramp else first
+            stop = round((REPEATS + 1) * CYCLES * PS / REAL_TIME)
+            light = Light((Piece(0, stop, first, last),))
+            fast = _rate(_tiers(device, noise)["fast"], light, n, CYCLES)
+            row(f"sensor.{name}", "fast", fast, plain)
+    if device is not None:
+        for name, light in _scenes(shape).items():
+            for tier, call in _tiers(device, True).items():
+                row(name, tier, _rate(call, light, n, BLOCK))
     return rows
 
 

@@ -3,8 +3,9 @@ and beside the same plan with one effect put back, from the same random numbers.
 
 Compared is the rate that a pixel says: 1 / width of each interval that it sends, before the clock
 counts it, matched by index while both draw the same numbers, which is the first report under a
-rule of changes and the first REPORTS without one; of a pixel that has said nothing by the end, the
-share of its threshold that it has gathered, over that time.
+rule of changes and the first REPORTS without one; of a pixel that has said nothing by the end (of
+the run, or of REPORTS spikes of the tile's brightest pixel), the share of its threshold that it has
+gathered, over that time.
 """
 
 from __future__ import annotations
@@ -87,9 +88,10 @@ def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
-    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel."""
+    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel; who
+    has not fired by then tells as much by its share."""
     brightest = float(plan.scene.brightest[tile])
-    if plan.scene.model.change or brightest <= 0:
+    if brightest <= 0:
         return view.until
     return min(view.until, view.light.pieces[0].start + math.ceil(REPORTS / brightest * PS))
 
@@ -141,7 +143,7 @@ def _reports(firings: Firings, numbers: Numbers, most: int, last: bool) -> npt.N
 def _planned(plan: EventPlan, view: View, tile: int, *, last: bool = False) -> Reals:
     """Rates of a tile's pixels by the plan, (n, reports), NaN where there is none."""
     numbers = np.flatnonzero(plan.scene.tile_of == tile).astype(np.uint32)
-    stop, begin = _end(plan, view, tile), view.light.pieces[0].start
+    stop, begin = view.until if last else _end(plan, view, tile), view.light.pieces[0].start
     pixels = PlannedPixels(plan, view.pattern, view.shape, view.gain, numbers=numbers)
     firings = pixels.step(view.light, begin, stop)
     most = 1 if plan.scene.model.change else REPORTS

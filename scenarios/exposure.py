@@ -7,13 +7,16 @@ import math
 
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER, Lens
-from scenarios.schema import Scenario
+from scenarios.schema import Scenario, SensorSection
 from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electrons
+from sensor.stiff import Circuit, Lumped
 
 __all__ = ["camera_setting", "choose_lens", "lens_notes"]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest that a scenario may give; a pinhole."""
+FAINTEST = 1e-3
+"""Spikes a cycle down to which a circuit is lumped."""
 ZERO_CELSIUS = 273.15
 """Kelvin at 0 degC."""
 
@@ -63,6 +66,40 @@ def lens_notes(scenario: Scenario, lens: Lens, white_rate: float) -> list[str]:
     return notes
 
 
+def _circuit(
+    section: SensorSection, threshold: float, clock: Clock
+) -> tuple[Circuit | None, Lumped | None]:
+    """The pixel's circuit, and its lumped form between FAINTEST and one spike a cycle."""
+    if section.circuit is None:
+        return None, None
+    if section.reset != "residual":
+        raise InputError(
+            "sensor.reset", "residual with sensor.circuit: its own switch resets the pixel",
+            section.reset, "leave one of them out",
+        )  # fmt: skip
+    if section.dead_time > 0:
+        raise InputError(
+            "sensor.dead_time", "0 with sensor.circuit, whose reset_time it is",
+            f"{section.dead_time:g} s", "leave one of them out",
+        )  # fmt: skip
+    circuit = section.circuit.circuit
+    most = threshold * clock.hz
+    try:
+        lumped = circuit.lumped(threshold, FAINTEST * most, most)
+    except ValueError as exc:
+        raise InputError(
+            "sensor.circuit", "one that the pixel can work with", str(exc), "change it"
+        ) from exc
+    period = float(clock.period)
+    if not (lumped.bound < 1 and lumped.dead_time <= period):
+        raise InputError(
+            "sensor.circuit", f"one that fires at {FAINTEST:g} to 1 spike a cycle and is ready "
+            f"again within a cycle, {period:g} s", "one that does not", "lower leak, trip or "
+            "reset_time, or raise bandwidth",
+        )  # fmt: skip
+    return circuit, lumped
+
+
 def camera_setting(scenario: Scenario) -> CameraSetting:
     """The chip as the scenario runs it."""
     section, device = scenario.sensor, scenario.sensor.pattern
@@ -93,6 +130,7 @@ def camera_setting(scenario: Scenario) -> CameraSetting:
             "sensor.threshold_noise", f"at most the threshold, {threshold:g} e",
             f"{noise:g} e" + (" with kTC" if ktc else ""), "lower it",
         )  # fmt: skip
+    circuit, lumped = _circuit(section, threshold, clock)
     pattern = None
     if device is not None:
         pattern = DevicePattern(
@@ -114,8 +152,12 @@ def camera_setting(scenario: Scenario) -> CameraSetting:
         pattern=pattern,
         threshold_noise=noise,
         reset=section.reset,
-        dead_time=section.dead_time,
+        dead_time=section.dead_time if lumped is None else lumped.dead_time,
         row_skew=section.row_skew,
         comparator_delay=section.comparator_delay,
         crosstalk=section.crosstalk,
+        circuit=circuit,
+        overshoot=0.0 if lumped is None else lumped.shift,
+        leak=0.0 if lumped is None else lumped.dark_current,
+        lumped_error=0.0 if lumped is None else lumped.bound,
     )

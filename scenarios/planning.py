@@ -159,20 +159,20 @@ def plan_run(
 ) -> RunPlan:
     """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given."""
     scene = seen.scene
-    own = 0.0
+    own = setting.lumped_error
     if tier is None:
         tier = "exact"
         if device is not None and tolerance > 0 and setting.reset == "residual":
-            own = fast_bound(setting, scene)
-            tier = "fast" if own <= SHARE * tolerance / 2 else "exact"
-    elif tier == "fast":
-        own = fast_bound(setting, scene)
+            fast = fast_bound(setting, scene)
+            tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
+    if tier == "fast":
+        own += fast_bound(setting, scene)
     effects = setting.kept
     if tier != "fast":  # it runs all tiles alike
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     plan = make_plan(
         effects, scene, tolerance, certain=seen.certain, base_ns=QUIET,
-        own=own if tier == "fast" else 0.0, forced=forced,
+        own=own, forced=forced,
     )  # fmt: skip
     flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
@@ -181,5 +181,19 @@ def plan_run(
 
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
-    """Relative error of the fast tier's own arithmetic in the worst tile."""
-    return 1e-6
+    """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile;
+    infinite where nothing is promised. Tiles under the shortest threshold are one case, those
+    beyond the longest another; one in between has no promise."""
+    from sensor.fast import rate_bound
+
+    model = setting.model
+    low, high = np.broadcast_arrays(scene.darkest, scene.brightest)
+
+    def worst(tiles: npt.NDArray[np.bool_]) -> float:
+        if not tiles.any():
+            return 0.0
+        least, most = float(low[tiles].min()), float(high[tiles].max())
+        return float(rate_bound(model, least, most, scene.window, scene.floor, scene.cycles).value)
+
+    bright = low > model.mean
+    return max(worst(bright), worst(~bright))

@@ -29,6 +29,7 @@ _SECTIONS = {
     "asynchronous": "asynchronous",
     "channel": "asynchronous",
     "continuous": "continuous",
+    "circuit": "synchronous",
 }
 """Sections of [sensor] that belong to one readout, and which."""
 

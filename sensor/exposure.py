@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light import Box, Light, Piece, Plane
 from sensor.pattern import FixedPattern
-from sensor.pixel.fixed_point import Charge, to_fixed
+from sensor.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
 from sensor.pixel.model import Span
 
 __all__ = ["Exposure"]
@@ -44,7 +44,7 @@ class Exposure:
     gain: photoelectrons a second for a unit of light. pattern: of these pixels. offsets: (H,) int64
     picoseconds from a clock edge to the instant at which each row is sampled, None for all at the
     edge. Before instant 0 the light is taken as it is then. A pixel that gets more than LARGEST
-    electrons a cycle is held at that (it fires in every cycle either way).
+    electrons in a cycle is held at that (it fires in every cycle either way).
     """
 
     def __init__(
@@ -80,8 +80,9 @@ class Exposure:
         self._levels = [*self._levels[-3:], (plane, charge)]
         return charge
 
-    def _fixed(self, plane: Plane, box: Box) -> Charge:
-        """Charge a cycle within a box of a steady plane, fixed pattern and dark current in it."""
+    def _electrons(self, plane: Plane, box: Box) -> npt.NDArray[np.float64]:
+        """Electrons a cycle within a box of a steady plane, fixed pattern and dark current in it,
+        held at nothing."""
         y0, y1, x0, x1 = box
         light = plane[y0:y1, x0:x1]
         if not (light >= 0).all():
@@ -89,8 +90,12 @@ class Exposure:
         electrons = light.astype(np.float64) * self._per_cycle
         if self._pattern is not None:
             gain, dark = (m.reshape(plane.shape)[y0:y1, x0:x1] for m in self._pattern)
-            electrons = electrons * gain + dark
-        return to_fixed(electrons)
+            electrons = np.maximum(electrons * gain + dark, 0)  # a leak may be more than the light
+        return electrons
+
+    def _fixed(self, plane: Plane, box: Box) -> Charge:
+        """The same as charge, held at LARGEST."""
+        return to_fixed(self._electrons(plane, box))
 
     def _course(self, piece: Piece) -> _Course:
         for course in self._courses:
@@ -154,6 +159,9 @@ class Exposure:
         within = base.reshape(light.shape)[y0:y1, x0:x1]
         rows = self._rows(y0, y1)
         total: npt.NDArray[np.float64] = np.zeros(within.shape)
+        # A flash may be far brighter than a whole cycle's light can be: it is held at nothing
+        # before its share of the cycle is taken.
+        beyond: npt.NDArray[np.float64] = np.zeros(within.shape)
         for piece in met:
             a = np.maximum(start + rows, piece.start)
             b = np.minimum(stop + rows, piece.stop)
@@ -165,9 +173,22 @@ class Exposure:
                 for plane in (piece.first, piece.last)
             )
             total += ((first - within) + (last - first) * part) * share
+            more = self._excess(piece.first, first, box)
+            beyond += (more + (self._excess(piece.last, last, box) - more) * part) * share
         charge = base.copy()
-        charge.reshape(light.shape)[y0:y1, x0:x1] += np.rint(total).astype(np.int64)
+        sums = charge.reshape(light.shape)[y0:y1, x0:x1]
+        sums += np.rint(total).astype(np.int64)
+        lit = beyond > 0
+        if lit.any():
+            held = np.minimum(sums[lit] + np.rint(beyond[lit]), LARGEST * ONE)
+            sums[lit] = held.astype(np.int64)
         return charge
+
+    def _excess(self, plane: Plane, charge: Charge, box: Box) -> npt.NDArray[np.float64] | float:
+        """What a steady plane brings in a cycle beyond LARGEST, at which its charge is held."""
+        if charge.max() < LARGEST * ONE:
+            return 0.0
+        return np.maximum(self._electrons(plane, box) - LARGEST, 0) * float(ONE)
 
     def spans(self, light: Light, start: int, cycles: int) -> list[Span]:
         """Spans that fill cycles `start` to `start + cycles` of the clock.

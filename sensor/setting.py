@@ -16,12 +16,15 @@ from sensor.effects import (
     comparator_delay_effect,
     crosstalk_effect,
     dead_time_effect,
+    leak_effect,
+    overshoot_effect,
     pattern_effects,
     row_sampling_effect,
     threshold_noise_effect,
 )
 from sensor.pattern import DevicePattern
 from sensor.pixel.model import ExactModel, Reset
+from sensor.stiff import Circuit
 
 __all__ = ["CameraSetting"]
 
@@ -31,6 +34,8 @@ _SIZES: Final = (
     ("row-by-row sampling", "row_skew", 0.0),
     ("comparator delay", "comparator_delay", 0.0),
     ("optical cross-talk", "crosstalk", 0.0),
+    ("comparator overshoot", "overshoot", 0.0),
+    ("leak", "leak", 0.0),
 )
 """Effects that a setting has by a size: (effect, field, what leaves it out)."""
 _PATTERN: Final = (
@@ -49,7 +54,10 @@ class CameraSetting:
     None for a perfect one. threshold_noise: electrons. reset: rule. dead_time: seconds after each
     spike in which light is lost, at most a cycle. row_skew: share of a cycle in which the rows are
     sampled one after another. comparator_delay: seconds, at most a cycle. crosstalk: share of its
-    light that a pixel loses to its neighbours."""
+    light that a pixel loses to its neighbours. circuit: of the pixel, for the reference tier; the
+    others have its lumped form (`sensor.stiff.Circuit.lumped`): its reset in dead_time, `overshoot`
+    electrons beyond each threshold, and `leak` electrons a second less than the light brings, right
+    to a rate error of `lumped_error`."""
 
     chip: Chip
     clock: Clock
@@ -64,6 +72,10 @@ class CameraSetting:
     row_skew: float = 0.0
     comparator_delay: float = 0.0
     crosstalk: float = 0.0
+    circuit: Circuit | None = None
+    overshoot: float = 0.0
+    leak: float = 0.0
+    lumped_error: float = 0.0
 
     @property
     def electrons_per_lux(self) -> float:
@@ -72,7 +84,8 @@ class CameraSetting:
 
     def rate(self, lux: float) -> float:
         """Spikes a cycle (more than 1 saturates) under `lux` on the pixel."""
-        return lux * self.electrons_per_lux * float(self.clock.period) / self.threshold
+        gathered = lux * self.electrons_per_lux * float(self.clock.period)
+        return gathered / (self.threshold + self.overshoot)
 
     @property
     def kept(self) -> tuple[Effect, ...]:
@@ -90,6 +103,10 @@ class CameraSetting:
             made.append(comparator_delay_effect(self.comparator_delay * self.clock.hz))
         if self.crosstalk > 0:
             made.append(crosstalk_effect(self.crosstalk))
+        if self.overshoot:
+            made.append(overshoot_effect(self.overshoot))
+        if self.leak:
+            made.append(leak_effect(self.leak * float(self.clock.period)))
         if self.pattern is not None:
             made += pattern_effects(self.pattern, float(self.clock.period))
         return tuple(made)
@@ -125,4 +142,5 @@ class CameraSetting:
             self.threshold_noise,
             self.reset,
             self.dead_time * self.clock.hz,
+            self.overshoot,
         )

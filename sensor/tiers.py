@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ from cosim.light import Light
 from cosim.opencl import Device
 from sensor.effects import thresholds
 from sensor.exposure import Exposure
+from sensor.pattern import FixedPattern
 from sensor.pixel.fixed_point import ONE
 from sensor.pixel.model import ExactModel, ExactPixels, PixelState
 from sensor.sampling import row_offsets
@@ -52,11 +54,11 @@ class _Exact:
         self,
         setting: CameraSetting,
         numbers: npt.NDArray[np.uint32],
+        pattern: FixedPattern | None,
         offsets: npt.NDArray[np.int64] | None,
         device: Device | None,
     ) -> None:
         self._model, self._numbers = setting.model, numbers
-        pattern = None if setting.pattern is None else setting.pattern.at(numbers)
         self._exposure = Exposure(setting.clock, setting.electrons_per_lux, pattern, offsets)
         self._pixels = make_pixels(self._model, numbers, device)
 
@@ -100,10 +102,10 @@ def tier_pixels(
     if setting.row_skew > 0 or setting.comparator_delay > 0:
         height, skew, delay = setting.chip.height, setting.row_skew, setting.comparator_delay
         offsets = row_offsets(setting.clock, height, skew, delay, (0, height))[rows]
-    if tier == "exact":
-        return _Exact(setting, numbers, offsets, device)
-    pattern = None if setting.pattern is None else setting.pattern.at(numbers)
+    pattern = _pattern(setting, numbers, tier)
     gain, model = setting.electrons_per_lux, setting.model
+    if tier == "exact":
+        return _Exact(setting, numbers, pattern, offsets, device)
     if tier == "fast":
         from sensor.fast import FastPixels
 
@@ -115,4 +117,20 @@ def tier_pixels(
     from sensor.reference import ReferencePixels
 
     each = None if offsets is None else np.repeat(offsets, shape[1])
-    return ReferencePixels(model, numbers, setting.clock, gain, pattern, each)
+    if setting.circuit is not None:  # as it is, not lumped
+        model = replace(model, dead_time=0.0, shift=0.0)
+    return ReferencePixels(
+        model, numbers, setting.clock, gain, pattern, each, setting.circuit, setting.overshoot
+    )
+
+
+def _pattern(
+    setting: CameraSetting, numbers: npt.NDArray[np.uint32], tier: Tier
+) -> FixedPattern | None:
+    """Gains and dark currents of pixels; a lumped leak is a dark current below zero."""
+    pattern = None if setting.pattern is None else setting.pattern.at(numbers)
+    if tier == "reference" or not setting.leak:
+        return pattern
+    if pattern is None:
+        return FixedPattern(np.ones(numbers.size), np.full(numbers.size, setting.leak))
+    return FixedPattern(pattern.gain, pattern.dark + setting.leak)

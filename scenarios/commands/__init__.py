@@ -11,6 +11,7 @@ from scenarios.commands.image import image as _image
 from scenarios.commands.listing import list_scenarios as _list
 from scenarios.commands.plan import plan as _plan
 from scenarios.commands.run import run as _run
+from scenarios.commands.stability import stability as _stability
 from scenarios.commands.test import test as _test
 
 __all__ = ["app"]
@@ -30,6 +31,7 @@ app.command("accuracy")(_accuracy)
 app.command("image")(_image)
 app.command("convert")(_convert)
 app.command("bench")(_bench)
+app.command("stability")(_stability)
 app.command("doctor")(_doctor)
 # Everything after `test` goes to pytest as it is.
 _PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}

@@ -100,10 +100,11 @@ def bench(
     if ceiling["value"] is not None:
         print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
     names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
-    print(f"{'':<16} {'tier':<7} {'':>9} {'':<15} {names}")
+    print(f"{'':<20} {'tier':<7} {'':>9} {'':<15} {names}")
     for row in document["rows"]:
         share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
+        plain = "" if row["plain_ratio"] is None else f"{row['plain_ratio']:.1f}"
         print(
-            f"{row['name']:<16} {row['tier']:<7} {row['value']:9.3g} {row['unit']:<15} "
-            f"{row['realtime']:11.3g} {share:>10} {row['plain_ratio']:8.1f}"
+            f"{row['name']:<20} {row['tier']:<7} {row['value']:9.3g} {row['unit']:<15} "
+            f"{row['realtime']:11.3g} {share:>10} {plain:>8}"
         )

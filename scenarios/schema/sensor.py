@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
+from scenarios.schema.circuit import CircuitSection
 from scenarios.schema.continuous import ContinuousSection
 from scenarios.schema.quantity import (
     Capacitance,
@@ -101,6 +102,9 @@ class SensorSection(Section):
     )
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
+    circuit: CircuitSection | None = Field(
+        default=None, description="capacitance, leak, comparator and reset of a synchronous pixel"
+    )
     asynchronous: AsynchronousSection | None = None
     continuous: ContinuousSection | None = None
     channel: ChannelSection | None = Field(
@@ -128,6 +132,8 @@ class SensorSection(Section):
         sizes = {
             n: v for n, v in sizes.items() if n not in ABSENT.get(str(data.get("readout")), ())
         }
+        if data.get("circuit") is not None:  # whose reset takes its own time
+            sizes.pop("dead_time", None)
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern

@@ -27,6 +27,10 @@ SIDE: Final = 16
 CONFIDENCE: Final = 3.2905
 """Standard deviations of 99.9 %, two-sided."""
 
+_FAR: Final = 6.0
+_RARE: Final = 12.0
+"""Readings that chance may move to another level in a tile where next to none should be."""
+
 Reals = npt.NDArray[np.float64]
 
 
@@ -36,7 +40,8 @@ class EventScene:
 
     tile_of: (pixels,) tile of each pixel. pixels: of each tile. mean: what the tile's pixels say.
     rms: root mean square of what light alone would make them fire at. few: pixels that such a mean
-    square is worth. brightest: highest rate within, with dark current. floor: rate under which an
+    square is worth. brightest: highest rate within, with dark current. read: whether some pixel may
+    be read before it is full. floor: rate under which an
     error is counted as if of this. stop: end of the run, seconds. steady: light does not change.
     """
 
@@ -48,6 +53,7 @@ class EventScene:
     rms: Reals
     few: Reals
     brightest: Reals
+    read: npt.NDArray[np.bool_]
     floor: float
     stop: float
     steady: bool
@@ -82,12 +88,16 @@ def summarise(
     says = fires / (1 + fires * ((model.shortest + model.delay) / PS))
     square, fourth = summed(fires**2), summed(fires**4)
     few = np.divide(square**2, fourth, out=np.ones(tiles), where=fourth > 0)
-    brightest = np.zeros(tiles)
+    brightest, darkest = np.zeros(tiles), np.full(tiles, np.inf)
     np.maximum.at(brightest, tile_of, fires)
+    np.minimum.at(darkest, tile_of, light)
+    # Six deviations of a threshold, and of a gain.
+    sure = 1 + _FAR * (1 / math.sqrt(model.threshold) + device.prnu + device.threshold_fpn)
+    read = darkest * (model.longest / PS) < sure if model.longest else np.zeros(tiles, np.bool_)
     longest = min(model.longest or stop, stop)
     return EventScene(
         model, device, tile_of, pixels, summed(says) / pixels, np.sqrt(square / pixels),
-        few, brightest, PS / longest, stop / PS, steady,
+        few, brightest, read, PS / longest, stop / PS, steady,
     )  # fmt: skip
 
 
@@ -133,12 +143,30 @@ def _shot_noise(scene: EventScene) -> Reals:
     if m.longest:
         # A reading has the deviation of its electrons and of its level, sqrt(Q) and Q/N at most.
         read = (math.sqrt(m.threshold) + m.threshold / m.levels) / m.threshold
-        bound = bound + read * PS / m.longest
+        bound = bound + np.where(scene.read, read * PS / m.longest, 0.0)
     return np.asarray(bound / scene.scale * _margin(scene.few))
 
 
+def _levels(scene: EventScene, change: Reals) -> Reals:
+    """What a change of the rate, spikes a second, makes of readings beyond itself: a reading moves
+    to the next level as often as the change is large beside a level, 1 / (N longest); the first
+    level counts one and a half."""
+    m = scene.model
+    if not m.longest:
+        return np.zeros(scene.mean.shape)
+    level = PS / (m.longest * m.levels)
+    often = np.minimum(change / level + _RARE / scene.pixels, 1)
+    return np.where(scene.read, 1.5 * level * np.sqrt(often), 0.0) / scene.scale
+
+
+def _relative(scene: EventScene, size: float) -> Reals:
+    """A gain's spread."""
+    change = size * _inverse(scene) * scene.rms
+    return change / scene.scale * _margin(scene.few) + _levels(scene, change)
+
+
 def _prnu(scene: EventScene) -> Reals:
-    return scene.pattern.prnu * _inverse(scene) * scene.rms / scene.scale * _margin(scene.few)
+    return _relative(scene, scene.pattern.prnu)
 
 
 def _dark(scene: EventScene) -> Reals:
@@ -150,18 +178,19 @@ def _dark(scene: EventScene) -> Reals:
     v = p.dsnu**2 + (_spread(m.threshold) ** 2 if m.shot else 0.0)
     spread = math.sqrt(4 * v + 2 * v * v) / (1 + v) if v < math.inf else math.inf
     size = p.dark / m.threshold * math.hypot(1, p.dsnu) * _inverse(scene)
-    return np.asarray(size / scene.scale * (1 + CONFIDENCE * spread / np.sqrt(scene.pixels)))
+    bound = size / scene.scale * (1 + CONFIDENCE * spread / np.sqrt(scene.pixels))
+    return np.asarray(bound + _levels(scene, np.full(scene.mean.shape, size)))
 
 
 def _threshold_fpn(scene: EventScene) -> Reals:
-    size = scene.pattern.threshold_fpn
-    return size * _inverse(scene) * scene.rms / scene.scale * _margin(scene.few)
+    return _relative(scene, scene.pattern.threshold_fpn)
 
 
 def _broken(scene: EventScene) -> Reals:
     p = scene.pattern
     hot = math.sqrt(p.hot) * p.hot_current / scene.model.threshold
-    return np.hypot(hot, math.sqrt(p.dead) * scene.rms) / scene.scale
+    change = np.hypot(hot, math.sqrt(p.dead) * scene.rms)
+    return change / scene.scale + _levels(scene, change)
 
 
 def _later(scene: EventScene) -> Reals:

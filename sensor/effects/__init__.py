@@ -1,9 +1,11 @@
 """The physical effects of the pixel, one file each."""
 
+from sensor.effects.circuit import leak_effect, overshoot_effect
 from sensor.effects.crosstalk import crosstalk_effect
 from sensor.effects.dead_time import dead_time_effect
 from sensor.effects.fixed_pattern import pattern_effects
 from sensor.effects.initial_charge import INITIAL_CHARGE, initial_deficit
+from sensor.effects.metastability import Metastability, metastability_effect
 from sensor.effects.residual import RESIDUAL
 from sensor.effects.sampling import comparator_delay_effect, row_sampling_effect
 from sensor.effects.shot_noise import SHOT_NOISE, first_thresholds, thresholds
@@ -14,12 +16,16 @@ __all__ = [
     "INITIAL_CHARGE",
     "RESIDUAL",
     "SHOT_NOISE",
+    "Metastability",
     "comparator_delay_effect",
     "crosstalk_effect",
     "dead_time_effect",
     "first_thresholds",
     "initial_deficit",
     "ktc_electrons",
+    "leak_effect",
+    "metastability_effect",
+    "overshoot_effect",
     "pattern_effects",
     "row_sampling_effect",
     "threshold_noise_effect",

@@ -1,18 +1,19 @@
-"""The course of light over a call as few planes and weights, so that a kernel can make the charge of
+"""The course of light over a call as few planes and weights, of which a kernel makes the charge of
 every cycle by itself.
 
 The light of a cycle is base + sum of weight x (plane - base): for a cycle within a piece, base is
 its first plane and the weight of its last is how far the cycle's middle lies in it; for a cycle in
 which pieces meet, each plane counts by the share of the cycle that it has (the integral of linear
-pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a run
-is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the sum
-is the base to the last bit, so what lies outside the changed boxes needs no weights.
+pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a
+run is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the
+sum is the base to the last bit, so what lies outside the changed boxes needs no weights.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,10 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light import Box, Light, Piece, Plane
 
-__all__ = ["Course", "Segment", "course_of"]
+__all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
+
+MOST_PLANES: Final = 16
+"""Planes of a segment, its base among them, and of a launch of a kernel."""
 
 Weights = npt.NDArray[np.float32]
 
@@ -104,11 +108,29 @@ def _meeting(
     return tuple(planes[n] for n in kept), made.astype(np.float32)
 
 
+def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, most: Any) -> Plane:
+    """A cycle in which more pieces meet than a segment can have, as one plane of its own."""
+    y0, y1, x0, x1 = box
+    held = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
+    first = np.minimum(base[y0:y1, x0:x1], held)
+    change = np.zeros(first.shape)
+    for n, plane in enumerate(planes):
+        change += (np.minimum(plane[y0:y1, x0:x1], held) - first) * weights[:, n : n + 1]
+    made = base.copy()
+    made[y0:y1, x0:x1] = np.where(change == 0, base[y0:y1, x0:x1], np.maximum(first + change, 0))
+    return made
+
+
 def course_of(
-    light: Light, clock: Clock, offsets: npt.NDArray[np.int64], start: int, cycles: int
+    light: Light,
+    clock: Clock,
+    offsets: npt.NDArray[np.int64],
+    start: int,
+    cycles: int,
+    most: Any = np.inf,
 ) -> Course:
     """The course of cycles `start` to `start + cycles`. offsets: (H,) or (1,) int64 ps from an edge
-    to the instant at which a row is sampled.
+    to the instant at which a row is sampled. most: level at which light is held, one or (H, W).
 
     Raises ValueError when the light does not cover them.
     """
@@ -144,6 +166,10 @@ def course_of(
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]
         planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), late)
-        segments.append(Segment(c - start, 1, meet[0].first, planes, weights[None]))
+        base = meet[0].first
+        if len(planes) >= MOST_PLANES:
+            base, planes = _merged(base, planes, weights, box, most), ()
+            weights = weights[:, :0]
+        segments.append(Segment(c - start, 1, base, planes, weights[None]))
         c += 1
     return Course(met[0].first, box, segments, met)

@@ -1,12 +1,15 @@
 // Groups with noise or dead time: state is the deficit, threshold - charge - 1, in int32; its sign is
 // the spike. Between spikes only light is taken off, so a pixel goes from spike to spike.
-//   NOISE      each spike draws its threshold (draws.cl); else it is ONE
+//   NOISE      each spike draws its threshold (draws.cl); else it is the nominal one, `one`
 //   DEAD_TIME  each spike costs `dead` of its cycle's light
-// TOP is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
+// `top` is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
 // cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
 
+#define SCALE ((float)one)
+#define LIMIT ((float)CAP / (float)one)
+
 #ifdef DEAD_TIME
-#define LOST(add) convert_int16_rtz(convert_float16(add) * dead)
+#define LOST(add) convert_int16(convert_float16(add) * dead)
 #define BELOW(d, add) ((d) < (add))
 #else
 #define LOST(add) (int16)(0)
@@ -26,17 +29,18 @@
     vstore16(convert_uint16(last_k >> 32), g, high);
 #define STATE_PARAMETERS                                                                          \
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
-        __global const int *table, const uint seed, const float dead
+        __global const int *table, const uint seed, const float dead,     \
+        const int one, const int top
 
-inline int16 units_of(const float16 rate)
+inline int16 units_of(const float16 rate, const int one)
 {
-    return convert_int16_rte((rate < MOST ? rate : (float16)(MOST)) * (float)ONE);
+    return convert_int16(held(rate, LIMIT) * SCALE + 0.5f);
 }
 
 // Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
 inline int16 multiple(const int16 whole, const int16 part)
 {
-    int16 m = convert_int16_rtz(convert_float16(whole) / convert_float16(part));
+    int16 m = convert_int16(convert_float16(whole) / convert_float16(part));
     m += (m * part > whole);
     m -= (whole - m * part >= part);
     return m;
@@ -51,7 +55,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
     // Products wrap; the difference of the two is small.
     const float16 guess = (convert_float16(n) * convert_float16(part) - convert_float16(d)) /
                           convert_float16(whole);
-    int16 m = convert_int16_rtz(guess);
+    int16 m = convert_int16(guess);
     int16 r = as_int16(as_uint16(d) + as_uint16(m) * as_uint16(whole) - as_uint16(n) * as_uint16(part));
     for (uint i = 0; i < 2; i++) {
         m -= (r < 0);
@@ -71,7 +75,8 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
         uint16 drawn[8];                                                                          \
         const ulong16 k = first_k + convert_ulong16(used) + 1;                                    \
         const uint16 slot = convert_uint16(k & 3);                                                \
-        draw_words(drawn, k, pixel, seed);                                                        \
+        block_words(drawn, k >> 2, pixel, seed);                                                  \
+        block_words(drawn + 4, (k >> 2) + 1, pixel, seed);                                        \
         t0 = quantile(nth_word(drawn, 0, slot), table);                                           \
         t1 = quantile(nth_word(drawn, 1, slot), table);                                           \
         t2 = quantile(nth_word(drawn, 2, slot), table);                                           \
@@ -79,7 +84,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
     }
 #define SHIFT(f) t0 = f ? t1 : t0; t1 = f ? t2 : t1; t2 = f ? t3 : t2; t3 = f ? (int16)(EMPTY) : t3;
 #else
-#define QUEUE const int16 t0 = ONE;
+#define QUEUE const int16 t0 = one;
 #define REFILL {}
 #define SHIFT(f)
 #endif
@@ -87,11 +92,11 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 // Everything that can happen in a cycle: several thresholds, or more than any.
 #define ANY_CYCLE(add, lost)                                                                      \
     {                                                                                             \
-        const int16 certain = ((add) >= TOP + (lost)) & BELOW(d, add);                            \
+        const int16 certain = ((add) >= top + (lost)) & BELOW(d, add);                            \
         int16 r = d - (add);                                                                      \
         bits |= as_uint16(certain | (r >> 31)) & bit;                                             \
         if (some(certain)) {                                                                      \
-            r = select(r, run_over(d, (int16)(1), add, ONE + (lost), &used, certain), certain);   \
+            r = select(r, run_over(d, (int16)(1), add, one + (lost), &used, certain), certain);   \
             RENEW(certain)                                                                        \
         }                                                                                         \
         while (some(r)) {                                                                         \
@@ -114,7 +119,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 #define CYCLE(add, lost)                                                                          \
     {                                                                                             \
         const int16 rest = d - (add), f = rest < 0, next = rest + (f & (t0 + (lost)));            \
-        if (some(next | (TOP - 1 + (lost) - (add))))                                              \
+        if (some(next | (top - 1 + (lost) - (add))))                                              \
             ANY_CYCLE(add, lost)                                                                  \
         else {                                                                                    \
             d = next;                                                                             \
@@ -124,30 +129,129 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
         }                                                                                         \
     }
 
-__kernel void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
+__kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUP
     STATE
     QUEUE
-    WALK(const int16 add = units_of(rate); const int16 lost = LOST(add); CYCLE(add, lost))
+    WALK(const int16 add = convert_int16(units + 0.5f); const int16 lost = LOST(add);
+         CYCLE(add, lost),
+         const int16 add = units_of(rate, one); const int16 lost = LOST(add); ANY_CYCLE(add, lost))
     KEEP_STATE
 }
 
-__kernel void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
+#ifdef NOISE
+// The threshold of interval k of each lane. Lanes that fire together use up the words of a counter
+// together, so each further counter serves four spikes; `fresh` begins anew where they have come out
+// of step.
+inline __attribute__((always_inline)) int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ulong16 *block,
+                            const ulong16 k, const uint16 pixel, __global const int *table,
+                            const uint seed)
+{
+    if (*fresh) {
+        *slot = convert_uint16(k & 3);
+        *block = k >> 2;
+        block_words(drawn, *block, pixel, seed);
+        block_words(drawn + 4, *block + 1, pixel, seed);
+        *block += 2;
+        *i = *fresh = 0;
+    } else if (*i == 5) {
+        for (uint j = 0; j < 4; j++)
+            drawn[j] = drawn[4 + j];
+        block_words(drawn + 4, *block, pixel, seed);
+        *block += 1;
+        *i = 1;
+    }
+    return quantile(nth_word(drawn, (*i)++, *slot), table);
+}
+#define DRAWN                                                                                     \
+    uint16 drawn[8], slot = 0;                                                                    \
+    ulong16 block = 0;                                                                            \
+    uint i = 0;
+#define DRAW                                                                                      \
+    next_threshold(drawn, &i, &fresh, &slot, &block, first_k + convert_ulong16(used), pixel,      \
+                   table, seed)
+#else
+#define DRAWN
+#define DRAW (int16)(one)
+#endif
+
+// Light that is the same in every cycle: from spike to spike, all lanes in step. The number of cycles
+// to the next spike is estimated in float and corrected in integers, so that no rounding shows. A
+// lane that did not fire is at its window's end and draws no more.
+__kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     STATE
-    QUEUE
     const float16 rate = LEVEL(plane);
-    const int16 add = units_of(rate), lost = LOST(add);
-    uint16 bits = 0;
-    for (uint c = 0; c < cycles;) {
-        const uint bit = 1u << (c & 31);
-        CYCLE(add, lost)
-        if (!(++c & 31) || c == cycles) {
-            store_word(bits, words + ((c - 1) >> 5) * stride, row, x, width);
-            bits = 0;
+    const int16 add = units_of(rate, one), lost = LOST(add);
+    const int16 sure = add >= top + lost;
+    const int any_sure = some(sure);
+    const float16 light = convert_float16(add), reciprocal = 1.0f / (light + 0.5f);
+    // No spike at all, with room for the roundings of float.
+    if (!some(as_int16(convert_float16(d) - light * ((float)cycles * 1.0001f)))) {
+        d -= add * (int)cycles;
+        for (uint w = 0; w < (cycles + 31) / 32; w++)
+            store_word((uint16)(0), words + w * stride, row, x, width);
+        vstore16(d, g, charge);
+        return;
+    }
+    DRAWN
+    for (uint begin = 0; begin < cycles; begin += 64) {
+        const int stop = min(64u, cycles - begin);
+        int16 at = 0;
+        uint16 early = 0, late = 0;
+        int fresh = 1;
+        for (;;) {
+            const int16 left = stop - at;
+            const float16 most = convert_float16(left), root = convert_float16(d) * reciprocal;
+            int16 n = convert_int16(root < most ? root : most);
+            int16 rest = d - n * add;
+            const int16 over = rest >> 31;
+            n += over;
+            rest += over & add;
+            const int16 go = (rest >= add) & (n < left);
+            n -= go;
+            rest -= go & add;
+            int16 fired = n < left;
+            if (any_sure) {
+                const int16 run = sure & fired & BELOW(d, add);
+                if (some(run)) {
+                    rest = run_over(d, left, add, one + lost, &used, run) & run | rest & ~run;
+                    const uint16 from = as_uint16(at);
+                    early |= as_uint16(run) & 
+                        (at < 32 ? (uint16)(0xFFFFFFFFu) << (from & 31) : (uint16)(0)) &
+                        (stop < 32 ? (1u << stop) - 1 : 0xFFFFFFFFu);
+                    if (stop > 32)
+                        late |= as_uint16(run) & 
+                            (at > 31 ? (uint16)(0xFFFFFFFFu) << (from & 31) : (uint16)(0xFFFFFFFFu)) &
+                            (0xFFFFFFFFu >> (64 - stop));
+                    n = select(n, left, run);
+                    fired &= ~run;
+                }
+            }
+            d = rest - (fired & add);
+            if (!some(fired))
+                break;
+            at += n;
+            const uint16 bit = as_uint16(fired) & ((uint16)(1) << as_uint16(at & 31));
+            early |= as_uint16(at < 32) & bit;
+            late |= as_uint16(at > 31) & bit;
+            at -= fired;
+            used -= as_uint16(fired);
+            d += fired & (lost + DRAW);
+            while (some(d)) {
+                const int16 again = d < 0;
+                used -= as_uint16(again);
+                fresh = 1;
+                d += again & (lost + DRAW);
+                fresh = 1;
+            }
         }
+        __global uint *word = words + (begin >> 5) * stride;
+        store_word(early, word, row, x, width);
+        if (stop > 32)
+            store_word(late, word + stride, row, x, width);
     }
     KEEP_STATE
 }

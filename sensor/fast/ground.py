@@ -1,4 +1,4 @@
-"""What both forms of the fast tier start from: padded pixels, their gains, flags and first charge."""
+"""What both forms of the fast tier start from: padded pixels, gains, flags, first charge."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Ground:
 
     @property
     def groups(self) -> tuple[int, int]:
-        """Rows, and groups in a row; the last one of a row is filled up with pixels without light."""
+        """Rows, and groups in a row, the last filled up with pixels that get no light."""
         return self.shape[0], -(-self.shape[1] // LANES)
 
     @cached_property
@@ -86,19 +86,19 @@ class Ground:
     @property
     def scale(self) -> float:
         """Thresholds a cycle for a unit of light, without pattern."""
-        return self.gain * float(self.clock.period) / self.model.threshold
+        return self.gain * float(self.clock.period) / self.model.mean
 
     @property
     def brightest(self) -> np.float32:
-        """Level at which light is held, in thresholds a cycle."""
-        return np.float32(LARGEST / self.model.threshold)
+        """Level at which light is held, in thresholds a cycle, an int32 in any case."""
+        return np.float32(min(LARGEST / self.model.mean, 2.0**30))
 
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
         """Thresholds a cycle for a unit of light, and in the dark, of each padded pixel."""
         if self.pattern is None:
             return None
-        dark = self.pattern.dark * (float(self.clock.period) / self.model.threshold)
+        dark = self.pattern.dark * (float(self.clock.period) / self.model.mean)
         return (
             self.padded((self.pattern.gain * self.scale).astype(np.float32)),
             self.padded(dark.astype(np.float32)),
@@ -114,7 +114,16 @@ class Ground:
         """The course of light over a call. Raises ValueError for light of another shape or time."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        return course_of(light, self.clock, self.late, start, cycles)
+        return course_of(light, self.clock, self.late, start, cycles, self._most)
+
+    @cached_property
+    def _most(self) -> Any:
+        """Light at which a pixel's is held."""
+        if self.pattern is None:
+            return float(self.brightest) / self.scale if self.scale else np.inf
+        gain = np.maximum(self.pattern.gain * self.scale, 1e-300).reshape(self.shape)
+        dark = self.pattern.dark.reshape(self.shape) * float(self.clock.period)
+        return np.maximum(float(self.brightest) - dark / self.model.mean, 0) / gain
 
     def fraction(
         self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]

@@ -2,6 +2,13 @@
 // float32 with one rounding an operation: the same numbers as plain numpy on every device.
 #pragma OPENCL FP_CONTRACT OFF
 
+// Without this word the compiler takes sixteen lanes apart into two vectors of eight.
+#if __has_attribute(min_vector_width)
+#define WIDE __attribute__((min_vector_width(512)))
+#else
+#define WIDE
+#endif
+
 #define PLANES 16
 #define ROW_OF(g) ((uint)(g) / groups)
 #define X_OF(g) (16 * ((uint)(g) % groups))
@@ -9,12 +16,18 @@
 #ifdef PATTERN
 #define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
 #define GAINS(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-#define LEVEL(plane) held(seen(plane, row, x, width) * gain + dark, brightest)
+// A leak may be more than the light.
+#define LEVEL(plane) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
 #else
 #define GAIN_PARAMETERS , const float gain
 #define GAINS(g)
 #define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
 #endif
+
+inline float16 lit(const float16 rate)
+{
+    return rate > 0.0f ? rate : (float16)(0.0f);
+}
 
 inline float16 held(const float16 rate, const float most)
 {
@@ -86,35 +99,46 @@ inline int some(const int16 v)
         __global const float *a9, __global const float *a10, __global const float *a11,           \
         __global const float *a12, __global const float *a13, __global const float *a14,          \
         __global const float *a15
-#define PLANE_TABLE                                                                               \
-    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
-                                            a8, a9, a10, a11, a12, a13, a14, a15};
 
-// Walks the segments: CYCLE is what is done with `rate`, thresholds that a cycle brings, of cycle c;
-// it adds its spikes to `bits` at `bit`.
-#define WALK(CYCLE)                                                                               \
+// Walks the segments. EASY is done with a cycle whose light stays below LIMIT thresholds and comes of
+// two planes at most: `units` is that light times SCALE. ANY is done with any other: `rate` is its
+// light in thresholds. Both add spikes to `bits` at `bit`.
+#define WALK(EASY, ANY)                                                                           \
     uint c = segments[0];                                                                         \
     uint16 bits = 0;                                                                              \
     if (c & 31)                                                                                   \
         bits = load_word(words + (c >> 5) * stride, row, x, width);                               \
     for (uint s = 0; s < n_segments; s++) {                                                       \
         __global const int *segment = segments + s * SEGMENT;                                     \
-        const uint end = segment[0] + segment[1], others = segment[4];                            \
-        const float16 base = LEVEL(planes[segment[3]]);                                           \
+        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
+        const float16 base = levels[segment[3]];                                           \
         float16 step = 0.0f;                                                                      \
         if (others)                                                                               \
-            step = LEVEL(planes[segment[5]]) - base;                                              \
+            step = levels[segment[5]] - base;                                              \
         __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
-        for (; c < end; weight += rows * others) {                                                \
-            float16 rate = base;                                                                  \
-            if (others)                                                                           \
-                rate = rate + weight[0] * step;                                                   \
-            for (uint j = 1; j < others; j++)                                                     \
-                rate = rate + weight[j] * (LEVEL(planes[segment[5 + j]]) - base);                 \
-            rate = rate < 0.0f ? (float16)(0.0f) : rate;                                          \
-            const uint bit = 1u << (c & 31);                                                      \
-            CYCLE                                                                                 \
-            if (!(++c & 31)) {                                                                    \
+        const float16 room = LIMIT - base - (step > 0.0f ? step : (float16)(0.0f));               \
+        const int easy = others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));                 \
+        const float16 base_units = base * SCALE, step_units = step * SCALE;                       \
+        while (c < end) {                                                                         \
+            const uint stop = min(end, (c | 31) + 1);                                             \
+            if (easy)                                                                             \
+                for (; c < stop; c++, weight += jump) {                                           \
+                    const uint bit = 1u << (c & 31);                                              \
+                    const float16 units = base_units + weight[0] * step_units;                    \
+                    EASY                                                                          \
+                }                                                                                 \
+            else                                                                                  \
+                for (; c < stop; c++, weight += jump) {                                           \
+                    const uint bit = 1u << (c & 31);                                              \
+                    float16 rate = base;                                                          \
+                    if (others)                                                                   \
+                        rate = rate + weight[0] * step;                                           \
+                    for (uint j = 1; j < others; j++)                                             \
+                        rate = rate + weight[j] * (levels[segment[5 + j]] - base);         \
+                    rate = rate < 0.0f ? (float16)(0.0f) : rate;                                  \
+                    ANY                                                                           \
+                }                                                                                 \
+            if (!(c & 31)) {                                                                      \
                 store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);                 \
                 bits = 0;                                                                         \
             }                                                                                     \
@@ -127,9 +151,11 @@ inline int some(const int16 v)
     __global const float *plane, __global uint *words, const uint stride, const uint width,       \
         const uint groups, const float brightest, __global const uint *list, const uint y0,       \
         const uint y1, const uint g0, const uint g1, const uint cycles GAIN_PARAMETERS
-// The group of this work-item, unless it lies in the changed box.
+// The group of this work-item, unless it lies in the changed box or only fills up the list.
 #define STEADY_GROUP                                                                              \
     const uint g = list[get_global_id(0)], row = ROW_OF(g), x = X_OF(g);                          \
+    if (g == 0xFFFFFFFF)                                                                          \
+        return;                                                                                   \
     if (row >= y0 && row < y1 && x >= 16 * g0 && x < 16 * g1)                                     \
         return;                                                                                   \
     GAINS(g)
@@ -138,12 +164,16 @@ inline int some(const int16 v)
     __global const uchar *flags, __global const int *segments, const uint n_segments,             \
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
-        const uint g0 GAIN_PARAMETERS
+        const uint g0, const uint g1, const uint n_planes GAIN_PARAMETERS
 // The group of this work-item, a place in the changed box, unless its flags are others.
 #define MOVING_GROUP                                                                              \
     const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
     const uint g = row * groups + x / 16;                                                         \
-    if (flags[g] != FLAGS)                                                                        \
+    if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
         return;                                                                                   \
-    PLANE_TABLE                                                                                   \
-    GAINS(g)
+    GAINS(g)                                                                                      \
+    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
+                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
+    float16 levels[PLANES]; /* all fetched at once, since each comes from afar */                 \
+    for (uint p = 0; p < n_planes; p++)                                                           \
+        levels[p] = LEVEL(planes[p]);

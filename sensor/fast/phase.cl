@@ -1,15 +1,18 @@
 // Groups without noise and dead time: charge is a phase of 2^32, whose carry is the spike. Whole
 // thresholds in a cycle only say that it fires.
 
-// Phase that a cycle adds.
+#define SCALE 0x1p32f
+#define LIMIT 1.0f
+
+// Phase that a cycle adds. Truncation is the one rounding that PoCL has an instruction for.
 inline uint16 phase_of(const float16 rate, uint16 *always)
 {
-    const float16 whole = floor(rate);
+    const float16 whole = convert_float16(convert_int16(rate));
     *always = as_uint16(rate >= 1.0f);
-    return convert_uint16_rte((rate - whole) * 0x1p32f);
+    return convert_uint16((rate - whole) * SCALE + 0.5f);
 }
 
-__kernel void steady(__global uint *charge, STEADY_PARAMETERS)
+__kernel WIDE void steady(__global uint *charge, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     uint16 always, phase = vload16(g, charge);
@@ -36,11 +39,13 @@ __kernel void steady(__global uint *charge, STEADY_PARAMETERS)
     vstore16(phase, g, charge);
 }
 
-__kernel void moving(__global uint *charge, MOVING_PARAMETERS, PLANE_PARAMETERS)
+__kernel WIDE void moving(__global uint *charge, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUP
     uint16 phase = vload16(g, charge);
-    WALK(uint16 always; const uint16 add = phase_of(rate, &always);
-         phase += add; bits |= (always | as_uint16(phase < add)) & bit;)
+    WALK(const uint16 add = convert_uint16(units + 0.5f); phase += add;
+         bits |= as_uint16(phase < add) & bit;,
+         uint16 always; const uint16 add = phase_of(rate, &always); phase += add;
+         bits |= (always | as_uint16(phase < add)) & bit;)
     vstore16(phase, g, charge);
 }

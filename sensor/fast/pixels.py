@@ -19,9 +19,9 @@ from cosim.opencl import Device
 from cosim.philox import philox_cl
 from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
-from sensor.fast.course import Course, Segment
+from sensor.fast.course import MOST_PLANES, Course, Segment
 from sensor.fast.ground import LANES, Ground
-from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, SIDE, SMALLEST
+from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE
 from sensor.pattern import FixedPattern
 from sensor.pixel.model import ExactModel
 
@@ -29,6 +29,9 @@ __all__ = ["FastPixels"]
 
 _PLANES: Final = 16
 """Planes that a launch reads."""
+_LOCAL: Final = 8
+"""Work-items that share a core at a time. PoCL keeps the private arrays of all of them, so that few
+stay in its cache, and thousands overrun its stack."""
 _ENTRY: Final = 5 + _PLANES
 """Integers that describe a segment to a kernel."""
 
@@ -72,7 +75,7 @@ class FastPixels:
         self._table = device.upload(ground.units.table)
         self._flags = device.upload(ground.kept)
         flat = ground.kept.ravel()
-        lists = {int(f): np.flatnonzero(flat == f).astype(np.uint32) for f in np.unique(flat)}
+        lists = {int(f): _filled(np.flatnonzero(flat == f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
         self._gains: tuple[Any, ...] = (np.float32(ground.scale),)
         if ground.gains is not None:
@@ -87,17 +90,13 @@ class FastPixels:
         def text(name: str) -> str:
             return (files("sensor.fast") / name).read_text()
 
-        units, source = self._ground.units, text("light.cl")
-        one = units.one
-        defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DONE={one}"]
-        defines += [f"-DMOST={CAP / one!r}f", f"-DEMPTY=({EMPTY})"]
-        defines.append(f"-DTOP={units.top if flags & NOISE else one}")
+        source = text("light.cl")
+        defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DCAP={CAP}", f"-DEMPTY=({EMPTY})"]
         if self._ground.gains is not None:
             defines.append("-DPATTERN")
         if flags & NOISE:
             source += philox_cl() + text("draws.cl")
             defines += ["-DNOISE", f"-DSTREAM={int(SHOT_NOISE.stream)}u"]
-            defines += [f"-DSIDE={SIDE}", f"-DSMALLEST={SMALLEST}"]
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         source += text("deficit.cl" if flags else "phase.cl")
@@ -121,10 +120,11 @@ class FastPixels:
         """Arguments of a kernel that are the pixels' own."""
         if not flags:
             return (self._charge,)
-        ground = self._ground
+        ground, units = self._ground, self._ground.units
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
-            np.uint32(ground.model.seed), ground.dead,
+            np.uint32(ground.model.seed), ground.dead, np.int32(units.one),
+            np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
     def _look(self, course: Course) -> None:
@@ -141,6 +141,9 @@ class FastPixels:
                     shared = np.ascontiguousarray(plane, np.float32)
                     known = (plane, self._device.share(shared))
                 kept[id(plane)] = known
+        for segment in course.segments:  # those that were made for one cycle
+            if id(segment.base) not in kept:
+                kept[id(segment.base)] = (segment.base, self._device.share(segment.base))
         self._planes = kept
 
     def _steady(self, course: Course, cycles: int, words: Any) -> None:
@@ -151,7 +154,7 @@ class FastPixels:
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
             self._kernels[flags][0](
-                self._device.queue, (n,), None, *self._state(flags),
+                self._device.queue, (n,), (_LOCAL,), *self._state(flags),
                 plane, words, np.uint32(height * self._ground.shape[1]),
                 np.uint32(self._ground.shape[1]), np.uint32(groups), self._ground.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
@@ -162,27 +165,29 @@ class FastPixels:
         """One launch, of segments that share sixteen planes."""
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
-        begin = 0
+        begin = 1  # one weight stands for none
         for entry, segment in zip(entries, segments, strict=True):
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
-            entry[:5] = segment.first, segment.cycles, begin, used[0], len(segment.planes)
+            at = begin if segment.planes else 0
+            entry[:5] = segment.first, segment.cycles, at, used[0], len(segment.planes)
             entry[5 : 5 + len(segment.planes)] = used[1:]
             begin += segment.weights.size
         weights = np.concatenate([np.zeros(1, np.float32), *(s.weights.ravel() for s in segments)])
-        entries[:, 2] += 1
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
-        planes += planes[:1] * (_PLANES - len(planes))
+        planes += planes[:1] * (MOST_PLANES - len(planes))
         y0, y1, g0, g1 = _groups(box)
         (height, width), device = self._ground.shape, self._device
         shared = device.upload(entries), device.upload(weights)
+        wide = -(-(g1 - g0) // _LOCAL) * _LOCAL
         for flags in self._lists:
             self._kernels[flags][1](
-                device.queue, (g1 - g0, y1 - y0), None, *self._state(flags),
+                device.queue, (wide, y1 - y0), (_LOCAL, 1), *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._ground.groups[1]), self._ground.brightest,
-                np.uint32(y0), np.uint32(g0), *self._gains, *planes,
+                np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
+                *self._gains, *planes,
             )  # fmt: skip
 
     def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
@@ -191,7 +196,7 @@ class FastPixels:
         met: set[int] = set()
         for segment in segments:
             needs = {id(p) for p in (segment.base, *segment.planes)}
-            if not runs or len(met | needs) > _PLANES:
+            if not runs or len(met | needs) > MOST_PLANES:
                 runs.append([])
                 met = set()
             met |= needs
@@ -233,6 +238,12 @@ class FastPixels:
         self._put(
             pad(np.asarray(state["charge"], np.int32)), pad(np.asarray(state["spikes"], np.uint64))
         )
+
+
+def _filled(groups: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
+    """Numbers of groups, filled up to whole work-groups with one that there is not."""
+    rest = -groups.size % _LOCAL
+    return np.append(groups.astype(np.uint32), np.full(rest, 0xFFFFFFFF, np.uint32))
 
 
 def _groups(box: Box | None) -> tuple[int, int, int, int]:

@@ -51,7 +51,7 @@ class PlainFast:
         if ground.gains is None:
             return np.minimum(light * _F(ground.scale), ground.brightest)
         gain, dark = ground.gains
-        return np.minimum(light * gain + dark, ground.brightest)
+        return np.minimum(np.maximum(light * gain + dark, _F(0)), ground.brightest)
 
     def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
         """Thresholds that each cycle brings."""
@@ -77,7 +77,7 @@ class PlainFast:
         """One cycle of the pixels without any flag."""
         rate = np.maximum(rate, _F(0))
         whole = np.floor(rate)
-        add = np.rint((rate - whole) * _F(2.0**32)).astype(np.float64).astype(np.uint64)
+        add = ((rate - whole) * _F(2.0**32) + _F(0.5)).astype(np.uint64)
         total = self._charge.view(np.uint32).astype(np.uint64) + add
         mine = self._flags == 0
         self._charge[mine] = total.astype(np.uint32).view(np.int32)[mine]
@@ -88,8 +88,8 @@ class PlainFast:
         ground, units = self._ground, self._ground.units
         mine = self._flags != 0
         most = _F(CAP / units.one)
-        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one)
-        add = np.where(mine, np.rint(held), 0).astype(np.int64)
+        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
+        add = np.where(mine, held, 0).astype(np.int64)
         lost = (add.astype(_F) * ground.dead).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0

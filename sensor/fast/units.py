@@ -1,4 +1,4 @@
-"""Charge in 32 bits: thresholds and light in units of threshold / 2^bits, and their table.
+"""Charge in 32 bits: thresholds and light in units of threshold / 2^bits; the interval's law.
 
 Two forms. A group of pixels whose threshold is always the same (no noise, no dead time) holds its
 charge as a phase of 2^32, whose carry is the spike. All others hold the deficit, threshold - charge
@@ -9,11 +9,12 @@ interval has a tail that is long beside its mean (24 at one electron).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import floor, log2
+from math import ceil, floor, log2
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial import chebyshev
 
 from cosim.philox import philox4x32
 from sensor.effects import INITIAL_CHARGE, SHOT_NOISE
@@ -26,12 +27,15 @@ __all__ = [
     "DEAD_TIME",
     "EMPTY",
     "NOISE",
-    "SIDE",
-    "SMALLEST",
     "Units",
+    "drawn",
+    "first_charge",
     "quantile",
+    "running",
     "units_of",
 ]
+
+Array = npt.NDArray[np.float64]
 
 NOISE: Final = 1
 """Flag of a group: each spike draws its threshold."""
@@ -46,41 +50,66 @@ CAP: Final = 1 << 30
 EMPTY: Final = -(1 << 30)
 """Stands for a threshold that has not been drawn: nothing added to it is positive."""
 
-SMALLEST: Final = 126 << 7
-"""Sign, exponent and seven bits of 0.5f: where the table begins."""
-SIDE: Final = 32 * 128 + 1
-"""Knots on each side of the median: 128 to each octave from 1/2 to 2^31."""
+OCTAVES: Final = 32
+"""Octaves of probability on each side of the median: one of y = 0, and those of 2^0 to 2^30."""
+DEGREE: Final = 5
+_KNOTS: Final = 128
+"""Knots of the exact tier's table in an octave."""
 
 
-def _spread(exact: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The knots of `interval_table` in the order of the bits of a float32, one for each of 128 steps
-    of every octave. Below 128 only whole words occur, so what stands between them is never used.
+def _octave(exact: npt.NDArray[np.int64], octave: int) -> tuple[Array, Array]:
+    """Places in an octave, -1/2 to 1/2, and the exact tier's quantiles there."""
+    if octave == 0:
+        return np.zeros(1), exact[:1].astype(np.float64)
+    if octave <= 7:  # fewer whole words than knots; the last is the next octave's first
+        y = np.arange(1 << (octave - 1), (1 << octave) + 1)
+        return y / (1 << (octave - 1)) - 1.5, exact[y].astype(np.float64)
+    begin = (octave - 7) * _KNOTS
+    return (
+        np.linspace(-0.5, 0.5, _KNOTS + 1),
+        exact[begin : begin + _KNOTS + 1].astype(np.float64),
+    )
+
+
+def _fitted(knots: npt.NDArray[np.int64], scale: float) -> tuple[npt.NDArray[np.int32], float]:
+    """Polynomials of every octave, in units, and their largest error there.
+
+    (DEGREE + 1, 2, OCTAVES) int32: the constants as integers, the others as the bits of float32.
     """
-    y = np.ldexp(1 + np.arange(SIDE) % 128 / 128, np.arange(SIDE) // 128 - 1)
-    whole = np.where(y < 1, 0, np.floor(y)).astype(np.int64)
-    octave = np.maximum(np.frexp(whole)[1] - 8, 0)
-    index = (octave << 7) + (whole >> octave)
-    return exact.reshape(2, KNOTS)[:, index].ravel()
+    table = np.zeros((DEGREE + 1, 2, OCTAVES), np.float64)
+    worst = 0.0
+    for side, octave in np.ndindex(2, OCTAVES):
+        s, value = _octave(knots.reshape(2, KNOTS)[side], octave)
+        degree = min(DEGREE, s.size - 1)
+        # Weighted like Chebyshev's points, so that the error is spread evenly.
+        weight = np.maximum(1 - 4 * s * s, 1e-3) ** -0.25
+        fit = chebyshev.chebfit(2 * s, value * scale, degree, w=weight)
+        there = chebyshev.chebval(2 * s, fit)
+        bow = np.abs(np.diff(there, 2)).max() if octave > 7 else 0.0
+        # At the knots, and halfway between them, where the exact tier runs straight.
+        worst = max(worst, float(np.abs(there - value * scale).max() + bow / 6))
+        power = chebyshev.cheb2poly(fit) * 2.0 ** np.arange(fit.size)
+        table[: power.size, side, octave] = power
+    whole = np.rint(table[0]).astype(np.int32)
+    return np.concatenate([whole[None], table[1:].astype(np.float32).view(np.int32)]), worst
 
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """bits: 2^bits units are the nominal threshold. table: quantiles in units, (2 SIDE + 1,) int32;
-    the last is the last but one again. top: the longest threshold, in units."""
+    """bits: 2^bits units are the nominal threshold. table: polynomials of the quantiles, (DEGREE +
+    1, 2, OCTAVES) int32. top: the longest threshold, shortest: that can be drawn. error: largest
+    difference from the exact tier's. All three in units."""
 
     bits: int
     table: npt.NDArray[np.int32]
     top: int
+    shortest: int
+    error: float
 
     @property
     def one(self) -> int:
         """The nominal threshold."""
         return 1 << self.bits
-
-    @property
-    def smallest(self) -> int:
-        """The shortest threshold that can be drawn."""
-        return int(self.table.min()) if self.table.size > 1 else self.one
 
 
 def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
@@ -90,30 +119,40 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
 def units_of(model: ExactModel) -> Units:
     """Units and table for a model's thresholds."""
     if not model.noisy:
-        return Units(BITS, np.full(1, 1 << BITS, np.int32), 1 << BITS)
-    knots = _spread(model.table())
-    longest = int(max(knots.max(), _first_table(model).max()))
+        one = 1 << BITS
+        return Units(BITS, np.zeros((DEGREE + 1, 2, OCTAVES), np.int32), one, one, 0.0)
+    knots, first = model.table(), _first_table(model)
+    longest = int(max(knots.max(), first.max()))
     bits = min(BITS, floor(_LONGEST - log2(longest / model.q)))
-    units = np.maximum(np.rint(knots * (2.0**bits / model.q)), 1).astype(np.int32)
-    top = int(np.ceil(longest * (2.0**bits / model.q))) + 1
-    return Units(bits, np.append(units, units[-1:]), top)
+    scale = 2.0**bits / model.q
+    table, error = _fitted(knots, scale)
+    # Rounded thrice: the constant, the polynomial in float32, its integer.
+    float_error = 8 * 2.0**-24 * float(np.abs(table[1:].view(np.float32)).max())
+    error += 1.5 + float_error
+    top = ceil(longest * scale + error) + 1
+    shortest = max(floor(int(knots.min()) * scale - error), 1)
+    return Units(bits, table, top, shortest, error)
 
 
 def quantile(table: npt.NDArray[np.int32], word: npt.NDArray[np.uint32]) -> npt.NDArray[np.int32]:
     """Threshold in units for each random word: the plain form of the kernel's `quantile`.
 
-    The distance y from the nearer end of (0, 1) as a float is the index: exponent and seven bits are
-    the knot, the other sixteen the way to the next.
+    The distance y from the nearer end of (0, 1) as a float is an octave (its exponent) and a place
+    in it (its mantissa), at which a polynomial is taken.
     """
     word = np.asarray(word, np.uint32)
-    upper = (word >> np.uint32(31)).astype(np.int64)
+    upper = (word >> np.uint32(31)).astype(np.intp)
     y = np.where(upper == 1, ~word, word).astype(np.float32)
-    bits = np.maximum(y, np.float32(0.5)).view(np.uint32)
-    index = upper * SIDE + (bits >> np.uint32(16)).astype(np.int64) - SMALLEST
-    part = (bits & np.uint32(0xFFFF)).astype(np.float32)
-    low = table[index]
-    step = (table[index + 1] - low).astype(np.float32)
-    return low + (step * part * np.float32(2.0**-16)).astype(np.int32)
+    bits = np.clip(y, np.float32(0.5), np.float32(2**31 - 128)).view(np.uint32)
+    octave = (bits >> np.uint32(23)).astype(np.intp) - 126
+    mantissa = (bits & np.uint32(0x7FFFFF)) | np.uint32(0x3F800000)
+    s = mantissa.view(np.float32) - np.float32(1.5)
+    terms = table.view(np.float32)[:, upper, octave]
+    r = terms[DEGREE]
+    for term in terms[DEGREE - 1 : 0 : -1]:
+        r = r * s + term
+    threshold = table[0, upper, octave] + (r * s).astype(np.int32)
+    return np.maximum(threshold, 1)
 
 
 def drawn(

@@ -63,7 +63,8 @@ class ExactModel:
     threshold: electrons, positive, below 2^21. seed: of the run, below 2^32. effects: those kept.
     threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC, comparator).
     reset: what becomes of the charge at a spike. dead_time: share of a cycle after each spike in
-    which light is lost, in [0, 1].
+    which light is lost, in [0, 1]. shift: electrons that every interval takes beyond its threshold,
+    less than half of it either way: a comparator that answers late, a reset that leaves charge.
     """
 
     threshold: float
@@ -72,6 +73,7 @@ class ExactModel:
     threshold_noise: float = 0.0
     reset: Reset = "residual"
     dead_time: float = 0.0
+    shift: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < LARGEST:
@@ -83,15 +85,25 @@ class ExactModel:
             raise ValueError(
                 f"threshold noise must be 0 to {most:g} e, not {self.threshold_noise:g} e"
             )
+        if not abs(self.shift) < self.threshold / 2:
+            raise ValueError(
+                f"shift must be within half a threshold, {self.threshold / 2:g} e, not "
+                f"{self.shift:g} e"
+            )
         if not 0 <= self.dead_time <= 1:
             raise ValueError(f"dead time must be 0 to 1 cycle, not {self.dead_time:g}")
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed must be 0 to {2**32 - 1}, not {self.seed}")
 
     @property
+    def mean(self) -> float:
+        """Electrons of an interval, mean."""
+        return self.threshold + self.shift
+
+    @property
     def q(self) -> int:
-        """Threshold in Q24.40, at least one unit."""
-        return max(round(self.threshold * ONE), 1)
+        """That in Q24.40, at least one unit."""
+        return max(round(self.mean * ONE), 1)
 
     @property
     def room(self) -> int:
@@ -110,14 +122,20 @@ class ExactModel:
 
     def table(self) -> Charge:
         """Quantiles that thresholds are drawn from."""
-        return interval_table(self.threshold, self.threshold_noise, SHOT_NOISE in self.effects)
+        shot = SHOT_NOISE in self.effects
+        return self._shifted(interval_table(self.threshold, self.threshold_noise, shot))
+
+    def _shifted(self, table: Charge) -> Charge:
+        if not self.shift:
+            return table
+        return np.maximum(table + round(self.shift * ONE), 1)
 
     def _first_table(self) -> Charge:
         """Quantiles of the interval that a run starts in: longer ones are met more often. Weighted
         by its length Gamma(Q) is Gamma(Q + 1); the mean grows by variance / mean in any case."""
         shot = SHOT_NOISE in self.effects
         longer = self.threshold + shot + self.threshold_noise**2 / self.threshold
-        return interval_table(longer, self.threshold_noise, shot)
+        return self._shifted(interval_table(longer, self.threshold_noise, shot))
 
     def first_thresholds(self, pixels: npt.NDArray[np.uint32]) -> Charge:
         """Thresholds, Q24.40, of the intervals that a run starts in, (n,)."""
@@ -130,7 +148,11 @@ class ExactModel:
         """State of the pixels with these numbers before the first cycle."""
         kept = INITIAL_CHARGE in self.effects
         first = self.first_thresholds(pixels)
-        deficit = initial_deficit(first, pixels, self.seed) if kept else first - 1
+        if kept:  # the charge is a share of the threshold itself
+            beyond = round(self.shift * ONE)
+            deficit = initial_deficit(np.maximum(first - beyond, 1), pixels, self.seed) + beyond
+        else:
+            deficit = first - 1
         return PixelState(deficit, np.zeros(pixels.shape, np.uint64))
 
 

@@ -44,7 +44,8 @@ class ReferencePixels:
     numbers: of the pixels, (n,) uint32. gain: electrons a second for a unit of light. pattern: of
     these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
     spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
-    model's dead time, which must be 0, and under `residual` alone. Memory: 16 bytes a pixel and
+    model's dead time, which must be 0, and under `residual` alone. overshoot: electrons that it
+    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes a pixel and
     piece of light beside the light itself: it is for patches.
     """
 
@@ -57,6 +58,7 @@ class ReferencePixels:
         pattern: FixedPattern | None = None,
         offsets: npt.NDArray[np.int64] | None = None,
         circuit: Circuit | None = None,
+        overshoot: float = 0.0,
     ) -> None:
         n = numbers.size
         self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
@@ -72,6 +74,7 @@ class ReferencePixels:
                     f"{model.reset!r} and {model.dead_time:g} cycle"
                 )
             circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
+        self._overshoot = overshoot
         shot = SHOT_NOISE in model.effects
         self._law = law_of(model.threshold, model.threshold_noise, shot)
         self._levels: list[tuple[Plane, Values]] = []
@@ -170,9 +173,9 @@ class ReferencePixels:
 
     def fraction(self) -> Values:
         """Charge stored at each pixel's last latch over the threshold of the interval that is
-        running there, (n,)."""
-        fraction: Values = self._state["held"] / self._state["goal"]
-        return fraction
+        running there, with what a late comparator lets it gather beyond; at most 1, (n,)."""
+        fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
+        return np.minimum(fraction, 1.0) if self._overshoot else fraction
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next cycles depend on, as copies."""

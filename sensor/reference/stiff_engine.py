@@ -29,12 +29,19 @@ _SAME = 2.0**-50
 def _stored(  # type: ignore[no-untyped-def]
     begins, ends, first, last, i, tick, part, stop, phase, charge, volts, wait, goal, circuit
 ):
-    """Charge at `stop` (ps), before any event, of the interval under way: full while the comparator
-    answers, none while the switch is closed."""
+    """Charge at `stop` (ps), before any event, of the interval under way: beyond its threshold while
+    the comparator answers (its leak is of no account then), none while the switch is closed."""
     if phase == RESET:
         return 0.0
     if phase == DELAY:
-        return goal
+        while tick < stop:
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, first, last, i, tick, part)
+            until = min(end, stop) if end > tick else stop
+            left = float(until - tick) - part
+            charge += (rate + 0.5 * slope * left) * left
+            tick, part = until, 0.0
+        return charge
     while tick < stop:
         i = piece_at(begins, ends, i, tick)
         rate, slope, end = here(begins, ends, first, last, i, tick, part)

@@ -1,8 +1,9 @@
 """Closed forms of the stiff pixel's phases under light that runs linearly, compiled.
 
-Time t and time constants share a unit; rate: electrons per unit of time; slope: its change per unit.
-All are sums of terms that cannot cancel, by the functions phi_k(z) = integral over u from 0 to 1 of
-exp(-(1 - u) z) u^(k-1) / (k-1)! (Hochbruck and Ostermann, Acta Numerica 19:209, 2010, with -z).
+Time t and time constants share a unit; rate: electrons per unit of time; slope: its change per
+unit. All are sums of terms that cannot cancel, by the functions phi_k(z) = integral over u from 0
+to 1 of exp(-(1 - u) z) u^(k-1) / (k-1)! (Hochbruck and Ostermann, Acta Numerica 19:209, 2010, with
+-z).
 """
 
 from __future__ import annotations
@@ -69,10 +70,7 @@ def crossing_time(rate, slope, tau, charge, goal, left):  # type: ignore[no-unty
     if start <= 0.0 and slope <= 0.0:
         return math.inf
     if slope < 0.0:  # rising, then falling
-        if tau == math.inf:
-            top = -start / slope
-        else:
-            top = tau * math.log1p(-start / (slope * tau))
+        top = -start / slope if tau == math.inf else tau * math.log1p(-start / (slope * tau))
         high = min(high, top)
     elif start < 0.0 and tau < math.inf:  # falling, then rising
         low = min(tau * math.log1p(-start / (slope * tau)), left)
@@ -158,7 +156,7 @@ def output(drive, slope, leak, over, gain, pole, y, t):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def wait_for(drive, slope, leak, over, gain, pole, y, trip, left):  # type: ignore[no-untyped-def]
-    """First t <= left at which the comparator's output has risen to trip; infinite where it has not.
+    """First t <= left at which the comparator's output has risen to trip, or infinite.
 
     The output may fall again under light that drops or leaks away; one such turn is looked for
     within `left`.

@@ -1,8 +1,8 @@
 """What of a circuit the exact tier can carry in its own settings, and what then remains.
 
 Under steady light s (electrons a second) an interval of the circuit lasts the time from what the
-reset left, n_r, to the threshold Q, then the comparator's delay t_d, then the reset. Its lumped form
-is (threshold + shift) / (s + dark) + dead time:
+reset left, n_r, to the threshold Q, then the comparator's delay t_d, then the reset. Its lumped
+form is (threshold + shift) / (s + dark) + dead time:
 
 - leak: dark = -(Q + n_r) / (2 tau), the mean of what leaks. With u = (Q - n_r) / (s tau - n_r) the
   interval is tau times -log(1 - u) instead of u / (1 - u / 2); the difference grows with u.
@@ -13,13 +13,13 @@ is (threshold + shift) / (s + dark) + dead time:
 
 t_d falls with light and n_r rises, so that on a cell of light the ends bound them: the bound is the
 sum of the three remainders over the least lumped interval of the cell, the worst cell. It is for
-steady light and for the threshold itself; under a leak a drawn threshold T would have dark -T / 2tau.
+steady light and for the threshold itself: under a leak a drawn threshold T would have its own dark.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -51,12 +51,19 @@ class Lumped:
 def lump(circuit: Circuit, threshold: float, least: float, most: float) -> Lumped:
     """The lumped form of a circuit over light from `least` to `most` electrons a second.
 
-    Raises ValueError for a leak on a capacitance that changes, which has no such form here.
+    A capacitance that changes by a share x over the swing changes a leak's current by x / 2 and an
+    overshoot in electrons by x at most; where there are both, the linear circuit is lumped, the
+    overshoot is corrected and the rest is in the bound.
     """
     if not 0 < least <= most < math.inf:
         raise ValueError(f"light must be above 0 and finite, not {least:g} to {most:g} e/s")
     if circuit.leak < math.inf and circuit.nonlinearity != 0:
-        raise ValueError("nonlinearity must be 0 where there is a leak")
+        made = lump(replace(circuit, nonlinearity=0.0), threshold, least, most)
+        share = circuit.nonlinearity * circuit.swing(threshold)
+        raised = circuit.trip / circuit.gain * circuit.electrons * share
+        leaks = threshold / (2 * circuit.leak * least)
+        beyond = abs(share) * (leaks + abs(raised) / threshold)
+        return replace(made, shift=made.shift + raised, bound=made.bound + beyond)
     cells = max(math.ceil(_CELLS * math.log10(most / least)), 1)
     light = np.geomspace(least, most, cells + 1)
     packed, tau = circuit.packed(), circuit.leak

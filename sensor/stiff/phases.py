@@ -1,8 +1,8 @@
 """The three phases of a stiff pixel within one linear piece of light, compiled.
 
 integrate (0): the charge rises, and leaks, up to the threshold. delay (1): the comparator's output
-answers from the crossing on. reset (2): the switch is closed, and the charge falls toward what light
-drives through it. An event is where a phase ends.
+answers from the crossing on. reset (2): the switch is closed, and the charge falls toward what
+light drives through it. An event is where a phase ends.
 """
 
 from __future__ import annotations

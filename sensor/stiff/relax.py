@@ -69,8 +69,8 @@ def _series(series, v, a, s, ramp, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def relax(rate, slope, tau, a, electrons, charge, goal, left):  # type: ignore[no-untyped-def]
-    """(t, charge then): the first t <= left at which charge reaches goal, or (left, charge) where it
-    does not; goal infinite to look for none."""
+    """(t, charge then): the first t <= left at which charge reaches goal, or (left, charge) where
+    it does not; goal infinite to look for none."""
     if charge >= goal:
         return 0.0, charge
     series = np.empty(_ORDER + 1)

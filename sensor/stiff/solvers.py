@@ -146,10 +146,11 @@ def solved_train(
 
             def slope(t: float, y: Values, unit: float = unit, rate: float = rate,
                       goal: float = goal, phase: int = phase, level: float = level,
+                      ramp: float = change,
                       ) -> list[float]:  # fmt: skip
                 n = y[0] * goal
                 v = swing(n)
-                current = rate + change * t * unit - v * electrons / circuit.leak
+                current = rate + ramp * t * unit - v * electrons / circuit.leak
                 if phase == 2 and ohmic > 0:
                     current -= v * electrons / ohmic
                 out = [current * unit / goal]

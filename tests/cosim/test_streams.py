@@ -19,8 +19,8 @@ def test_streams_are_distinct_and_keep_their_numbers():
     numbers = {name: int(stream) for name, stream in Stream.__members__.items()}
     assert len(set(numbers.values())) == len(numbers)
     assert numbers == {
-        "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "PATTERN": 16, "SKIPPED": 48,
-        "READING": 49, "CONTINUOUS": 64,
+        "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "METASTABILITY": 3, "PATTERN": 16,
+        "SKIPPED": 48, "READING": 49, "CONTINUOUS": 64,
     }  # fmt: skip
     assert all(0 <= number < 2**32 for number in numbers.values())
 

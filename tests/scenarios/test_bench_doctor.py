@@ -18,6 +18,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
     monkeypatch.setattr(scenarios.bench, "PLAIN_CYCLES", 1)
     monkeypatch.setattr(scenarios.bench, "REPEATS", 1)
+    monkeypatch.setattr(scenarios.bench, "BLOCK", 8)
 
 
 @pytest.mark.usefixtures("quick")
@@ -26,10 +27,9 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
     document = json.loads(capsys.readouterr().out)
     assert list(document) == ["device", "ceiling", "rows"]
     assert document["ceiling"]["value"] > 0
-    assert [row["name"] for row in document["rows"]] == [
-        "sensor.static",
-        "sensor.ramp",
-        "sensor.noise",
+    names = ["static", "ramp", "noise", "noise-random", "noise-smooth", "noise-box"]
+    assert [(row["name"], row["tier"]) for row in document["rows"]] == [
+        (f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")
     ]
     for row in document["rows"]:
         assert list(row) == [
@@ -38,7 +38,8 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
         assert row["unit"] == "pixel-cycles/s"
         assert row["realtime"] == pytest.approx(row["value"] / 40e9)
         assert row["ceiling_ratio"] == pytest.approx(row["value"] / document["ceiling"]["value"])
-        assert row["plain_ratio"] > 0
+        assert (row["plain_ratio"] is None) == ("noise-" in row["name"])
+        assert row["plain_ratio"] is None or row["plain_ratio"] > 0
 
 
 @pytest.mark.usefixtures("quick")
