@@ -77,7 +77,7 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     axes.grid(color=LINE, linewidth=0.5, which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_ylim(bottom=bottom)
-    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.12))
     figure.tight_layout()
     with whole(path) as part:
         figure.savefig(part, dpi=120, format="png")
