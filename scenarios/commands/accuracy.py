@@ -82,7 +82,7 @@ def _text(name: str, document: dict[str, Any]) -> str:
     """The document for a reader."""
     reference = document["reference"]
     best = reference["ns_per_pixel_cycle"]
-    full = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
+    full: list[str] = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
     lines = [
         f"{name}: error against full physics, the worst tile, with its 99.9 % interval",
         "",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,11 +70,13 @@ def test_tiles_of_a_plane_cover_it_once():
     assert grid.groups(np.arange(20)).shape == (50, 5)
 
 
-def planned(device: Device, name: str, *assignments: str, tolerance: float) -> RunPlan:
+def planned(
+    device: Device, name: str, *assignments: str, tolerance: float, tier: Any = None
+) -> RunPlan:
     _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
     setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
     seen = look_at(scenario, setting, lens, cycles)
-    return plan_run(seen, setting, tolerance, instants, device)
+    return plan_run(seen, setting, tolerance, instants, device, tier=tier)
 
 
 BRIGHT = (
@@ -116,7 +119,8 @@ def test_tolerance_0_keeps_everything_in_the_exact_tier(device):
 
 
 def test_every_set_of_effects_is_checked_somewhere(device):
-    plan = planned(device, "star", "sensor.preset=silicon", "duration=10 ms", tolerance=0.1)
+    plan = planned(device, "star", "sensor.preset=silicon", "duration=10 ms", tolerance=0.1,
+                   tier="fast")  # fmt: skip
     assert len(plan.plan.sets) > 1
     tiles = plan.patches(1)
     kept = np.stack(list(plan.plan.kept.values()))
