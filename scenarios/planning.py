@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Summary
 from cosim.opencl import Device
-from cosim.planner import SHARE, Plan, make_plan
+from cosim.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from scenarios.paired import windows
 from scenarios.scenes import Source
 from scenarios.scenes.survey import Survey, survey, through
@@ -18,6 +18,7 @@ from scenarios.schema import Scenario
 from scenarios.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.effects.costs import QUIET
+from sensor.effects.windows import saturated, shifted
 from sensor.tiers import Tier
 from sensor.tiles import TileGrid
 
@@ -181,8 +182,26 @@ def plan_run(
 
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
-    """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile;
-    infinite where nothing is promised. Tiles under the shortest threshold are one case, those
+    """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile:
+    the lesser of its proof, in which every rounding of the run goes the same way, and of twice an
+    estimate.
+
+    Estimated: a rounding of float32 and half a unit a cycle, and the quantile's error a spike, move
+    the rate; what they add up to over the run shifts the spikes against their draws.
+    """
+    from sensor.fast import units_of
+
+    units, q = units_of(setting.model), setting.model.mean
+    unit = 2.0**-units.bits
+    spikes = np.asarray(scene.brightest, np.float64) / q
+    cycle = unit / 2 + 2.0**-23 * spikes + units.error * unit * spikes
+    guess = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
+    twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, guess)
+    return min(_fast_proof(setting, scene), float(np.max(twice)))
+
+
+def _fast_proof(setting: CameraSetting, scene: Summary) -> float:
+    """Infinite where nothing is promised. Tiles under the shortest threshold are one case, those
     beyond the longest another; one in between has no promise."""
     from sensor.fast import rate_bound
 

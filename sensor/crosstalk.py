@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cosim.light import Box, Plane, PlaneMap
 
@@ -24,34 +23,17 @@ def side_share(crosstalk: float) -> float:
     return (1 - math.sqrt(1 - crosstalk)) / 2
 
 
-@njit(cache=True, parallel=True)
-def _mixed(plane, share, y0, x0, made):  # type: ignore[no-untyped-def]
-    """Fills `made` with rows from y0 and columns from x0 of the plane's image: a step of the walk
-    along columns, then one along rows. Sums of differences: uniform light stays the same to the
-    last bit."""
-    height, width = plane.shape
-    for r in prange(made.shape[0]):
-        y = y0 + r
-        above, below = max(y - 1, 0), min(y + 1, height - 1)
-        columns = np.empty(made.shape[1] + 2, np.float32)
-        for c in range(columns.size):
-            x = min(max(x0 + c - 1, 0), width - 1)
-            here = plane[y, x]
-            columns[c] = here + share * ((plane[above, x] - here) + (plane[below, x] - here))
-        for c in range(made.shape[1]):
-            here = columns[c + 1]
-            made[r, c] = here + share * ((columns[c] - here) + (columns[c + 2] - here))
-
-
 def crosstalk_map(crosstalk: float) -> PlaneMap:
     """The map from light on the pixels to light that each gathers. crosstalk: share of its light
     that a pixel loses to its eight neighbours, 0 to 1."""
+    from sensor.mixing import mix  # brings numba with it, which no other start need wait for
+
     share = np.float32(side_share(crosstalk))
 
     def part(plane: Plane, box: Box) -> Plane:
         y0, y1, x0, x1 = box
         made = np.empty((y1 - y0, x1 - x0), np.float32)
-        _mixed(plane, share, y0, x0, made)
+        mix(plane, share, y0, x0, made)
         return made
 
     return PlaneMap(lambda plane: part(plane, (0, plane.shape[0], 0, plane.shape[1])), 1, part)

@@ -11,8 +11,6 @@ from scenarios.report.figures import INK, LINE, MARK, pyplot
 __all__ = ["accuracy_figure"]
 
 _COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
-_SMALLEST: Final = 1e-16
-"""Where an error of nothing is drawn: below float64's own rounding."""
 
 
 def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -20,13 +18,15 @@ def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return sorted(found, key=lambda r: -(r["tolerance"] or 0.0))
 
 
-def _labels(axes: Any, points: list[dict[str, Any]], colour: str, right: bool) -> None:
+def _labels(
+    axes: Any, points: list[dict[str, Any]], colour: str, bottom: float, below: bool
+) -> None:
     """Tolerances at the points; those that fall on one another share a line."""
     import math
 
     groups: list[tuple[float, float, list[str]]] = []
     for row in points:
-        x, y = math.log10(row["ns_per_pixel_cycle"]), math.log10(max(row["error"], _SMALLEST))
+        x, y = math.log10(row["ns_per_pixel_cycle"]), math.log10(max(row["error"], bottom))
         for gx, gy, texts in groups:
             if abs(gx - x) < 0.12 and abs(gy - y) < 0.25:
                 texts.append(f"{row['tolerance']:g}")
@@ -36,8 +36,7 @@ def _labels(axes: Any, points: list[dict[str, Any]], colour: str, right: bool) -
     for x, y, texts in groups:
         axes.annotate(
             ", ".join(texts), (10**x, 10**y), fontsize=8, color=colour,
-            xytext=(8 if right else -8, 5), textcoords="offset points",
-            ha="left" if right else "right",
+            xytext=(0, -14 if below else 8), textcoords="offset points", ha="center",
         )  # fmt: skip
 
 
@@ -49,18 +48,22 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(9.5, 6))
     axes.set_xscale("log")
     axes.set_yscale("log")
+    own = floor["reference"] or 1.0
+    bottom = min([own, *(r["error"] for r in rows if r["error"])]) / 10
     tiers = [t for t in ("exact", "fast") if any(r["tier"] == t for r in rows)]
     for n, tier in enumerate(tiers):
         points = _points([r for r in rows if r["tier"] == tier])
         x = [r["ns_per_pixel_cycle"] for r in points]
-        y = [max(r["error"], _SMALLEST) for r in points]
-        low = [max(v - max((r["ci"] or (v, v))[0], _SMALLEST), 0) for v, r in zip(y, points)]  # noqa: B905
-        high = [max((r["ci"] or (v, v))[1] - v, 0) for v, r in zip(y, points)]  # noqa: B905
+        y = [max(r["error"], bottom) for r in points]
+        low = [
+            max(v - max((r["ci"] or (v, v))[0], bottom), 0) for v, r in zip(y, points, strict=True)
+        ]
+        high = [max((r["ci"] or (v, v))[1] - v, 0) for v, r in zip(y, points, strict=True)]
         axes.errorbar(
             x, y, yerr=[low, high], marker="o", markersize=5, linewidth=1.3, capsize=3,
             color=_COLOURS[tier], label=f"{tier} tier, tolerance at its points",
         )  # fmt: skip
-        _labels(axes, points, _COLOURS[tier], right=n == 0)
+        _labels(axes, points, _COLOURS[tier], bottom, below=n == 0)
     _lines(axes, floor, cost)
     failed = [r for r in rows if r.get("failed")]
     for n, row in enumerate(failed):
@@ -73,7 +76,8 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     axes.set_ylabel("error against full physics, relative\n(worst tile; bars: 99.9 %)", color=INK)
     axes.grid(color=LINE, linewidth=0.5, which="major")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=8, frameon=False, loc="best")
+    axes.set_ylim(bottom=bottom)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.12))
     figure.tight_layout()
     with whole(path) as part:
         figure.savefig(part, dpi=120, format="png")
@@ -95,6 +99,6 @@ def _lines(axes: Any, floor: dict[str, float | None], cost: float | None) -> Non
     if chance:
         axes.axhline(
             chance, color=MARK, linewidth=1, linestyle=":",
-            label="Monte Carlo floor: chance in one window of one tile (below it, <= CI without "
-            "common random numbers)",
+            label="Monte Carlo floor: chance in one window of one tile's mean; without common "
+            "random numbers <= CI below it",
         )  # fmt: skip

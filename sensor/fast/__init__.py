@@ -3,5 +3,6 @@
 from sensor.fast.bound import rate_bound
 from sensor.fast.pixels import FastPixels
 from sensor.fast.plain import PlainFast
+from sensor.fast.units import units_of
 
-__all__ = ["FastPixels", "PlainFast", "rate_bound"]
+__all__ = ["FastPixels", "PlainFast", "rate_bound", "units_of"]

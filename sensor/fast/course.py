@@ -71,8 +71,9 @@ def _within(
 ) -> Weights:
     """How far into its piece the middle of each cycle from c on lies, (cycles, rows)."""
     origin = clock.cycle_at(piece.start)
-    begun = float(origin - clock.position(piece.start)) + 0.5 + late / float(PS * clock.period)
-    length = float(clock.position(piece.stop) - clock.position(piece.start))
+    unit = PS * clock.den  # of clock.num, so that whole numbers are divided once
+    begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + late / float(PS * clock.period)
+    length = (piece.stop - piece.start) * clock.num / unit
     elapsed = np.arange(c - origin, c - origin + cycles, dtype=np.float64)
     return ((begun + elapsed[:, None]) / length).astype(np.float32)
 

@@ -29,8 +29,9 @@ _SAME = 2.0**-50
 def _stored(  # type: ignore[no-untyped-def]
     begins, ends, first, last, i, tick, part, stop, phase, charge, volts, wait, goal, circuit
 ):
-    """Charge at `stop` (ps), before any event, of the interval under way: beyond its threshold while
-    the comparator answers (its leak is of no account then), none while the switch is closed."""
+    """Charge at `stop` (ps), before any event, of the interval under way: beyond its threshold
+    while the comparator answers (its leak is of no account then), none while the switch is
+    closed."""
     if phase == RESET:
         return 0.0
     if phase == DELAY:

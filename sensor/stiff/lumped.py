@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from cosim.clock import PS
-from sensor.stiff.phases import DELAY, RESET, within
 
 if TYPE_CHECKING:
     from sensor.stiff.circuit import Circuit
@@ -55,6 +54,8 @@ def lump(circuit: Circuit, threshold: float, least: float, most: float) -> Lumpe
     overshoot in electrons by x at most; where there are both, the linear circuit is lumped, the
     overshoot is corrected and the rest is in the bound.
     """
+    from sensor.stiff.phases import DELAY, RESET, within
+
     if not 0 < least <= most < math.inf:
         raise ValueError(f"light must be above 0 and finite, not {least:g} to {most:g} e/s")
     if circuit.leak < math.inf and circuit.nonlinearity != 0:
