@@ -1,4 +1,4 @@
-"""The step of the walk that cross-talk is (sensor/crosstalk.py), and a look at a plane, compiled."""
+"""Compiled: the step of the walk that cross-talk is (sensor/crosstalk.py), a look at a plane."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ __all__ = ["Circuit", "Lumped", "solved_train", "spike_train"]
 
 
 def __getattr__(name: str) -> Any:
-    """What is compiled comes with numba, half a second of start-up that no setting need wait for."""
+    """What is compiled brings numba, half a second of start-up that no setting need wait for."""
     if name == "solved_train":
         from sensor.stiff.solvers import solved_train
 
