@@ -1,0 +1,84 @@
+"""Error against run time: rows that differ, errors that shrink with the tolerance, and the command."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from scenarios.accuracy import LADDER, Row, accuracy, fitted_order
+from scenarios.commands.output import SilentProgress
+from scenarios.loading import load
+
+STAR = (
+    "sensor.chip=spikeone", "sensor.preset=silicon", "scene.rotation=0 Hz", "duration=5 ms",
+    "image.at=[60, 150]",
+)  # fmt: skip
+
+
+def row(tolerance: float | None, error: float | None, **more: Any) -> Row:
+    return Row("exact", tolerance, error, None, 1.0, 1.0, [], [], **more)
+
+
+def test_the_order_is_that_of_a_power_law():
+    law = [row(t, 3 * t**0.7) for t in (1e-4, 1e-3, 1e-2)]
+    assert fitted_order(law) == pytest.approx(0.7)
+    # What has no tolerance, or only repeats a row, does not count.
+    assert fitted_order([*law, row(0.0, 1e-9), row(None, 1e-12)]) == pytest.approx(0.7)
+    assert fitted_order([*law, row(1.0, 1e-9, same_as=1e-2)]) == pytest.approx(0.7)
+    assert fitted_order(law[:1]) is None
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    _, scenario = load("star", list(STAR))
+    return accuracy(scenario, None, SilentProgress())
+
+
+def test_every_tolerance_has_a_row_in_every_tier(document):
+    rows = document["rows"]
+    for tier in ("exact", "fast"):
+        mine = [r for r in rows if r["tier"] == tier]
+        assert [r["tolerance"] for r in mine] == list(LADDER)
+        assert mine[0]["left_out"] == [] and mine[0]["same_as"] is None
+        assert set(mine[0]["effects"]) == set(document["reference"]["effects"])
+        for r in mine:
+            if r["same_as"] is not None:
+                first = next(o for o in mine if o["tolerance"] == r["same_as"])
+                same = ("error", "effects", "ns_per_pixel_cycle")
+                assert all(first[k] == r[k] for k in same) and first["same_as"] is None
+    assert len([r for r in rows if r.get("same_as") is None]) >= 6
+
+
+def test_a_tighter_tolerance_is_never_less_accurate(document):
+    """Errors do not grow as the tolerance tightens, within their intervals, and stay below it."""
+    for tier in ("exact", "fast"):
+        mine = [r for r in document["rows"] if r["tier"] == tier]
+        for tight, loose in zip(mine, mine[1:], strict=False):
+            assert tight["ci"][0] <= loose["ci"][1]
+            assert loose["error"] <= loose["tolerance"] or loose["same_as"] == 0
+        assert mine[0]["error"] < 1e-4 < mine[-1]["error"]
+    assert 0.3 < document["order"] < 2.5
+
+
+def test_the_command_prints_one_document(viform, monkeypatch, document):
+    # The measuring is tested above.
+    monkeypatch.setattr("scenarios.accuracy.accuracy", lambda *_: document)
+    code, out, _ = viform("accuracy", "star", "--json")
+    printed = json.loads(out)
+    assert code == 0
+    assert {"reference", "order", "rows"} <= set(printed)
+    names = {"tier", "tolerance", "error", "ci", "run_time_s", "ns_per_pixel_cycle", "effects"}
+    assert all(names <= set(r) for r in printed["rows"])
+
+
+def test_a_reader_gets_a_table(viform, monkeypatch, document):
+    monkeypatch.setattr("scenarios.accuracy.accuracy", lambda *_: document)
+    code, out, _ = viform("accuracy", "star")
+    assert code == 0 and "times faster" in out and "shot noise" in out
+
+
+def test_the_continuous_readout_is_refused_in_one_line(refused):
+    told = refused("accuracy", "step", "--set", "sensor.readout=continuous")
+    assert told.startswith("sensor.readout must be synchronous or asynchronous, not continuous")
