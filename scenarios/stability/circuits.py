@@ -16,7 +16,8 @@ import numpy.typing as npt
 from cosim.opencl import Device
 from scenarios.stability.case import Case
 from sensor.effects.threshold_noise import ELEMENTARY_CHARGE
-from sensor.stiff import Circuit, spike_train
+from sensor.stiff import Circuit
+from sensor.stiff.train import spike_train
 
 __all__ = ["CIRCUITS", "Train", "currents", "equilibrium", "grazing"]
 

@@ -15,7 +15,9 @@ import numpy as np
 from cosim.opencl import Device
 from scenarios.stability.case import Case
 from scenarios.stability.circuits import DIGITS, FARAD, Q, Train, Values, shipped
-from sensor.stiff import Circuit, solved_train, spike_train
+from sensor.stiff import Circuit
+from sensor.stiff.solvers import solved_train
+from sensor.stiff.train import spike_train
 
 __all__ = ["SOLVING", "Solve", "Switch", "halving", "light_steps", "resets"]
 

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 
 from cosim import PS
 from sensor.effects.threshold_noise import ELEMENTARY_CHARGE
-from sensor.stiff import Circuit, spike_train
+from sensor.stiff import Circuit
+from sensor.stiff.train import spike_train
 
 
 def plain_log(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]

@@ -1,8 +1,9 @@
-"""Error against run time: rows that differ, errors that shrink with the tolerance, and the command."""
+"""Error against run time: rows that differ, errors that shrink with the tolerance, the command."""
 
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -55,7 +56,7 @@ def test_a_tighter_tolerance_is_never_less_accurate(document):
     """Errors do not grow as the tolerance tightens, within their intervals, and stay below it."""
     for tier in ("exact", "fast"):
         mine = [r for r in document["rows"] if r["tier"] == tier]
-        for tight, loose in zip(mine, mine[1:], strict=False):
+        for tight, loose in pairwise(mine):
             assert tight["ci"][0] <= loose["ci"][1]
             assert loose["error"] <= loose["tolerance"] or loose["same_as"] == 0
         assert mine[0]["error"] < 1e-4 < mine[-1]["error"]

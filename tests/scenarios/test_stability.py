@@ -12,7 +12,7 @@ import pytest
 from cosim.opencl import Device
 from scenarios.stability import CASES, Case
 from scenarios.stability.chance import Z
-from sensor.stiff import solved_train
+from sensor.stiff.solvers import solved_train
 from tests.scenarios import naive_methods as naive
 from tests.scenarios import naive_solvers as solvers
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sensor.stiff import Circuit, spike_train
+from sensor.stiff import Circuit
+from sensor.stiff.train import spike_train
 
 CIRCUITS = {
     "reset": Circuit(1e-14, reset_time=3e-8),
@@ -56,5 +58,16 @@ def test_light_that_the_leak_may_hold_has_no_bound() -> None:
     assert circuit.lumped(1000.0, 1.1e6, 1e8).bound < math.inf
     with pytest.raises(ValueError, match="light must be above 0"):
         circuit.lumped(1000.0, 0.0, 1.0)
-    with pytest.raises(ValueError, match="nonlinearity must be 0 where there is a leak"):
-        Circuit(1e-14, 0.1, 1e-3).lumped(1000.0, 1e7, 1e8)
+
+
+def test_a_leak_on_a_capacitance_that_changes_is_in_the_bound() -> None:
+    # Lumped with the linear circuit's leak: what the other one lasts lies within the bound.
+    threshold, least, most = 5000.0, 3e7, 3e9
+    circuit = Circuit(1e-14, 0.3, 1e-2, gain=1e3, bandwidth=1e9, trip=0.5)
+    lumped = circuit.lumped(threshold, least, most)
+    linear = replace(circuit, nonlinearity=0.0).lumped(threshold, least, most)
+    assert linear.bound < lumped.bound < 0.02 and lumped.shift > linear.shift
+    for light in np.geomspace(least, most, 7):
+        lasts = interval(circuit, threshold, light)
+        short = (threshold + lumped.shift) / (light + lumped.dark_current) + lumped.dead_time
+        assert abs(short / lasts - 1) <= lumped.bound

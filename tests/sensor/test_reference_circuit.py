@@ -12,7 +12,9 @@ from cosim import PS, Clock, Light, Piece
 from sensor.effects import EFFECTS, RESIDUAL
 from sensor.pixel.model import ExactModel
 from sensor.reference import ReferencePixels
-from sensor.stiff import Circuit, solved_train, spike_train
+from sensor.stiff import Circuit
+from sensor.stiff.solvers import solved_train
+from sensor.stiff.train import spike_train
 from tests.sensor.piecewise import light_between
 
 CLOCK = Clock(40_000)
