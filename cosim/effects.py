@@ -32,7 +32,7 @@ class Summary:
     cycle. threshold: electrons. window: cycles over which a rate is taken. cycles: duration. floor:
     spikes a cycle below which an error counts as if the rate were this. spread: standard deviation
     of an interval's threshold over the threshold, with every noise of the setting. planes: new
-    planes of light a cycle.
+    planes of light a cycle, 0 where the light never changes.
     """
 
     darkest: Any
@@ -42,7 +42,7 @@ class Summary:
     cycles: int
     floor: float = 0.0
     spread: float = 0.0
-    planes: Any = 0.0
+    planes: Any = 1.0
 
     @property
     def base(self) -> Values:

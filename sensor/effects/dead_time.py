@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
 from sensor.effects.costs import dead_time_cost
@@ -16,10 +18,12 @@ def dead_time_effect(cycles: float) -> Effect:
 
     def bound(scene: Summary) -> Bound:
         spikes = scene.brightest / scene.threshold
-        # A window of n intervals on average may hold a spike more.
-        gained = scene.brightest * (spikes + 1 / scene.window) * cycles
+        # A window of n intervals on average may hold a spike more. Over a tile the mean of r^4 is
+        # at most max(r)^3 mean(r), so relative to the mean the RMS of r^2 is max(r)^1.5 / its root.
+        uneven = np.sqrt(scene.relative(scene.brightest))
+        gained = (spikes + 1 / scene.window) * cycles * uneven
         moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
-        return made(scene, scene.relative(gained) + moved, True, cycles <= 0.2)
+        return made(scene, gained + moved, True, cycles <= 0.2)
 
     source = (
         "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"

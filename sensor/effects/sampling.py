@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cosim.effects import Bound, Effect, Summary
 from cosim.streams import Stream
 from sensor.effects.costs import sampling_cost
@@ -12,8 +14,8 @@ __all__ = ["comparator_delay_effect", "row_sampling_effect"]
 
 def _shifted(cycles: float, scene: Summary) -> Bound:
     """A window that is moved by a share of a cycle gains at one end and loses at the other, at most
-    the whole range of light for that long."""
-    span = (scene.brightest - scene.darkest) * cycles
+    the whole range of light for that long; where the light never changes, nothing."""
+    span = (scene.brightest - scene.darkest) * cycles * (np.asarray(scene.planes) > 0)
     moved = shifted(scene, span / scene.threshold)
     return made(scene, scene.relative(span / scene.window) + moved, True)
 
