@@ -32,7 +32,8 @@ class Summary:
     cycle. threshold: electrons. window: cycles over which a rate is taken. cycles: duration. floor:
     spikes a cycle below which an error counts as if the rate were this. spread: standard deviation
     of an interval's threshold over the threshold, with every noise of the setting. planes: new
-    planes of light a cycle, 0 where the light never changes.
+    planes of light a cycle, 0 where the light never changes. slack: factor that all effects
+    together may take off a pixel's light. dead: cycles of light that each spike costs.
     """
 
     darkest: Any
@@ -43,6 +44,8 @@ class Summary:
     floor: float = 0.0
     spread: float = 0.0
     planes: Any = 1.0
+    slack: float = 1.25
+    dead: float = 0.0
 
     @property
     def base(self) -> Values:

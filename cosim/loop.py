@@ -151,7 +151,12 @@ def run_blocks(
             value: Any = None
             for name, stage in stages.items():
                 begin = time.perf_counter()
-                value = stage.step(value, block)
+                try:
+                    value = stage.step(value, block)
+                except Exception as exc:
+                    if asked.is_set():  # what a stage asks for is not more than what a user does
+                        raise Interrupted(block.start, cycles, mend) from exc
+                    raise
                 spent[name] += time.perf_counter() - begin
             progress(block.stop)
             stopping = asked.is_set() and block.stop < cycles

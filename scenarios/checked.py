@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+import math
+from typing import Any
 
 from scenarios.planning import RunPlan
-from scenarios.verifier import Finding, Verifier
+from scenarios.verifier import ARITHMETIC, Finding, Verifier
 
-__all__ = ["ARITHMETIC", "full_physics_s", "left_out", "shortfall", "too_far"]
-
-ARITHMETIC: Final = "32-bit arithmetic"
-"""What the fast tier adds of its own, as an effect that may be put right."""
+__all__ = ["full_physics_s", "left_out", "shortfall", "too_far"]
 
 
 def shortfall(plan: RunPlan, verifier: Verifier) -> list[Finding]:
     """What to put back because the whole error is larger than asked for: the effect that changed
-    most, or the fast tier itself."""
+    most, or the fast tier itself. Promised is the tolerance, measured the error's upper limit."""
     error, tolerance = verifier.error(), plan.plan.tolerance
     if tolerance == 0 or error.high <= tolerance:
         return []
     measured = verifier.measured()
-    if measured:
-        name = max(measured, key=lambda n: measured[n])
-        return [Finding(name, float(plan.plan.promise[name].max()), measured[name], None)]
-    return [Finding(ARITHMETIC, plan.own, error.high, None)] if plan.tier == "fast" else []
+    # What no patch left out has not been measured: it is put back all the same.
+    names = [max(measured, key=lambda n: measured[n])] if measured else list(plan.plan.left_out)
+    if not names and plan.tier == "fast":
+        names = [ARITHMETIC]
+    return [Finding(name, tolerance, error.high, None) for name in names]
 
 
-def full_physics_s(verifier: Verifier, pixels: int, cycles: int) -> float:
+def full_physics_s(verifier: Verifier, pixels: int, cycles: int) -> float | None:
     """Seconds that the reference would take for so many pixels of the run, from what it took for
     the patches."""
-    return verifier.ns("reference") * 1e-9 * pixels * cycles
+    seconds = verifier.ns("reference") * 1e-9 * pixels * cycles
+    return seconds if math.isfinite(seconds) else None
 
 
 def left_out(plan: RunPlan, verifier: Verifier) -> list[dict[str, Any]]:

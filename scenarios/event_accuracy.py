@@ -9,7 +9,6 @@ discarded, the least of the rest; finding the plan and the error is not timed.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -19,6 +18,7 @@ import numpy as np
 from cosim import PS, InputError
 from scenarios.event_plan import EventStart, begin_events, kept_names
 from scenarios.event_verify import choose_tiles, measure, verify
+from scenarios.order import fit_order
 from scenarios.progress import Progress
 from scenarios.schema import Scenario
 from sensor.asynchronous import (
@@ -30,7 +30,7 @@ from sensor.asynchronous import (
     weak_error,
 )
 
-__all__ = ["TOLERANCES", "accuracy_events", "fit_order"]
+__all__ = ["TOLERANCES", "accuracy_events"]
 
 TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
 _CALLS: Final = 25
@@ -119,20 +119,6 @@ def _weak(start: EventStart, plan: EventPlan) -> WeakError | None:
     return weak_error(start.model, numbers[lit], rates[lit] / PS) if lit.any() else None
 
 
-def fit_order(rows: list[dict[str, Any]]) -> float | None:
-    """e of error ~ C tolerance^e, over the rows that are well above the error at tolerance 0."""
-    floor = min((r["error"] for r in rows if r["error"] and not r["tolerance"]), default=0.0)
-    points = [
-        (math.log(r["tolerance"]), math.log(r["error"]))
-        for r in rows
-        if r["error"] and r["tolerance"] and r["error"] > 3 * floor
-    ]
-    if len({x for x, _ in points}) < 3:
-        return None
-    x, y = np.array(points).T
-    return float(np.polyfit(x, y, 1)[0])
-
-
 def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
     """{reference, order, rows, floor, weak} of a scenario with asynchronous readout.
 
@@ -167,7 +153,8 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
             row["failed"] = str(exc)
         rows.append(row)
         progress.advance(n + 2)
-    order = fit_order(rows)
+    least = min((r["error"] for r in rows if r["error"] and not r["tolerance"]), default=0.0)
+    order = fit_order([(r["tolerance"], r["error"] or 0.0) for r in rows], least)
     rows.append({
         "tier": "reference", "tolerance": 0.0, "error": own, "ci": [0.0, own],
         "run_time_s": reference["run_time_s"],

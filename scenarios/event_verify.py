@@ -11,7 +11,7 @@ gathered, over that time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -192,7 +192,8 @@ def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
     for tile in tiles:
         truth = _followed(plan, view, tile)
         found = _distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile)
-        worst = max(worst, found, key=lambda d: d.value)
+        high = max(worst.high, found.high)
+        worst = replace(max(worst, found, key=lambda d: d.value), high=high)
     return worst
 
 

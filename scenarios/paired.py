@@ -75,16 +75,23 @@ class _Recorder:
         self.camera = camera
         self.phases = np.zeros((edges, pixels))
         self.bits = np.zeros((edges, pixels), np.int64)
-        self.seconds, self.cycles, self.warm = 0.0, 0, False
+        self.seconds, self.cycles = 0.0, 0
+        self.first: tuple[float, int] | None = None
 
     def step(self, light: Light, start: int, cycles: int) -> None:
         """Timed, but for the first call, which may compile."""
         begin = time.perf_counter()
         self.camera.step(light, start, cycles)
-        if self.warm:
-            self.seconds += time.perf_counter() - begin
-            self.cycles += cycles
-        self.warm = True
+        spent = time.perf_counter() - begin
+        if self.first is None:
+            self.first = spent, cycles
+            return
+        self.seconds, self.cycles = self.seconds + spent, self.cycles + cycles
+
+    def per_cycle(self) -> float:
+        """Seconds a cycle; of the first call where there was no other, NaN where there was none."""
+        seconds, cycles = (self.seconds, self.cycles) if self.cycles else self.first or (0.0, 0)
+        return seconds / cycles if cycles else math.nan
 
     def mark(self, edge: int) -> None:
         self.phases[edge], self.bits[edge] = self.camera.phase(), self.camera.bits
@@ -142,11 +149,9 @@ class Paired:
         return self.plane.split(np.stack(rates))
 
     def ns(self, name: str) -> float:
-        """Nanoseconds a pixel-cycle that a camera took on the patches; NaN before it has been
-        called twice."""
-        recorder = self._recorders[name]
-        done = self.plane.numbers.size * recorder.cycles
-        return recorder.seconds * 1e9 / done if done else math.nan
+        """Nanoseconds a pixel-cycle that a camera took on the patches, the first call aside where
+        there was another; NaN before it has been called."""
+        return self._recorders[name].per_cycle() * 1e9 / self.plane.numbers.size
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""

@@ -66,8 +66,9 @@ class RunPlan:
     spans: list[tuple[int, int]]
 
     def patches(self, seed: int) -> list[int]:
-        """Tiles to check: the brightest, the darkest, the steepest, where each left-out effect has
-        promised most, some by chance, and one of every set of effects that has none yet."""
+        """Tiles to check, the most telling first: the brightest, the darkest, the steepest, where
+        each left-out effect has promised most, some by chance, and one of every set of effects that
+        has none yet."""
         scene, grid = self.look.scene, self.look.grid
         whole = np.flatnonzero(grid.whole)
         low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
@@ -79,7 +80,7 @@ class RunPlan:
         chance = np.random.default_rng(seed).permutation(len(whole))[:RANDOM]
         chosen = dict.fromkeys(int(whole[n]) for n in [*order, *chance.tolist()])
         chosen |= dict.fromkeys(self._uncovered(np.array(list(chosen)), whole, seed))
-        return sorted(chosen)
+        return list(chosen)
 
     def _uncovered(
         self, chosen: npt.NDArray[np.intp], whole: npt.NDArray[np.intp], seed: int
@@ -97,7 +98,7 @@ class RunPlan:
     ) -> Verifier:
         """The stage that checks this plan. full: the camera with every effect."""
         return Verifier(
-            full, self.plan, self.look.grid, self.patches(seed),
+            full, self.plan, self.look.grid, sorted(self.patches(seed)),
             Planned(self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
             stop_early,
         )  # fmt: skip
@@ -135,9 +136,13 @@ def look(
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(
         darkest, brightest, setting.threshold, scenario.image.window, cycles, floor_of(scenario),
-        setting.spread, np.where(moving, light.planes, 0.0),
+        setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
+        setting.dead_time * clock.hz,
     )  # fmt: skip
-    return Look(light, grid, scene, grid.reduce(light.certain, np.logical_and))
+    certain = light.certain
+    if setting.crosstalk > 0:
+        certain = minimum_filter(certain, 3)
+    return Look(light, grid, scene, grid.reduce(certain, np.logical_and))
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
@@ -183,8 +188,8 @@ def plan_run(
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile:
-    the lesser of its proof, in which every rounding of the run goes the same way, and of twice an
-    estimate.
+    twice the lesser of its proof for the nominal pixel, in which every rounding of the run goes the
+    same way, and of an estimate.
 
     Estimated: a rounding of float32 and half a unit a cycle, and the quantile's error a spike, move
     the rate; what they add up to over the run shifts the spikes against their draws.
@@ -197,7 +202,7 @@ def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     cycle = unit / 2 + 2.0**-23 * spikes + units.error * unit * spikes
     guess = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
     twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, guess)
-    return min(_fast_proof(setting, scene), float(np.max(twice)))
+    return min(ESTIMATE_WEIGHT * _fast_proof(setting, scene), float(np.max(twice)))
 
 
 def _fast_proof(setting: CameraSetting, scene: Summary) -> float:

@@ -23,9 +23,10 @@ from cosim import (
     seconds_to_ps,
 )
 from cosim.files import Recorder, ZarrStream
+from cosim.files.whole import whole
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
-from scenarios.checked import ARITHMETIC, full_physics_s, left_out, shortfall, too_far
+from scenarios.checked import full_physics_s, left_out, shortfall, too_far
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.folder import begin_folder, check_room, claimed, output_folder, write_images
@@ -36,7 +37,7 @@ from scenarios.result import Metric, Result, Throughput, dumps, viform_version, 
 from scenarios.scenes import Source, make_source
 from scenarios.schema import Scenario
 from scenarios.stream_size import Sizes, measure_sizes, size_metrics
-from scenarios.verifier import BrokenPromise, Finding, Verifier
+from scenarios.verifier import ARITHMETIC, BrokenPromise, Finding, Verifier
 from sensor import CameraSetting, SpikeCamera
 
 __all__ = ["Finished", "Progress", "choose_device", "run_scenario"]
@@ -255,12 +256,25 @@ def _film(
     ]
 
 
+def _put_back_before(path: Path) -> list[Finding]:
+    """What the run that is gone on with has put back so far."""
+    if not path.exists():
+        return []
+    try:
+        return [Finding(**found) for found in json.loads(path.read_text(encoding="utf-8"))]
+    except (OSError, ValueError, TypeError) as exc:
+        raise InputError(
+            PUT_BACK, "the one that this run wrote", "a damaged file",
+            f"remove {path.parent} and run it afresh",
+        ) from exc  # fmt: skip
+
+
 def _film_as_promised(
     run: _Prepared, folder: Path, resume: bool, progress: Progress
 ) -> tuple[_Prepared, dict[str, float], list[Throughput], list[Finding]]:
     """Films, and films again with an effect put back as long as a promise is broken."""
     kept = folder / PUT_BACK
-    found = [Finding(**f) for f in json.loads(kept.read_text())] if resume and kept.exists() else []
+    found = _put_back_before(kept) if resume and (folder / CHECKPOINT).exists() else []
     if found:
         run = _again(run, [f.effect for f in found])
     while True:
@@ -276,7 +290,8 @@ def _film_as_promised(
             progress.note(finding.told)
         (folder / CHECKPOINT).unlink(missing_ok=True)
         rmtree(folder / "stream.zarr", ignore_errors=True)
-        kept.write_text(dumps([asdict(f) for f in found]))
+        with whole(kept) as part:
+            part.write_text(dumps([asdict(f) for f in found]), encoding="utf-8")
         run, resume = _again(run, [f.effect for f in found]), False
 
 

@@ -184,9 +184,10 @@ def _make_result(
     shots: list[EventShot], checked: Checked, seconds: dict[str, float], work: int,
 ) -> Result:  # fmt: skip
     error = checked.error
+    beyond = run.scenario.tolerance > 0 and error.high > run.scenario.tolerance
     return Result(
         scenario=run.name,
-        outcome="degraded" if run.source.degraded else "ok",
+        outcome="degraded" if run.source.degraded or beyond else "ok",
         seed=run.scenario.seed,
         device="numba on this processor",
         simulated_s=run.scenario.duration,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,11 @@ from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
 from sensor.tiles import TileGrid
 
-__all__ = ["BrokenPromise", "Finding", "Planned", "Verifier"]
+__all__ = ["ARITHMETIC", "BrokenPromise", "Finding", "Planned", "Verifier"]
+
+
+ARITHMETIC: Final = "32-bit arithmetic"
+"""What the fast tier adds of its own, as an effect that may be put right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +53,7 @@ class Planned:
 @dataclass(frozen=True)
 class Finding:
     """A promise that was not kept. effect: its name. measured: the upper limit. tile: where, None
-    where it is the sum of all that was more than the tolerance."""
+    where the whole error is more than the tolerance (then promised)."""
 
     effect: str
     promised: float
@@ -58,11 +63,20 @@ class Finding:
     @property
     def told(self) -> str:
         """As a user is told."""
-        where = "in all" if self.tile is None else f"on tile {self.tile}"
+        if self.tile is None:
+            return (
+                f"the whole error was up to {self.measured:.2g} where {self.promised:.2g} was "
+                f"asked for: the run is done again with {self.kept}"
+            )
         return (
-            f"{self.effect} was put back and the run done again: leaving it out changed up to "
-            f"{self.measured:.2g} {where}, where {self.promised:.2g} was promised"
+            f"the run is done again with {self.kept}: leaving it out changed up to "
+            f"{self.measured:.2g} on tile {self.tile}, where {self.promised:.2g} was promised"
         )
+
+    @property
+    def kept(self) -> str:
+        """What is put back, in words."""
+        return "the exact tier" if self.effect == ARITHMETIC else f"{self.effect} kept"
 
 
 class BrokenPromise(Exception):

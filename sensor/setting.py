@@ -28,6 +28,8 @@ from sensor.stiff import Circuit
 
 __all__ = ["CameraSetting"]
 
+_CLEARANCE: Final = 1.1
+"""Beyond what the effects may take."""
 _SIZES: Final = (
     ("threshold noise", "threshold_noise", 0.0),
     ("reset dead time", "dead_time", 0.0),
@@ -127,6 +129,17 @@ class CameraSetting:
         """Standard deviation of an interval's threshold, relative, with every noise."""
         shot = self.threshold if EFFECTS["shot noise"] in self.effects else 0.0
         return math.sqrt(shot + self.threshold_noise**2) / self.threshold
+
+    @property
+    def slack(self) -> float:
+        """Factor that dead time, overshoot, leak and the spread of gains (six deviations) together
+        may take off a pixel's light; infinite where they may take all."""
+        uneven = 0.0 if self.pattern is None else self.pattern.prnu + self.pattern.threshold_fpn
+        if 6 * uneven >= 1:
+            return math.inf
+        late = 1 + max(self.overshoot, 0) / self.threshold + self.dead_time * self.clock.hz
+        leaks = -self.leak * float(self.clock.period) / self.threshold
+        return (late + leaks) / (1 - 6 * uneven) * _CLEARANCE
 
     @property
     def reach(self) -> tuple[int, int]:

@@ -69,7 +69,9 @@ def _text(document: dict[str, Any]) -> str:
         cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
         lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
     lines.append("")
-    if document["promised"] is not None:
+    if document["promised"] == 0:
+        lines.append("nothing is left out")
+    elif document["promised"] is not None:
         lines.append(
             f"error promised: at most {_number(document['promised'])} of the rate in the worst tile"
         )
@@ -82,5 +84,5 @@ def _text(document: dict[str, Any]) -> str:
             f"{_number(predicted['full_physics_s'])} s; the scene takes "
             f"{_number(predicted['scene_s'])} s to make"
         )
-    lines.append("a bound with ~ is an estimate and counts twice; costs are a pixel-cycle's")
+    lines.append("a bound with ~ is an estimate, at twice its size; costs are a pixel-cycle's")
     return "\n".join(lines)

@@ -96,12 +96,15 @@ def _put_back(run: Finished) -> str:
     if not run.put_back:
         return ""
     rows = [
-        [f.effect, "the sum of all" if f.tile is None else f"tile {f.tile}", f"{f.promised:.2g}",
-         f"{f.measured:.2g}"] for f in run.put_back
+        [
+            f.effect, "all, against the tolerance" if f.tile is None else f"tile {f.tile}",
+            f"{f.promised:.2g}", f"{f.measured:.2g}",
+        ]
+        for f in run.put_back
     ]  # fmt: skip
     return (
-        "<h3>Put back</h3><p>The check broke these promises, so the run was done again with the "
-        "effect kept everywhere.</p>"
+        "<h3>Put back</h3><p>The check found these, so the run was done again with the effect kept "
+        "everywhere, or in the exact tier.</p>"
         + table(["effect", "where", "promised at most", "changed up to"], rows)
     )
 

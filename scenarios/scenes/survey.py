@@ -99,4 +99,5 @@ def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:
         piece = Piece(0, 1, plane, plane)
         return relay(Light((piece,))).pieces[0].first
 
-    return Survey(mapped(light.least), mapped(light.most), light.certain, light.planes)
+    doubtful = mapped((~light.certain).astype(np.float32)) > 0
+    return Survey(mapped(light.least), mapped(light.most), ~doubtful, light.planes)

@@ -2,7 +2,7 @@
 
 Measured on two cores at 2.5 GHz with AVX-512 under PoCL 3.1 by `viform bench sensor`. The choice
 between effects goes by this table and not by the machine at hand, so that one scenario gives the
-same bits everywhere; predicted times are scaled by what this device measures.
+same bits everywhere; predicted times are measured on the device.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ def dead_time_effect(cycles: float) -> Effect:
         uneven = np.sqrt(scene.relative(scene.brightest))
         gained = (spikes + 1 / scene.window) * cycles * uneven
         moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
-        return made(scene, gained + moved, True, cycles <= 0.2)
+        return made(scene, gained + moved, True)
 
     source = (
         "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"

@@ -20,15 +20,13 @@ __all__ = ["clipped", "contrast", "lost", "made", "noisy", "saturated", "shifted
 Values = npt.NDArray[np.float64]
 _CLEAR = 8.0
 """Spreads by which light stays clear of a threshold to fire in every cycle."""
-_SLACK = 1.25
-"""Factor that other effects may take of light that is called saturated."""
 
 
 def saturated(scene: Summary) -> npt.NDArray[np.bool_]:
     """Where every pixel fires in every cycle whatever the noise draws: _CLEAR spreads, and for
     shot noise P(Poi(mu) < Q) <= exp(-mu) (e mu / Q)^Q (Chernoff) over all cycles below 1e-6."""
     q = scene.threshold
-    mu = np.maximum(np.asarray(scene.darkest, np.float64) / _SLACK, 1e-300)
+    mu = np.maximum(np.asarray(scene.darkest, np.float64) / scene.slack, 1e-300)
     tail = -mu + q * (1 + np.log(mu / q)) + np.log(scene.cycles)
     clear = mu >= q * (1 + _CLEAR * scene.spread)
     return np.asarray(clear & ((scene.spread == 0) | ((mu > q) & (tail < np.log(1e-6)))))
@@ -81,7 +79,10 @@ def shifted(scene: Summary, spikes: Any) -> Values:
     noise = np.sqrt(2) * scene.spread * ends
     cycles = np.minimum(2 * shift * scene.window / np.maximum(n, 1e-300), 1)
     latch = np.sqrt(2 * lost(scene) * scene.window * cycles) if scene.spread else 0.0
-    return _share(noise + latch, scene)
+    # What dead time costs is taken off at the spike: one that moves over a window's end takes it
+    # along.
+    cost = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.dead
+    return _share(noise + latch + cost * np.sqrt(2 * np.minimum(shift, 1)), scene)
 
 
 def noisy(scene: Summary, spread: float) -> Values:
@@ -106,12 +107,13 @@ def contrast(scene: Summary) -> Values:
 
 
 def made(scene: Summary, value: Any, proof: bool, held: bool = True) -> Bound:
-    """The bound: nothing where the pixels fire in every cycle, unless the effect may keep them from
-    it (not `held`: it takes more than a fifth of the light); near saturation a fraction may wrap
-    round, which is one spike of the window. proof: of a pixel without noise, whose rate is smooth
-    in its charge; with noise it is an estimate."""
+    """The bound: nothing where the pixels fire in every cycle, unless the effect may keep some from
+    it altogether (not `held`); near saturation a fraction may wrap
+    round, which is one spike of the window. proof: of a pixel without noise and dead time, whose
+    rate is smooth in its charge; with either it is an estimate."""
     value = np.asarray(value, np.float64)
     value = value + np.where(clipped(scene) & (value > 0), _share(1.0, scene), 0.0)
     if held:
         value = np.where(saturated(scene), 0.0, value)
-    return Bound(value, "proof" if proof and scene.spread == 0 else "estimate")
+    smooth = scene.spread == 0 and scene.dead == 0
+    return Bound(value, "proof" if proof and smooth else "estimate")

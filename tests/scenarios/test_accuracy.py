@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from scenarios.accuracy import LADDER, Row, accuracy, fitted_order
+from scenarios.accuracy import LADDER, accuracy
 from scenarios.commands.output import SilentProgress
 from scenarios.loading import load
+from scenarios.order import fit_order
 
 STAR = (
     "sensor.chip=spikeone", "sensor.preset=silicon", "scene.rotation=0 Hz", "duration=5 ms",
@@ -18,17 +19,12 @@ STAR = (
 )  # fmt: skip
 
 
-def row(tolerance: float | None, error: float | None, **more: Any) -> Row:
-    return Row("exact", tolerance, error, None, 1.0, 1.0, [], [], **more)
-
-
 def test_the_order_is_that_of_a_power_law():
-    law = [row(t, 3 * t**0.7) for t in (1e-4, 1e-3, 1e-2)]
-    assert fitted_order(law) == pytest.approx(0.7)
-    # What has no tolerance, or only repeats a row, does not count.
-    assert fitted_order([*law, row(0.0, 1e-9), row(None, 1e-12)]) == pytest.approx(0.7)
-    assert fitted_order([*law, row(1.0, 1e-9, same_as=1e-2)]) == pytest.approx(0.7)
-    assert fitted_order(law[:1]) is None
+    law = [(t, 3 * t**0.7) for t in (1e-4, 1e-3, 1e-2)]
+    assert fit_order(law) == pytest.approx(0.7)
+    # What has no tolerance, or no more error than tolerance 0 has, does not count.
+    assert fit_order([*law, (0.0, 1e-9), (1e-6, 2e-9)], 1e-9) == pytest.approx(0.7)
+    assert fit_order(law[:2]) is None
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ import pytest
 from cosim import InputError
 from scenarios import event_accuracy
 from scenarios.commands.output import SilentProgress
-from scenarios.event_accuracy import TOLERANCES, accuracy_events, fit_order
+from scenarios.event_accuracy import TOLERANCES, accuracy_events
 from scenarios.event_plan import begin_events, plan_events
 from scenarios.event_verify import choose_tiles, measure, verify
 from scenarios.loading import load
@@ -213,11 +213,3 @@ def test_a_row_that_fails_is_shown(monkeypatch):
     assert all("the events must be at most 5" in row["failed"] for row in rows)
     assert all(row["error"] is row["run_time_s"] is None for row in rows)
     assert found["order"] is None
-
-
-def test_the_order_is_that_of_the_rows_above_the_floor():
-    rows = [{"tolerance": 10.0**-n, "error": 0.3 * 10.0 ** (-0.5 * n)} for n in range(5)]
-    assert fit_order(rows) == pytest.approx(0.5)
-    floor = [{"tolerance": 0.0, "error": 1e-3}, {"tolerance": 1e-9, "error": 1.1e-3}]
-    assert fit_order([*rows, *floor]) == pytest.approx(0.5)
-    assert fit_order(rows[:2]) is None

@@ -65,7 +65,7 @@ def test_a_false_bound_is_caught_named_and_put_back(film, tmp_path, monkeypatch,
     )  # fmt: skip
     assert name in result.document()["plan"]["kept"]
     assert name not in {row["effect"] for row in result.left_out}
-    start = f"{name} was put back and the run done again: leaving it out changed up to "
+    start = f"the run is done again with {name} kept: leaving it out changed up to "
     assert sum(note.startswith(start) for note in told.notes) == 1
     assert result.error.ci[1] <= result.tolerance and result.outcome == "ok"
     page = (folder / "report.html").read_text()

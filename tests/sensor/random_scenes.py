@@ -44,8 +44,9 @@ def random_scene(seed: int) -> Scene:
     )  # fmt: skip
     setting = CameraSetting(
         chip, CLOCK, q, seed, pattern=pattern, threshold_noise=q * some(1e-4, 0.1),
-        dead_time=some(1e-9, 5e-6), row_skew=some(1e-2, 1), comparator_delay=some(1e-9, 1e-5),
-        crosstalk=some(1e-4, 0.1),
+        dead_time=some(1e-9, 2e-5), row_skew=some(1e-2, 1), comparator_delay=some(1e-9, 1e-5),
+        crosstalk=some(1e-4, 0.1), overshoot=q * some(1e-3, 0.3, 0.3),
+        leak=-q * 40e3 * some(1e-7, 1e-4, 0.3),
     )  # fmt: skip
     if rng.random() < 0.4:
         setting = setting.without(["shot noise"])
@@ -83,7 +84,7 @@ def random_scene(seed: int) -> Scene:
         dark = setting.pattern.dark * float(CLOCK.period) * (1 + 4 * setting.pattern.dsnu)
     summary = Summary(
         np.array([low.min() * per_lux]), np.array([high.max() * per_lux + dark]), q, width, cycles,
-        1 / width, setting.spread,
+        1 / width, setting.spread, slack=setting.slack, dead=setting.dead_time * CLOCK.hz,
     )  # fmt: skip
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)
 
