@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.opencl import Device
@@ -24,7 +25,7 @@ from scenarios.planning import RunPlan, plan_run
 from scenarios.run import look_at, prepare_camera, scene_source
 from scenarios.schema import Scenario
 from scenarios.verifier import Planned
-from sensor import SpikeCamera
+from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
 
@@ -34,6 +35,8 @@ LADDER = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
 """Tolerances that are tried. One that gives the plan of a tighter one is not filmed again."""
 TIMED = 3
 """Blocks of the whole chip that are timed, after one that is not."""
+DRAWS = 256
+"""Thresholds that the reference is held to its law on."""
 TILES = 24
 """Patches at most."""
 
@@ -139,7 +142,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
                 list(plan.plan.left_out), tolerances[0] if at else None,
             ))  # fmt: skip
     ns = paired.ns("reference")
-    own = reference_error(setting.spread)
+    own = _reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.kept]
     seconds = ns * 1e-9 * pixels * cycles
     best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
@@ -160,9 +163,16 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     }  # fmt: skip
 
 
-def reference_error(spread: float) -> float:
-    """What the reference claims of itself, relative: the law of noisy intervals is interpolated."""
-    return 1e-9 if spread else 1e-12
+def _reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
+    """Of the reference itself, relative: its thresholds of these pixels' first spikes against the
+    law inverted for them. Its time is closed form, right to roundings."""
+    from cosim.philox import philox4x32
+    from sensor.effects import SHOT_NOISE
+    from sensor.reference.law import law_error, law_of
+
+    shot = SHOT_NOISE in setting.effects
+    words = philox4x32((numbers, 0, 0, 0), (setting.seed, SHOT_NOISE.stream))[0]
+    return law_error(law_of(setting.threshold, setting.threshold_noise, shot), words)
 
 
 def _film(

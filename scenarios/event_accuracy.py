@@ -119,13 +119,20 @@ def _weak(start: EventStart, plan: EventPlan) -> WeakError | None:
     return weak_error(start.model, numbers[lit], rates[lit] / PS) if lit.any() else None
 
 
+def _left_out(plan: EventPlan) -> list[str]:
+    """Effects that some tile leaves out."""
+    pairs = zip(plan.effects, plan.left_out, strict=True)
+    return [effect.name for effect, out in pairs if out.any()]
+
+
 def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
     """{reference, order, rows, floor, weak} of a scenario with asynchronous readout.
 
-    rows: {tier, tolerance, error, ci, run_time_s, ns_per_pixel_cycle, effects, failed, notes}, the
-    loosest first. error: as `event_verify` has it, of the worst of the tiles that any row's plan
-    has reason to look at. floor: the reference's own error; and, of the laws of unsent spikes, what
-    chance alone makes of the mean. Raises InputError for what a run would refuse.
+    rows: {tier, tolerance, error, ci, run_time_s, ns_per_pixel_cycle, effects, failed, notes,
+    left_out}, the loosest first. error: as `event_verify` has it, of the worst of the tiles that
+    any row's plan has reason to look at. floor: the reference's own error; and, of the laws of
+    unsent spikes, what chance alone makes of the mean. Raises InputError for what a run would
+    refuse.
     """
     start = begin_events(scenario)
     progress.start("accuracy of the asynchronous readout", len(TOLERANCES) + 1)
@@ -141,6 +148,7 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
             "tier": "fast", "tolerance": tolerance, "error": None, "ci": None, "run_time_s": None,
             "ns_per_pixel_cycle": None, "effects": kept_names(checked.plan, channel=False),
             "failed": None, "notes": checked.broken,
+            "left_out": _left_out(checked.plan),
         }  # fmt: skip
         try:
             spent = _least(lambda plan=checked.plan: _run(start, plan))  # type: ignore[misc]
@@ -159,7 +167,7 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
         "tier": "reference", "tolerance": 0.0, "error": own, "ci": [0.0, own],
         "run_time_s": reference["run_time_s"],
         "ns_per_pixel_cycle": reference["ns_per_pixel_cycle"],
-        "effects": kept_names(full, channel=False), "failed": None,
+        "effects": kept_names(full, channel=False), "failed": None, "left_out": [],
         "notes": ["run time: predicted, see reference"],
     })  # fmt: skip
     weak = _weak(start, full)

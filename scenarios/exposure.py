@@ -94,8 +94,8 @@ def _circuit(
     if not (lumped.bound < 1 and lumped.dead_time <= period):
         raise InputError(
             "sensor.circuit", f"one that fires at {FAINTEST:g} to 1 spike a cycle and is ready "
-            f"again within a cycle, {period:g} s", "one that does not", "lower leak, trip or "
-            "reset_time, or raise bandwidth",
+            f"again within a cycle, {period:g} s", "one that does not", "raise leak or bandwidth, "
+            "or lower trip or reset_time",
         )  # fmt: skip
     return circuit, lumped
 

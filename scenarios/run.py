@@ -346,6 +346,7 @@ def run_scenario(
                     "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
                     "white_rate": Metric(run.white_rate, "spikes/cycle"),
                     "f_number": Metric(run.lens.f_number, "1"),
+                    "camera": Metric(seconds["sensor"] if throughput else None, "s"),
                     "full_physics": Metric(full_physics_s(run.verifier, pixels, run.cycles), "s"),
                     **size_metrics(sizes),
                 },

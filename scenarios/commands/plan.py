@@ -75,6 +75,11 @@ def _text(document: dict[str, Any]) -> str:
         lines.append(
             f"error promised: at most {_number(document['promised'])} of the rate in the worst tile"
         )
+    if document["promised"] and document["promised"] > document["tolerance"] > 0:
+        lines.append(
+            "that is more than the tolerance: what is left out is not the cause, but the circuit's "
+            "lumped form or this tier's arithmetic; the run measures it"
+        )
     predicted = document["predicted"]
     if predicted is not None:
         lines.append(

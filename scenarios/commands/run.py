@@ -70,7 +70,7 @@ def run(
     metrics = result.metrics
     wide = max(12, *(len(key) for key in metrics))
     for key, metric in metrics.items():
-        if key == "full_physics":
+        if key in ("full_physics", "camera"):
             continue
         unit = "" if metric.unit == "1" else f" {metric.unit}"
         value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
@@ -90,9 +90,16 @@ def _checked(result: Result) -> list[tuple[str, str]]:
     else:
         high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
         lines.append(("error", f"{error.value:.2g}{high} against full physics; {error.kind}"))
-    full = result.metrics.get("full_physics")
+    full, camera = (result.metrics.get(name) for name in ("full_physics", "camera"))
     if full is not None and full.value is not None:
-        lines.append(("full physics", f"{full.value:.3g} s predicted for the camera alone"))
-    names = [str(row["effect"]) for row in result.left_out]
-    lines.append(("left out", ", ".join(names) or "nothing"))
-    return lines
+        told = f"{full.value:.3g} s predicted for the camera"
+        if camera is not None and camera.value is not None:
+            told += f", which took {camera.value:.3g} s"
+        lines.append(("full physics", told))
+    for n, row in enumerate(result.left_out):
+        promised, measured = (
+            "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
+        )
+        told = f"{row['effect']}: at most {promised} promised ({row['kind']}), {measured} measured"
+        lines.append(("" if n else "left out", told))
+    return lines if result.left_out else [*lines, ("left out", "nothing")]

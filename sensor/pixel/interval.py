@@ -69,7 +69,7 @@ def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float
     return np.asarray(PchipInterpolator(score[rising], x[inside][rising])(scores))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=32)
 def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
     """Quantiles of Gamma(q, 1), with Normal(0, sigma) added, in Q24.40: (2 * KNOTS,) int64, lower
     side first.

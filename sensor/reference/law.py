@@ -19,7 +19,7 @@ from numba import njit
 
 from sensor.reference.special import address, call_one, call_two
 
-__all__ = ["Law", "draw", "draw_all", "law_of", "mixed_law", "mixed_quantiles"]
+__all__ = ["Law", "draw", "draw_all", "law_error", "law_of", "mixed_law", "mixed_quantiles"]
 
 Values = npt.NDArray[np.float64]
 
@@ -189,3 +189,30 @@ def draw_all(law: Law, words: npt.NDArray[np.uint32]) -> Values:
     out = np.empty(words.size)
     _all(law.kind, law.q, law.sigma, law.table, law.functions, words, out)
     return out
+
+
+def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
+    """Largest relative difference of these words' thresholds from the law itself, plus a rounding.
+
+    The mixed law is inverted for these very words; a Gamma quantile is off by the step that
+    Newton's rule would still make, (F(x) - p) / (f(x) x), F and p counted from the nearer end.
+    """
+    from scipy.special import gammainc, gammaincc, gammaln, ndtri
+
+    rounding = float(np.finfo(np.float64).eps)
+    if law.kind not in (_GAMMA, _MIXED):
+        return rounding
+    words = np.sort(words)
+    x = draw_all(law, words)
+    below = (words + 0.5) * 2.0**-32
+    above = (0xFFFFFFFF - words.astype(np.int64) + 0.5) * 2.0**-32
+    if law.kind == _MIXED:
+        score = np.where(below < above, ndtri(below), -ndtri(above))
+        unique, first = np.unique(score, return_index=True)
+        off = x[first] / mixed_quantiles(law.q, law.sigma, unique) - 1
+    else:
+        density = np.exp((law.q - 1) * np.log(x) - x - gammaln(law.q))
+        near = below < above
+        missed = np.where(near, gammainc(law.q, x) - below, above - gammaincc(law.q, x))
+        off = missed / (density * x)
+    return float(np.abs(off).max()) + rounding

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy import integrate, special, stats
 
 from sensor.pixel.fixed_point import ONE
 from sensor.pixel.interval import interval_table, threshold
-from sensor.reference.law import LEAST, draw_all, law_of, mixed_quantiles
+from sensor.reference.law import LEAST, draw_all, law_error, law_of, mixed_quantiles
 
 WORDS = np.concatenate(
     [
@@ -89,3 +90,13 @@ def test_reading_between_nodes_costs_1e_9_of_the_spread(q: float, sigma: float) 
     exact = np.maximum(mixed_quantiles(q, sigma, scores(WORDS)[order]), LEAST)
     found = draw_all(law_of(q, sigma), WORDS[order])
     assert np.abs(found - exact).max() < 1e-9 * np.hypot(np.sqrt(q), sigma)
+
+
+@pytest.mark.parametrize(("q", "sigma"), [(1.0, 0.0), (300.0, 0.0), (1000.0, 5.8), (20.0, 2.0)])
+def test_what_the_law_says_of_its_own_error_is_small_and_sees_a_wrong_one(q, sigma):
+    words = np.random.default_rng(1).integers(0, 2**32, 256, dtype=np.uint32)
+    law = law_of(q, sigma)
+    assert 0 < law_error(law, words) < 1e-9
+    if sigma > 0:  # a table of another law is off by that
+        other = replace(law, table=law.table * (1 + 1e-6))
+        assert law_error(other, words) == pytest.approx(1e-6, rel=0.01)
