@@ -9,13 +9,12 @@ discarded, the least of the rest; finding the plan and the error is not timed.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 
 from cosim import PS, InputError
+from scenarios.event_cost import least, reference_cost
 from scenarios.event_plan import EventStart, begin_events, kept_names
 from scenarios.event_verify import choose_tiles, measure, verify
 from scenarios.order import fit_order
@@ -25,7 +24,6 @@ from sensor.asynchronous import (
     EventPlan,
     PlannedPixels,
     WeakError,
-    follow,
     quantile_error,
     weak_error,
 )
@@ -34,28 +32,12 @@ __all__ = ["TOLERANCES", "accuracy_events"]
 
 TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
 _CALLS: Final = 25
-_ENOUGH: Final = 5.0
-"""Seconds of repeated calls after which no more are made."""
-_FEW: Final = 8
-_MANY: Final = 64
-"""Intervals a pixel whose difference in time is the cost of one."""
 _BRIGHTEST: Final = 1024
 """Pixels whose unsent spikes are compared in law."""
 _DIGITS: Final = 200_000
 """Terms that checking the reference's quantiles may add up."""
 _ROUNDING: Final = 2.0**-50
 """Of the reference's instants: a few roundings of float64 each."""
-
-
-def _least(call: Callable[[], object]) -> float:
-    """Seconds: one call discarded, the least of some more."""
-    call()
-    spent: list[float] = []
-    while len(spent) < _CALLS and sum(spent) < _ENOUGH:
-        begin = time.perf_counter()
-        call()
-        spent.append(time.perf_counter() - begin)
-    return min(spent)
 
 
 def _run(start: EventStart, plan: EventPlan) -> None:
@@ -67,40 +49,21 @@ def _run(start: EventStart, plan: EventPlan) -> None:
 def _reference(start: EventStart, plan: EventPlan) -> dict[str, Any]:
     """What an interval and a pixel cost the reference, on the brightest tile, what the whole run
     would cost it, and its own error."""
-    view, scene = start.view, plan.scene
-    tile = int(np.argmax(scene.mean))
-    numbers = np.flatnonzero(scene.tile_of == tile).astype(np.uint32)
-
-    def call(intervals: int) -> Callable[[], object]:
-        return lambda: follow(
-            start.model, numbers, view.light, view.gain, view.pattern, view.until, intervals
-        )
-
-    made = [
-        int(follow(start.model, numbers, view.light, view.gain, view.pattern, view.until, n)
-            .count.sum())
-        for n in (_FEW, _MANY)
-    ]  # fmt: skip
-    few, many = _least(call(_FEW)), _least(call(_MANY))
-    # Fewer intervals than asked for are drawn all the same.
-    each = (many - few) / (numbers.size * (_MANY - _FEW))
-    pixel = max(few / numbers.size - _FEW * each, 0.0)
-    seconds = (view.until - view.light.pieces[0].start) / PS
-    intervals = float((scene.mean * scene.pixels).sum()) * seconds + scene.tile_of.size
-    checked = numbers[: max(_DIGITS // start.model.threshold, 1)]
+    cost = reference_cost(start.model, start.view, plan, _CALLS)
+    checked = cost.numbers[: max(_DIGITS // start.model.threshold, 1)]
     own = max(quantile_error(start.model, checked), _ROUNDING)
-    whole = pixel * scene.tile_of.size + each * intervals
     return {
         "what": "every interval by itself in float64, instants in whole picoseconds and a "
         "fraction, scipy's quantiles of Gamma(Q) at the same random words, compiled by numba; "
         "its cost is that of an interval and of a pixel on the brightest tile, times those "
         "that the light of the whole array makes",
-        "intervals_measured": made[1], "ns_per_interval": each * 1e9, "intervals": intervals,
+        "intervals_measured": cost.made, "ns_per_interval": cost.each * 1e9,
+        "intervals": cost.intervals,
         "error": own,
         "error_is": f"thresholds of {checked.size} pixels against the law added up in 60 digits, "
         "and a few roundings",
-        "run_time_s": whole,
-        "ns_per_pixel_cycle": whole * 1e9 / (scene.tile_of.size * start.cycles),
+        "run_time_s": cost.seconds,
+        "ns_per_pixel_cycle": cost.seconds * 1e9 / (plan.scene.tile_of.size * start.cycles),
     }  # fmt: skip
 
 
@@ -151,7 +114,7 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
             "left_out": _left_out(checked.plan),
         }  # fmt: skip
         try:
-            spent = _least(lambda plan=checked.plan: _run(start, plan))  # type: ignore[misc]
+            spent = least(lambda plan=checked.plan: _run(start, plan), _CALLS)  # type: ignore[misc]
             found = measure(checked.plan, start.view, tiles)
             row |= {
                 "error": found.value, "ci": [found.low, found.high], "run_time_s": spent,
@@ -161,8 +124,8 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
             row["failed"] = str(exc)
         rows.append(row)
         progress.advance(n + 2)
-    least = min((r["error"] for r in rows if r["error"] and not r["tolerance"]), default=0.0)
-    order = fit_order([(r["tolerance"], r["error"] or 0.0) for r in rows], least)
+    lowest = min((r["error"] for r in rows if r["error"] and not r["tolerance"]), default=0.0)
+    order = fit_order([(r["tolerance"], r["error"] or 0.0) for r in rows], lowest)
     rows.append({
         "tier": "reference", "tolerance": 0.0, "error": own, "ci": [0.0, own],
         "run_time_s": reference["run_time_s"],

@@ -61,13 +61,15 @@ class Distance:
 
 @dataclass(frozen=True)
 class Checked:
-    """error: of the worst tile. left_out: as result.json has it. broken: promises, in words."""
+    """error: of the worst tile. left_out: as result.json has it. broken: promises, in words.
+    full_physics: seconds that it would take, where that was asked."""
 
     plan: EventPlan
     error: Distance
     tiles: list[int]
     left_out: list[dict[str, Any]]
     broken: list[str] = field(default_factory=list)
+    full_physics: float | None = None
 
 
 def choose_tiles(plan: EventPlan, seed: int) -> list[int]:

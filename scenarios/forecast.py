@@ -111,11 +111,15 @@ def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str
 
 
 def forecast_events(name: str, scenario: Scenario) -> dict[str, Any]:
-    """The document of `viform plan --json` for asynchronous pixels, whose time hangs on the events
-    and is not predicted."""
-    from scenarios.event_plan import plan_events
+    """The document of `viform plan --json` for asynchronous pixels, whose own time hangs on the
+    events and is not predicted."""
+    from scenarios.event_cost import reference_cost
+    from scenarios.event_plan import begin_events, plan_events
 
-    rows = plan_events(scenario)
+    rows, start = plan_events(scenario), begin_events(scenario)
+    view = start.view
+    cost = reference_cost(start.model, view, start.plan(scenario.tolerance), 1)
+    full = cost.seconds * start.stop / (view.until - view.light.pieces[0].start)
     return {
         "scenario": name,
         "tolerance": scenario.tolerance,
@@ -136,5 +140,5 @@ def forecast_events(name: str, scenario: Scenario) -> dict[str, Any]:
             for r in rows
         ],
         "sets": [],
-        "predicted": None,
+        "predicted": {"sensor_s": None, "full_physics_s": full},
     }  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from scenarios.event_camera import (
     event_setting,
     with_defaults,
 )
+from scenarios.event_cost import reference_cost
 from scenarios.event_output import STREAM, Output, gather_events
 from scenarios.event_plan import kept_names, plan_notes, plan_of, view_of
 from scenarios.event_result import EventShot, first_instants, take_event_shots
@@ -156,7 +157,10 @@ def _expose(run: _Prepared, progress: Progress) -> tuple[dict[str, float], int, 
         begin = time.perf_counter()
         tolerance = run.scenario.tolerance
         plan = plan_of(run.model, setting, first[0], run.stop, tolerance)
-        checked = verify(plan, view_of(setting, first[0], first[2]), tolerance)
+        view = view_of(setting, first[0], first[2])
+        checked = verify(plan, view, tolerance)
+        cost, lasts = reference_cost(run.model, view, checked.plan, 1), view.until - first[1]
+        checked = replace(checked, full_physics=cost.seconds * run.stop / lasts)
         pixels = event_pixels(run.scenario, setting, checked.plan)
         end = time.perf_counter()
         seconds["scene"], seconds["plan and verification"] = begin - last, end - begin
@@ -199,6 +203,8 @@ def _make_result(
             **(dynamic_range(found, run.model, run.stop) if found else judge(shots, ("tfi",))),
             **run.output.metrics(len(sent)),
             "loop_turns": Metric(float(work), "1"),
+            "camera": Metric(seconds["sensor"], "s"),
+            "full_physics": Metric(checked.full_physics, "s"),
             "f_number": Metric(run.lens.f_number, "1"),
         },
         latency=[

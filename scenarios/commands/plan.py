@@ -81,7 +81,9 @@ def _text(document: dict[str, Any]) -> str:
             "lumped form or this tier's arithmetic; the run measures it"
         )
     predicted = document["predicted"]
-    if predicted is not None:
+    if predicted["sensor_s"] is None:
+        lines.append(f"full physics would take {_number(predicted['full_physics_s'])} s")
+    else:
         lines.append(
             f"sensor: {_number(predicted['sensor_s'])} s predicted "
             f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel-cycle), with everything kept "
