@@ -286,6 +286,7 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
     assert document["plan"] == {"kept": list(EFFECTS), "left_out": []}
     assert list(document["metrics"]) == [
         "tfp_psnr", "tfp_ssim", "tfi_psnr", "tfi_ssim", "spike_rate", "white_rate", "f_number",
+        "camera",
         "full_physics", "size_zstd", "size_repeat", "size_first_spike", "size_line",
         "size_statistical",
     ]  # fmt: skip
