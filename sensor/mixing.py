@@ -1,11 +1,11 @@
-"""Compiled: the step of the walk that cross-talk is (sensor/crosstalk.py), a look at a plane."""
+"""The step of the walk that cross-talk is (sensor/crosstalk.py), compiled."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
-__all__ = ["lightless", "mix"]
+__all__ = ["mix"]
 
 
 @njit(cache=True, parallel=True)
@@ -25,13 +25,3 @@ def mix(plane, share, y0, x0, made):  # type: ignore[no-untyped-def]
         for c in range(made.shape[1]):
             here = columns[c + 1]
             made[r, c] = here + share * ((columns[c] - here) + (columns[c + 2] - here))
-
-
-@njit(cache=True, nogil=True)
-def lightless(plane, y0, y1, x0, x1):  # type: ignore[no-untyped-def]
-    """Whether any value in a box is below 0 or none."""
-    bad = False
-    for y in range(y0, y1):
-        for x in range(x0, x1):
-            bad |= not (plane[y, x] >= 0)
-    return bad
