@@ -12,17 +12,18 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Light
+from cosim import BLOCK, Block
 from cosim.opencl import Device
 from scenarios.order import fit_order
 from scenarios.paired import Paired, windows, worst
 from scenarios.planning import RunPlan, plan_run
-from scenarios.run import look_at, prepare_camera, scene_source
+from scenarios.progress import Progress
+from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
 from scenarios.schema import Scenario
 from scenarios.verifier import Planned
 from sensor import CameraSetting, SpikeCamera
@@ -39,14 +40,6 @@ DRAWS = 256
 """Thresholds that the reference is held to its law on."""
 TILES = 24
 """Patches at most."""
-
-
-class Progress(Protocol):
-    """Told how far it is."""
-
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -180,10 +173,9 @@ def _film(
     ladder: Sequence[tuple[Tier, list[float], RunPlan]], device: Device | None, progress: Progress,
 ) -> list[float]:  # fmt: skip
     """Runs the scene once; ns a pixel-cycle of every row."""
-    source = scene_source(scenario, setting, cycles)
+    wider = WiderStage(scene_source(scenario, setting, cycles), setting.reach)
     relay = lens.relay(setting.chip.pitch)
-    before, after = setting.reach
-    size = 64
+    size = BLOCK
     blocks = -(-cycles // size)
     first = max(min(blocks // 2 - 1, blocks - TIMED - 1), 0) if blocks > TIMED else 0
     timed = range(first, min(first + TIMED + 1, blocks))
@@ -193,8 +185,7 @@ def _film(
     progress.start(f"{len(ladder)} rows of {cycles} cycles", cycles)
     for n in range(blocks):
         block = Block(n * size, min(size, cycles - n * size))
-        start = max(block.start - before, 0)
-        light: Light = relay(source.step(None, Block(start, block.stop + after - start)))
+        light = relay(wider.step(None, block))
         paired.step(light, block)
         if n in timed:
             if not whole:

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Block, Light
+from cosim import BLOCK, Block, Light
 from cosim.light import PlaneMap
 from cosim.opencl import Device
 from scenarios.planning import RunPlan, plan_run
-from scenarios.run import look_at, prepare_camera, scene_source
+from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
 from scenarios.schema import Scenario
 from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
@@ -24,7 +24,6 @@ BLOCKS = 2
 """Blocks of the scene's beginning that are run; the first warms up, the second is timed."""
 REFERENCE_TILES = 12
 """Tiles on which full physics is timed."""
-SIZE = 64
 
 
 @dataclass(frozen=True)
@@ -43,9 +42,8 @@ def _measure(
     everything: RunPlan, device: Device | None,
 ) -> _Measured:  # fmt: skip
     grid, cycles = plan.look.grid, plan.look.scene.cycles
-    size = min(SIZE, max(cycles // BLOCKS, 1))
-    before, after = setting.reach
-    source = scene_source(scenario, setting, cycles)
+    size = min(BLOCK, max(cycles // BLOCKS, 1))
+    wider = WiderStage(scene_source(scenario, setting, cycles), setting.reach)
     whole = np.flatnonzero(grid.whole)
     plane = PatchPlane(grid, whole[:: max(len(whole) // REFERENCE_TILES, 1)].tolist())
     cut = PlaneMap(plane.cut, None)
@@ -57,9 +55,8 @@ def _measure(
     spent = [0.0] * 4
     pixels = grid.height * grid.width
     for start in range(0, BLOCKS * size, size):
-        first = max(start - before, 0)
         begin = time.perf_counter()
-        light = relay(source.step(None, Block(first, start + size + after - first)))
+        light = relay(wider.step(None, Block(start, size)))
         spent[3] = (time.perf_counter() - begin) / pixels
         for n, camera in enumerate(cameras):
             begin = time.perf_counter()

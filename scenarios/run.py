@@ -40,7 +40,7 @@ from scenarios.stream_size import Sizes, measure_sizes, size_metrics
 from scenarios.verifier import ARITHMETIC, BrokenPromise, Finding, Verifier
 from sensor import CameraSetting, SpikeCamera
 
-__all__ = ["Finished", "Progress", "choose_device", "run_scenario"]
+__all__ = ["Finished", "Progress", "WiderStage", "choose_device", "run_scenario"]
 
 
 CHECKPOINT = "checkpoint.npz"
@@ -102,7 +102,7 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
     return list(at)
 
 
-class _WiderStage:
+class WiderStage:
     """The scene, asked for a little more than the block: a camera whose rows are sampled before or
     after the clock's edge needs the light around it."""
 
@@ -220,7 +220,7 @@ def _film(
     store = folder / "stream.zarr"
     recorder = Recorder(store, run.camera.shape, cycles, clock)
     stages: dict[str, Any] = {
-        "scene": _WiderStage(run.source, run.setting.reach),
+        "scene": WiderStage(run.source, run.setting.reach),
         "lens": _RelayStage(run.lens, chip.pitch),
         "check": run.verifier,
         "sensor": run.camera,

@@ -27,12 +27,10 @@ from sensor.pixel.model import ExactModel
 
 __all__ = ["FastPixels"]
 
-_PLANES: Final = 16
-"""Planes that a launch reads."""
 _LOCAL: Final = 8
 """Work-items that share a core at a time. PoCL keeps the private arrays of all of them, so that few
 stay in its cache, and thousands overrun its stack."""
-_ENTRY: Final = 5 + _PLANES
+_ENTRY: Final = 5 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
 
