@@ -42,6 +42,8 @@ KINDS: dict[str, Kind] = {
         Kind("time", "s", "64 ms", ("second", "minute", "hour", "day")),
         Kind("frequency", "Hz", "40 kHz", ("hertz", "1 / second")),
         Kind("illuminance", "lux", "700 lux", ("lux", "lumen / meter ** 2")),
+        Kind("luminance", "cd/m²", "300 cd/m²", ("candela / meter ** 2",)),
+        Kind("speed", "px/s", "4000 px/s", ("pixel / second",)),
         Kind("charge", "e", "1000 e", ("elementary_charge", "coulomb")),
         Kind("current", "e/s", "40 e/s", ("elementary_charge / second", "ampere")),
         Kind("capacitance", "fF", "15 fF", ("farad",)),

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from scenarios.schema.display import DisplaySection
 from scenarios.schema.quantity import Duration, Section
 from scenarios.schema.scenes import SceneSection
 from scenarios.schema.sensor import SensorSection
@@ -39,6 +40,9 @@ class Scenario(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     scene: SceneSection
     sensor: SensorSection
+    display: DisplaySection | None = Field(
+        default=None, description="what shows the stream; none when absent"
+    )
     image: ImageSection = ImageSection()
 
 

@@ -139,8 +139,10 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
          "sensor.lens.fnumber must be a key that is known, not an unknown key; did you mean "
              "sensor.lens.f_number?"),
         ("dispaly", {},
-         "dispaly must be one of title, duration, tolerance, seed, scene, sensor, image, not an "
-         "unknown key; remove it"),
+         "dispaly must be a key that is known, not an unknown key; did you mean display?"),
+        ("receiver", {},
+         "receiver must be one of title, duration, tolerance, seed, scene, sensor, display, image, "
+         "not an unknown key; remove it"),
     ],
 )  # fmt: skip
 def test_every_other_wrong_input_is_one_line_with_the_mend(key, value, expected):

@@ -1,0 +1,71 @@
+"""The [display] section: the panel that shows the stream, what stands beside it, who looks."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from display import DRIVES
+from scenarios.schema.quantity import Frequency, Quantity, Section, Share, Time
+
+__all__ = ["OBSERVERS", "DisplaySection"]
+
+OBSERVERS = ("eye", "pursuit", "camera")
+"""Who looks at a display."""
+Size = Annotated[int, Field(ge=1, le=8192)]
+
+
+class DisplaySection(Section):
+    """A spike-continuous panel, the panels beside it, and their observer."""
+
+    drive: Literal[DRIVES] = Field(  # type: ignore[valid-type]  # the names of display.DRIVES
+        default="causal", description="how a pixel makes light of its spikes"
+    )
+    observer: Literal[OBSERVERS] = Field(  # type: ignore[valid-type]
+        default="eye", description="through whom the error is told"
+    )
+    width: Size | None = Field(default=None, description="of the panel; the stream's when absent")
+    height: Size | None = Field(default=None, description="of the panel; the stream's when absent")
+    fit: Literal["exact", "nearest", "centre"] = Field(
+        default="exact",
+        description="of a stream of another size: refused, each pixel shows the nearest one's "
+        "spikes, or the middle is cut or framed by dark",
+    )
+    luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
+        default=300.0, description="of white"
+    )
+    pulse: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=1.0, description="share of a cycle in which impulse emits a packet"
+    )
+    rise: Time = Field(default=0.0, description="time constant of the emitter")
+    decay: Time = Field(default=0.0, description="time constant of the emitter")
+    row_scan: Share = Field(
+        default=1.0, description="share of a cycle in which the rows are driven one after another"
+    )
+    transport: Time = Field(default=1e-6, description="from the chip's output to the panel")
+    fill: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=1.0, description="share of a pixel's area that emits"
+    )
+    distance: Annotated[float, Field(ge=1, le=1000)] = Field(
+        default=60.0, description="pixels to a degree of the eye's view"
+    )
+    pursuit: Annotated[float, Quantity("speed", least=-1e6, most=1e6)] | None = Field(
+        default=None, description="of the pursuing eye along the rows; the scene's when absent"
+    )
+    exposure: Annotated[float, Quantity("time", above=0, most=86_400)] = Field(
+        default=1e-3, description="of the camera that films the display"
+    )
+    beside: tuple[Frequency, ...] = Field(
+        default=(60.0, 120.0, 240.0, 1000.0), max_length=8, description="frame displays beside it"
+    )
+    persistence: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=1.0, description="share of a frame in which the frame displays emit"
+    )
+    response: Time = Field(default=0.0, description="time constant of the frame displays' pixels")
+    projector: Frequency | None = Field(
+        default=16e3, description="binary planes a second of the projector beside it"
+    )
+    renderer: Literal["gl", "numpy"] = Field(
+        default="gl", description="numpy: the golden model, exact and slow"
+    )
