@@ -62,6 +62,11 @@ esac
 case "$*" in *install*ocl-icd-libopencl1*)
     mkdir -p "$BOX/usr/lib/arch"; touch "$BOX/usr/lib/arch/libOpenCL.so.1" ;;
 esac
+case "$*" in *install*libegl1*)
+    mkdir -p "$BOX/usr/lib/arch/dri" "$BOX/usr/share/glvnd/egl_vendor.d"
+    touch "$BOX/usr/share/glvnd/egl_vendor.d/50_mesa.json" "$BOX/usr/lib/arch/dri/swrast_dri.so"
+    touch "$BOX/usr/lib/arch/libEGL.so.1" "$BOX/usr/lib/arch/libGL.so.1" ;;
+esac
 case "$*" in *install*python3-venv*)
     rm -f "$BOX/python3.lacks-venv"
     if [ -e "$BOX/python3.apt" ]; then ln -s "$BOX/python3.apt" "$BOX/bin/python3"; fi ;;
@@ -106,8 +111,12 @@ class Box:
         self.touch("usr/lib/x86_64-linux-gnu/libpocl.so.2")
         (self.root / "etc/OpenCL/vendors/pocl.icd").write_text("libpocl.so.2")
 
+    def egl(self) -> None:
+        self.touch("usr/share/glvnd/egl_vendor.d/50_mesa.json", "usr/lib/arch/dri/swrast_dri.so")
+        self.touch("usr/lib/arch/libEGL.so.1", "usr/lib/arch/libGL.so.1")
+
     def apt(self) -> None:
-        """An apt-get that brings OpenCL, the venv module and Python, in name."""
+        """An apt-get that brings OpenCL, EGL, the venv module and Python, in name."""
         self.script("bin/apt-get", FAKE_APT)
 
     def sudo(self, *, allowed: bool) -> None:
@@ -148,6 +157,7 @@ class Box:
 def box(tmp_path):
     made = Box(tmp_path)
     made.opencl()
+    made.egl()
     return made
 
 
@@ -419,9 +429,9 @@ def test_only_the_commands_that_need_opencl_install_it(tmp_path):
         assert box.run(command).returncode == 0
     assert not [call for call in box.calls() if call.startswith("apt")]
     assert box.run("run", "film", "--device", "numba").stdout == "<run><film><--device><numba>"
-    assert box.run("bench", "--device=numba").stderr == ""
+    assert box.run("bench", "sensor", "--device=numba").stderr == ""
     assert not [call for call in box.calls() if call.startswith("apt")]
-    result = box.run("bench")
+    result = box.run("bench", "sensor")
     assert result.stderr == (
         "viform: installing system packages: pocl-opencl-icd ocl-icd-libopencl1\n"
     )
@@ -430,11 +440,51 @@ def test_only_the_commands_that_need_opencl_install_it(tmp_path):
     assert len([call for call in calls if call.startswith("apt")]) == 2
 
 
+@pytest.mark.parametrize(
+    ("arguments", "shows"),
+    [
+        (("run",), True),
+        (("run", "glass", "--json"), True),
+        (("run", "film"), False),
+        (("run", "film", "--set", "display.drive=hold"), True),
+        (("run", "glass", "--set", "display.renderer=numpy"), False),
+        (("run", "mine.toml"), True),
+        (("run", "other.toml"), False),
+        (("run", "--out", "film-9", "film"), False),
+        (("accuracy", "glass"), True),
+        (("accuracy", "film"), False),
+        (("plan", "glass"), False),
+        (("bench",), True),
+        (("bench", "--json", "display"), True),
+        (("bench", "sensor", "--json"), False),
+        (("list",), False),
+        (("test", "-k", "house"), True),
+        (("live", "film"), True),
+    ],
+)  # fmt: skip
+def test_only_what_shows_a_display_installs_egl(tmp_path, arguments, shows):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    box.opencl()
+    for name, text in (("glass", "[display]\n"), ("film", "# [display]\n[sensor]\n")):
+        (box.clone / "scenarios/files").mkdir(parents=True, exist_ok=True)
+        (box.clone / f"scenarios/files/{name}.toml").write_text(text)
+    (box.root / "mine.toml").write_text('title = "x"\n[sensor]\n[display]\ndrive = "hold"')
+    (box.root / "other.toml").write_text("[sensor]\n")
+    result = box.run(*arguments)
+    assert result.returncode == 0
+    wanted = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+    assert (f"installing system packages: {wanted}" in result.stderr) is shows
+    assert "installing system packages" not in box.run(*arguments).stderr
+
+
 def test_what_a_removed_driver_leaves_behind_is_none(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
     box.apt()
     box.opencl()
+    box.egl()
     library = box.root / "usr/lib/x86_64-linux-gnu/libpocl.so.2"
     box.run("run")
     box.calls()
@@ -461,7 +511,7 @@ def test_a_user_with_sudo_installs_by_it(tmp_path):
     box.touch("python3.lacks-venv")
     box.apt()
     box.sudo(allowed=True)
-    assert box.run("run").returncode == 0
+    assert box.run("run", "film").returncode == 0
     calls = [call for call in box.calls() if call.startswith("sudo")]
     assert calls[1] == "sudo -n apt-get update -q"
     assert calls[2].startswith("sudo -n apt-get -o DPkg::Lock::Timeout=600 install -y")
@@ -476,6 +526,7 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     box.touch("var/lib/apt/lists/mirror_Packages.lz4")
     if sudo == "refuses":
         box.sudo(allowed=False)
+    box.egl()
     line = "`sudo apt-get install -y python3 python3-venv pocl-opencl-icd ocl-icd-libopencl1`"
     without = box.run("run")
     assert without.returncode == 2
@@ -512,6 +563,7 @@ def test_a_failed_apt_shows_its_end(tmp_path):
     box.python()
     box.apt()
     box.touch("apt.fails")
+    box.egl()
     result = box.run("run")
     assert (result.returncode, result.stdout) == (2, "")
     assert "E: no network\n" in result.stderr
@@ -524,6 +576,7 @@ def test_a_failed_apt_shows_its_end(tmp_path):
 def test_elsewhere_than_debian_the_packages_are_named(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
+    box.egl()
     result = box.run("test")
     assert result.stdout == "<test>"
     assert result.stderr.splitlines()[0] == (
