@@ -43,7 +43,7 @@ KINDS: dict[str, Kind] = {
         Kind("frequency", "Hz", "40 kHz", ("hertz", "1 / second")),
         Kind("illuminance", "lux", "700 lux", ("lux", "lumen / meter ** 2")),
         Kind("luminance", "cd/m²", "300 cd/m²", ("candela / meter ** 2",)),
-        Kind("speed", "px/s", "4000 px/s", ("pixel / second",)),
+        Kind("speed", "px/s", "4000 px/s", ("css_pixel / second",)),  # px, as pint knows it
         Kind("charge", "e", "1000 e", ("elementary_charge", "coulomb")),
         Kind("current", "e/s", "40 e/s", ("elementary_charge / second", "ampere")),
         Kind("capacitance", "fF", "15 fF", ("farad",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,8 @@ from scenarios.commands.output import Json, print_document
 
 __all__ = ["test"]
 
+# Files stay whole, so that what a file's tests share is made once.
+_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile"]
 _STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
 
 
@@ -56,7 +59,7 @@ def test(context: typer.Context, json: Json = False) -> None:
             checks[name] = done.returncode == 0
     with tempfile.TemporaryDirectory() as folder:
         junit = Path(folder) / "junit.xml"
-        words = [sys.executable, "-m", "pytest", f"--junitxml={junit}", *extra]
+        words = [sys.executable, "-m", "pytest", f"--junitxml={junit}", *(extra or _SPREAD)]
         print("viform: pytest", file=sys.stderr, flush=True)
         checks["pytest"] = subprocess.run(words, cwd=root, stdout=sink).returncode == 0
         counts = _counts(junit)
