@@ -15,7 +15,8 @@ def look(planes, pad, plane, down, begin, line, along, weight, images):  # type:
 
     planes: (n, H, W) float32 or uint8. plane, down: (lines,) int64, the rows that are read for a
     row of the images. begin: (images + 1,) int64, where each image's taps begin. line, along:
-    (taps,) int64, |along| <= pad; eight taps go into one pass along a row. weight: (taps,) float32. images: (images, H, W) float32.
+    (taps,) int64, |along| <= pad; eight taps go into one pass along a row. weight: (taps,) float32.
+    images: (images, H, W) float32.
     """
     height, width = planes.shape[1:]
     count, lines = len(images), len(plane)

@@ -137,7 +137,7 @@ class Onlooker:
         lines, line = np.unique(np.stack([plane, down]), axis=1, return_inverse=True)
         begin = np.concatenate([[0], np.cumsum(counts)])
         pad = int(np.abs(along).max())
-        look(lit.planes, pad, *lines, begin, line.ravel(), along, weight, self.images)
+        look(lit.planes, pad, lines[0], lines[1], begin, line.ravel(), along, weight, self.images)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The images."""

@@ -1,7 +1,8 @@
 """The speed that an eye would follow in a scene, along the rows.
 
-A scene that knows says so (`Source.pursuit`); else it is measured from its true light at two
-instants in the middle of the run, tile by tile.
+A scene that knows says so (`Source.pursuit`); else it is measured, tile by tile, from its true
+light at three instants in the middle of the run: what changes from the first to the second and from
+the second to the third, so that what keeps still counts for nothing.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from scenarios.scenes import Source
 __all__ = ["pursuit_speed", "shift_between"]
 
 APART = 5 * 10**9
-"""Picoseconds between the two instants."""
+"""Picoseconds from an instant to the next."""
 TILE = 128
 """Pixels of a tile's side: no shift above half of it can be told."""
 CHANGE = 1e-3
 """Change of reflectance, root mean square over a tile, that is motion."""
+LEAST = 0.1
+"""Pixels of shift that are motion."""
 LIKE = 0.15
 """Share of a tile's correlation in its peak (0 to 1) from which its shift is believed (assumed)."""
 
@@ -31,11 +34,11 @@ def pursuit_speed(source: Source, end: int) -> tuple[float, str]:
     own = getattr(source, "pursuit", None)
     if own is not None:
         return float(own), f"the pursuing eye follows {own:g} pixels/s, as the scene says"
-    apart = min(APART, end // 2)
-    begin = (end - apart) // 2
-    shift = shift_between(source.truth(begin), source.truth(begin + apart))
+    apart = min(APART, end // 4)
+    one, two, three = (source.truth(end // 2 + n * apart) for n in (-1, 0, 1))
+    shift = shift_between(two - one, three - two)
     if shift is None:
-        return 0.0, "the pursuing eye keeps still: nothing in the scene moves along the rows"
+        return 0.0, "the pursuing eye keeps still: no motion along the rows was found in the scene"
     speed = shift * PS / apart
     return speed, (
         f"the pursuing eye follows {speed:.4g} pixels/s, measured on the scene's own light over "
@@ -44,8 +47,8 @@ def pursuit_speed(source: Source, end: int) -> tuple[float, str]:
 
 
 def shift_between(one: Plane, two: Plane) -> float | None:
-    """Pixels to the right by which what moves has moved from picture `one` to `two`: the median of
-    its tiles, each with the change it shows as its weight. None where nothing moves."""
+    """Pixels to the right by which a picture of change has moved from `one` to `two`: the median of
+    its tiles, each with its size as weight. None where nothing moves."""
     import cv2
 
     height, width = one.shape
@@ -58,10 +61,10 @@ def shift_between(one: Plane, two: Plane) -> float | None:
                 np.ascontiguousarray(p[y : y + rows, x : x + columns], np.float64)
                 for p in (one, two)
             )
-            change = float(np.sqrt(np.mean((b - a) ** 2)))
+            change = float(np.sqrt(min(np.mean(a**2), np.mean(b**2))))
             if change < CHANGE:
                 continue
-            (along, _), like = cv2.phaseCorrelate(a - a.mean(), b - b.mean(), window)
+            (along, _), like = cv2.phaseCorrelate(a, b, window)
             if like >= LIKE:
                 shifts.append(along)
                 weights.append(change * like)
@@ -70,4 +73,5 @@ def shift_between(one: Plane, two: Plane) -> float | None:
     order = np.argsort(shifts)
     share = np.cumsum(np.array(weights)[order])
     middle = int(np.searchsorted(share, share[-1] / 2))
-    return float(np.array(shifts)[order][middle])
+    shift = float(np.array(shifts)[order][middle])
+    return shift if abs(shift) >= LEAST else None

@@ -66,7 +66,7 @@ class _Brush:
     def text(
         self, said: str, x: float, y: float, high: float, tone: float, wide: float | None = None
     ) -> float:
-        """Letters whose capitals are `high`, their middle at (x, y); at most `wide`. Their width."""
+        """Letters whose capitals are `high`, their middle at (x, y); shrunk to `wide`."""
         outlines, across = _letters(said)
         if wide is not None and across * high > wide:
             high = wide / across
