@@ -102,7 +102,9 @@ def test_slow_pixels_approach_their_level_exponentially():
     response, levels = 4e-3, (0.8, 0.3, 1.0)
     planes = [np.full((2, 3), 500 * level, np.float32) for level in levels]
     edges = [SIXTY.edge(n) for n in range(4)]
-    light = Light(tuple(Piece(a, b, p, p) for a, b, p in zip(edges, edges[1:], planes, strict=False)))
+    light = Light(
+        tuple(Piece(a, b, p, p) for a, b, p in zip(edges, edges[1:], planes, strict=False))
+    )
     exposure = MS
     times = tuple(range(MS, 48 * MS, MS))
     show = FrameShow(FramePanel(SIXTY, response=response), (2, 3), 500.0)
