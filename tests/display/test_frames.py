@@ -112,14 +112,13 @@ def test_slow_pixels_approach_their_level_exponentially():
 
     def level(t: np.ndarray) -> np.ndarray:
         frame = np.minimum((t * 60).astype(int), 2)
-        begin, y = 0.0, np.zeros_like(t)
+        begin = 0.0
         starts = []
         for target in levels:
             starts.append(begin)
             begin = target + (begin - target) * np.exp(-1 / 60 / response)
         target, first = np.array(levels)[frame], np.array(starts)[frame]
-        y = target + (first - target) * np.exp(-(t - frame / 60) / response)
-        return y
+        return target + (first - target) * np.exp(-(t - frame / 60) / response)
 
     fine = (np.arange(2000) + 0.5) / 2000 - 0.5
     exact = [level(np.array(at / PS) + fine * exposure / PS).mean() for at in times]
