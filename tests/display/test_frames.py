@@ -163,7 +163,7 @@ def test_a_projector_shows_ones_and_zeros_and_follows_ramps():
     first, last = np.zeros((4, 5), np.float32), np.full((4, 5), 500, np.float32)
     light = Light((Piece(0, rate.edge(320), first, last),))
     show = ProjectorShow(Projector(rate), (4, 5), 500.0)
-    planes = np.concatenate([lit.planes for lit in show.step(light, rate.edge(320))])
+    planes = np.concatenate([lit.planes.copy() for lit in show.step(light, rate.edge(320))])
     assert planes.shape == (320, 4, 5) and set(np.unique(planes)) == {0, 1}
     level = np.arange(320) / 320
     behind = np.cumsum(planes[:, 2, 3]) - np.cumsum(level)

@@ -136,8 +136,10 @@ def test_another_display_keeps_its_frames_in_the_same_way():
     expected = for_display(plane.reshape(2, 2, 3, 2).mean(axis=(1, 3)))
     assert np.array_equal(kept.frames[0], expected)
     assert np.abs(added.frames[0].astype(int) - expected).max() <= 1
-    with pytest.raises(ValueError, match="an exposure must be"):
+    with pytest.raises(ValueError, match="exposure must be 1 to 10 ps, not 11 ps"):
         SlowMotion((4, 6), 0, 10, 11)
+    with pytest.raises(ValueError, match="by must be 1 to 4, not 5"):
+        SlowMotion((4, 6), 0, 10, 5, 5)
 
 
 def test_panels_without_slow_motion_film_nothing():
