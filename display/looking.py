@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def by_rows(function: Callable[..., None], rows: int, *given: Any) -> None:
     """function(first, stop, *given) for all rows, on all cores: rows must not touch each other."""
     count, pool = _threads()
     edges = [rows * k // count for k in range(count + 1)]
-    jobs = [pool.submit(function, a, b, *given) for a, b in zip(edges, edges[1:], strict=False)]
+    jobs = [pool.submit(function, a, b, *given) for a, b in pairwise(edges)]
     for job in jobs:
         job.result()
 
