@@ -212,6 +212,8 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
 
 
 def _size(run: Finished) -> str:
+    if run.sizes is None:
+        return ""
     head = ["form", "bits a pixel and cycle", "times smaller than raw"]
     rows = table(head, size_rows(run.sizes))
     return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
