@@ -12,18 +12,25 @@ import numpy.typing as npt
 from cosim import Clock
 from display import Observer, PlainRenderer, SpikePanel
 from display.setting import DisplaySetting
-from scenarios.glass.slow import SlowMotion, slow_motion
+from scenarios.beside import TRUTH, BesideStage
 from scenarios.glass.stage import DisplayStage, Renderer
 from scenarios.scenes import Source
 from scenarios.schema import Scenario
 from scenarios.schema.display import DisplaySection
-from scenarios.showing import observers_of, panel_of
+from scenarios.showing import beside_of, observers_of, panel_of
+from scenarios.slow_motion import SlowMotion
 from sensor import CameraSetting
 
 __all__ = ["Glass", "make_glass"]
 
+SPIKE = "spike"
+"""Name of the spike-continuous display among the panels."""
 BATCH = 8
 """Planes to a span of light: a fifth of a millisecond at 40 kHz, far below what an eye resolves."""
+FRAMES = 160
+"""Of the slow motion, at most."""
+TILE = 480
+"""Pixels of the longer side of a display's picture in it, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +41,9 @@ class Glass:
     setting: DisplaySetting
     observers: dict[str, Observer]
     velocity: float
-    slow: SlowMotion
+    motion: SlowMotion
     shown: DisplayStage
-    beside: Any
+    beside: BesideStage
 
     @property
     def panel(self) -> SpikePanel:
@@ -47,17 +54,21 @@ class Glass:
         out: dict[str, Any] = {}
         for name, stage in stages.items():
             out[name] = stage
-            if name == "scene" and self.beside is not None:
+            if name == "scene":
                 out["beside"] = self.beside
         return out | {"display": self.shown}
 
     def seen(self) -> dict[str, dict[str, npt.NDArray[np.float32]]]:
         """By display and observer: (images, height, width), white = 1; after the last block."""
-        return {"spike": self.shown.images}
+        seen = self.beside.images()
+        return {TRUTH: seen.pop(TRUTH), SPIKE: self.shown.images} | seen
 
     def frames(self) -> dict[str, npt.NDArray[np.uint8]]:
         """The slow motion by display; after the last block."""
-        return {"spike": self.shown.frames}
+        films = dict(self.beside.films)
+        if self.shown.film is not None:
+            films = {TRUTH: films.pop(TRUTH), SPIKE: self.shown.film} | films
+        return {name: film.frames for name, film in films.items()}
 
     def identity(self) -> str:
         """Text that names what a checkpoint of it depends on beyond the scenario."""
@@ -70,6 +81,17 @@ class Glass:
 
 def _renderer(kind: str, panel: SpikePanel, batch: int, images: int) -> Renderer:
     return PlainRenderer(panel, batch, images)
+
+
+def _motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion:
+    """The slow motion of a run: whole cycles to an exposure. What is left over at the start is not
+    shown, where a panel is dark in any case."""
+    every = -(-cycles // FRAMES)
+    first = cycles % every
+    exposure = (clock.edge(cycles) - clock.edge(first)) // (cycles // every)
+    return SlowMotion(
+        shape, clock.edge(first), clock.edge(cycles), exposure, -(-max(shape) // TILE)
+    )
 
 
 def make_glass(
@@ -94,9 +116,13 @@ def make_glass(
     observers: dict[str, Observer] = {}
     observers.update(observers_of(section, at, clock.edge(cycles), velocity))
     setting = DisplaySetting(panel, observers[section.observer], BATCH, True)
-    slow = slow_motion(clock, cycles, panel.shape, setting.batch)
+    motion = _motion(clock, cycles, panel.shape)
     shown = DisplayStage(
-        setting, observers, slow, cycles,
+        setting, observers, motion, cycles,
         lambda images: _renderer(section.renderer, panel, setting.batch, images),
     )  # fmt: skip
-    return Glass(section, setting, observers, velocity, slow, shown, None)
+    beside = BesideStage(
+        beside_of(section), observers, (camera.chip.height, camera.chip.width),
+        scenario.scene.illuminance, clock, cycles, motion,
+    )  # fmt: skip
+    return Glass(section, setting, observers, velocity, motion, shown, beside)

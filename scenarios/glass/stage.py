@@ -4,24 +4,23 @@ look at what it shows."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Block
-from cosim.viform import Viform, Words
+from cosim.viform import WORD, Viform, Words
 from display import Observer, Views, panel_views
 from display.setting import DisplaySetting
-from scenarios.glass.slow import Slots, SlowMotion, small
+from scenarios.slow_motion import Film, SlowMotion
 
-__all__ = ["DRAW", "DisplayStage"]
+__all__ = ["DRAW", "DisplayStage", "Renderer"]
 
 DRAW = 128
 """Planes that a renderer is given at once, at most."""
 State = dict[str, npt.NDArray[Any]]
-Values = npt.NDArray[np.float64]
 
 
 class Renderer(Protocol):
@@ -40,30 +39,34 @@ class DisplayStage:
     """Shows a stream on a panel.
 
     setting: the panel, and how finely time is resolved. observers: by name; each makes its images.
-    slow: the slow motion, None for none. cycles: of the run. renderer: makes a renderer with so
+    motion: the slow motion, None for none. cycles: of the run. renderer: makes a renderer with so
     many images; it is made here, so that what cannot be drawn is said before anything is written.
     mapped: the stream's words on the panel's pixels.
 
-    images, light and frames are whole after the last block.
+    images, emitted and film are whole after the last block. An exposure of the slow motion has an
+    image of the renderer while light falls on it, which the next one has after it.
     """
 
     def __init__(
         self,
         setting: DisplaySetting,
         observers: Mapping[str, Observer],
-        slow: SlowMotion | None,
+        motion: SlowMotion | None,
         cycles: int,
         renderer: Callable[[int], Renderer],
         mapped: Callable[[Words], Words] | None = None,
     ) -> None:
-        self._batch, self._observers, self._slow = setting.batch, dict(observers), slow
+        self._batch, self._observers = setting.batch, dict(observers)
         self._panel = setting.panel if setting.row_timing else replace(setting.panel, row_scan=0.0)
         self._cycles, self._mapped = cycles, mapped
-        self._slots = None if slow is None else Slots(slow, self._panel, cycles, DRAW)
-        self._light = sum(o.images for o in self._observers.values())  # slot of all light
-        self._slot = self._light + 1  # the first of the slow motion
-        count = self._slot + (0 if self._slots is None else self._slots.count)
-        self.renderer = renderer(count)
+        self.film = None if motion is None else Film(motion)
+        """The slow motion."""
+        self._exposures = max(
+            (len(self._lit(n, min(DRAW, cycles - n))) for n in range(0, cycles, DRAW)), default=0
+        )  # that light falls on at once
+        self._light = sum(o.images for o in self._observers.values())
+        # The image of all light; those of the slow motion follow.
+        self.renderer = renderer(self._light + 1 + self._exposures)
         self._waiting: list[Words] = []
         self._first = self._planes = 0  # of what waits
         self.fired = self.spikes = 0
@@ -72,9 +75,6 @@ class DisplayStage:
         """By observer: (images, height, width), white = 1."""
         self.emitted: float | None = None
         """Light of all planes and pixels, in packets Q."""
-        tile = (0, 0) if slow is None else slow.tile
-        self.frames = np.zeros((0 if slow is None else slow.frames, *tile), np.uint8)
-        """The slow motion, through the sRGB curve."""
 
     def step(self, given: Viform, block: Block) -> Viform:
         """Takes one block; draws when there are enough, or at the run's end."""
@@ -85,8 +85,8 @@ class DisplayStage:
         self._waiting.append(words)
         self._planes += block.cycles
         last = block.stop == self._cycles
-        # A block that does not fill its last word cannot be gone on with in the next one.
-        if last or self._planes + block.cycles > DRAW or self._planes % 32:
+        # What does not fill its last word cannot be gone on with in the next block's.
+        if last or self._planes + block.cycles > DRAW or self._planes % WORD:
             self._draw()
         if last:
             self._end()
@@ -101,12 +101,33 @@ class DisplayStage:
         else:
             self.spikes += int(np.bitwise_count(words).sum(dtype=np.int64))
         self.renderer.step(words, planes, self._views(first, planes))
-        if self._slots is not None and self._slow is not None:
-            for slot, frame in self._slots.finished(first + planes):
-                self.frames[frame] = small(self.renderer.take(self._slot + slot), self._slow.tile)
+        if self.film is not None:
+            self._keep(self.film, self._first)
+
+    def _keep(self, film: Film, plane: int) -> None:
+        """Takes the exposures that no light of `plane` or a later one falls on."""
+        motion = film.motion
+        until = self._panel.start(plane) if plane < self._cycles else None
+        while film.done < motion.count:
+            over = motion.begin + (film.done + 1) * motion.exposure
+            if until is not None and over > until:
+                break
+            film.keep(film.done, self.renderer.take(self._place(film.done)))
+            film.done += 1
+
+    def _lit(self, first: int, planes: int) -> range:
+        """Exposures of the slow motion on which light of these planes falls."""
+        if self.film is None:
+            return range(0)
+        stop = self._panel.start(first + planes) + round(self._panel.row_delay)
+        return range(*self.film.motion.touched(self._panel.start(first), stop))
+
+    def _place(self, exposure: int) -> int:
+        """The renderer's image of an exposure: another than its neighbours'."""
+        return self._light + 1 + exposure % self._exposures
 
     def _views(self, first: int, planes: int) -> Views:
-        """A row an image: those of the observers, all light, the slots of the slow motion."""
+        """A row an image: those of the observers, all light, the slow motion's."""
 
         def seen(observer: Observer) -> Views:
             return panel_views(observer, self._panel, first, planes, self._batch)
@@ -115,17 +136,15 @@ class DisplayStage:
         none = np.zeros((1, spans))
         parts = [seen(observer) for observer in self._observers.values()]
         parts.append(Views(none + 1, none, none, none, none, none))
-        if self._slots is not None and self._slow is not None and self._slots.count:
-            slots = {
-                name: np.zeros((self._slots.count, spans))
-                for name in ("weight", "slope", "dy", "dx", "dy_slope", "dx_slope")
-            }
-            held = self._slots.begin(first, planes)
-            if held:
-                views = seen(self._slow.one([frame for _, frame in held]))
-                for name, values in slots.items():
-                    values[[slot for slot, _ in held]] = getattr(views, name)
-            parts.append(Views(**slots))
+        if self.film is not None and self._exposures:
+            rows = {f.name: np.zeros((self._exposures, spans)) for f in fields(Views)}
+            lit = self._lit(first, planes)
+            if lit:
+                views = seen(self.film.motion.camera(lit.start, lit.stop))
+                at = [exposure % self._exposures for exposure in lit]
+                for name, values in rows.items():
+                    values[at] = getattr(views, name)
+            parts.append(Views(**rows))
         return Views.joined(parts)
 
     def _end(self) -> None:
@@ -140,14 +159,11 @@ class DisplayStage:
 
     def state(self) -> State:
         """Everything the next block depends on; after the last block, everything it made."""
-        state: State = {
-            "shown": np.array([self._first, self._planes, self.fired, self.spikes]),
-            "frames": self.frames,
-        }
+        state = {"shown": np.array([self._first, self._planes, self.fired, self.spikes])}
         if self._waiting:
             state["waiting"] = np.concatenate(self._waiting)
-        if self._slots is not None:
-            state["held"] = self._slots.held.copy()
+        if self.film is not None:
+            state |= {f"film/{name}": value for name, value in self.film.state().items()}
         if self.emitted is None:
             state |= {f"renderer/{name}": value for name, value in self.renderer.state().items()}
         else:
@@ -158,10 +174,9 @@ class DisplayStage:
     def restore(self, state: State) -> None:
         """Go on from a `state`."""
         self._first, self._planes, self.fired, self.spikes = (int(n) for n in state["shown"])
-        self.frames = state["frames"]
         self._waiting = [state["waiting"]] if "waiting" in state else []
-        if self._slots is not None:
-            self._slots.held = state["held"].copy()
+        if self.film is not None:
+            self.film.restore(_below(state, "film/"))
         if "emitted" in state:
             self.emitted = float(state["emitted"])
             self.images = _below(state, "image/")

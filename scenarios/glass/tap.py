@@ -1,0 +1,123 @@
+"""The light of a few pixels, kept while a run goes by, and how each display shows it in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, Block, Clock, Light, Piece, SpikeStream
+from display import (
+    CameraPlane,
+    FramePanel,
+    FrameShow,
+    Onlooker,
+    PlainRenderer,
+    Projector,
+    ProjectorShow,
+    SpikePanel,
+    panel_views,
+)
+
+__all__ = ["LightTap", "instants_of", "spike_waves", "wave_of"]
+
+Values = npt.NDArray[np.float64]
+Place = tuple[int, int]
+
+
+class LightTap:
+    """A stage after the scene that keeps the light of a few pixels, exactly.
+
+    places: (row, column) of each. clock: of the run. white: light that is 1.
+    """
+
+    def __init__(self, places: Sequence[Place], clock: Clock, white: float) -> None:
+        self._rows, self._columns = (np.array([p[k] for p in places], np.intp) for k in (0, 1))
+        self._clock, self._white = clock, np.float32(white)
+        self._starts: list[int] = []
+        self._stop = 0
+        self._firsts: list[npt.NDArray[np.float32]] = []
+        self._lasts: list[npt.NDArray[np.float32]] = []
+
+    def _at(self, plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return plane[self._rows, self._columns] / self._white
+
+    def step(self, given: Light, block: Block) -> Light:
+        """Takes the pieces that begin in the block, and hands the light on."""
+        for piece in given.pieces:
+            if piece.stop > self._stop and piece.start < self._clock.edge(block.stop):
+                self._starts.append(piece.start)
+                self._firsts.append(self._at(piece.first))
+                self._lasts.append(self._at(piece.last))
+                self._stop = piece.stop
+        return given
+
+    def light(self) -> Light:
+        """What was kept, (1, places), white = 1."""
+        stops = [*self._starts[1:], self._stop]
+        return Light(tuple(
+            Piece(start, stop, first[None], last[None])
+            for start, stop, first, last in zip(
+                self._starts, stops, self._firsts, self._lasts, strict=True
+            )
+        ))  # fmt: skip
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that was kept."""
+        return {
+            "starts": np.array([*self._starts, self._stop], np.int64),
+            "levels": np.array([self._firsts, self._lasts], np.float32),
+        }
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        *self._starts, self._stop = (int(n) for n in state["starts"])
+        self._firsts, self._lasts = (list(levels) for levels in state["levels"])
+
+
+def _camera(first: int, stop: int, samples: int) -> CameraPlane:
+    """Exposures back to back from `first` to `stop` (ps)."""
+    exposure = (stop - first) // samples
+    middles = tuple(first + n * exposure + exposure // 2 for n in range(samples))
+    return CameraPlane(middles, exposure)
+
+
+def wave_of(
+    panel: FramePanel | Projector, light: Light, first: int, stop: int, samples: int
+) -> Values:
+    """(samples, places) light of a panel from `first` to `stop` (ps), white = 1."""
+    shape = light.shape
+    show = (
+        FrameShow(panel, shape, 1.0) if isinstance(panel, FramePanel)
+        else ProjectorShow(panel, shape, 1.0)
+    )  # fmt: skip
+    looker = Onlooker(_camera(first, stop, samples), shape)
+    for lit in show.step(light, min(stop, light.pieces[-1].stop)):
+        looker.add(lit)
+    return looker.images[:, 0].astype(np.float64)
+
+
+def spike_waves(
+    stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], window: tuple[int, int, int]
+) -> Values:
+    """(samples, places) light of the spike display's pixels, row timing aside. window: from, to
+    (ps), samples."""
+    first, stop, samples = window
+    rows, columns = ([p[k] for p in places] for k in (0, 1))
+    small = replace(panel, shape=(1, len(places)), row_scan=0.0)
+    shown = PlainRenderer(small, 1, samples)
+    camera, chunk = _camera(first, stop, samples), 16
+    cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
+    for n in range(0, cycles, 32 * chunk):
+        words = stream.read_words(n // 32, n // 32 + chunk)[:, rows, columns][:, None]
+        planes = min(cycles - n, 32 * len(words))
+        shown.step(words, planes, panel_views(camera, small, n, planes, 1))
+    return np.stack([shown.take(k)[0] for k in range(samples)])
+
+
+def instants_of(first: int, stop: int, samples: int) -> Values:
+    """Middles of a wave's samples in milliseconds."""
+    return np.array(_camera(first, stop, samples).instants) * 1e3 / PS
