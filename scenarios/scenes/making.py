@@ -41,6 +41,10 @@ def make_source(
             Path(scene.path), shape, scene.illuminance, clock, cycles, scene.start, scene.frame_rate
         )
     # The drawn scenes bring numba with them, a second of start-up that a clip need not wait for.
+    if isinstance(scene, FilmScene) and scene.drawn == "chart":
+        from scenarios.scenes.chart import Chart
+
+        return AnalyticSource(Chart(shape), scene.illuminance, clock)
     if isinstance(scene, FilmScene):
         from scenarios.scenes.workshop import Workshop
 

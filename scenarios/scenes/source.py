@@ -74,6 +74,8 @@ class AnalyticSource:
         self._scene, self._clock = scene, clock
         self._lux = np.float32(illuminance)
         self.shape = scene.shape
+        self.pursuit: float | None = getattr(scene, "pursuit", None)
+        """Pixels a second along the rows that an eye follows, of a scene that says so."""
         speed = scene.speed()
         self._every = max(1, min(64, math.floor(MOTION_STEP * clock.hz / speed))) if speed else 0
         self._planes: dict[int, Plane] = {}

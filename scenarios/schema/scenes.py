@@ -15,11 +15,14 @@ __all__ = [
 
 
 class FilmScene(Section):
-    """A clip or an image that PyAV opens; without a path the built-in moving scene."""
+    """A clip or an image that PyAV opens; without a path a built-in moving scene."""
 
     kind: Literal["film"] = "film"
     path: str | None = Field(
         default=None, description="clip or image; the built-in scene when absent"
+    )
+    drawn: Literal["workshop", "chart"] = Field(
+        default="workshop", description="built-in moving scene when there is no path"
     )
     start: Time = 0.0
     frame_rate: Frequency | None = Field(default=None, description="overrides the clip's own")
