@@ -120,10 +120,14 @@ def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
     source = scene_source(scenario, setting, cycles)
     seen = look_at(scenario, setting, lens, cycles)
     plan = plan_run(seen, setting, scenario.tolerance, instants, opened)
-    glass = make_glass(scenario, setting, cycles, instants, white_rate, source)
+    glass = make_glass(
+        scenario, setting, cycles, instants, white_rate,
+        lambda: scene_source(scenario, setting, cycles),
+    )  # fmt: skip
+    notes = lens_notes(scenario, lens, white_rate) + ([] if glass is None else glass.notes)
     return Prepared(
         name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
-        *_planned(plan, setting, scenario, opened), glass, lens_notes(scenario, lens, white_rate),
+        *_planned(plan, setting, scenario, opened), glass, notes,
     )  # fmt: skip
 
 
@@ -147,5 +151,8 @@ def again(run: Prepared, forced: list[str]) -> Prepared:
     source = scene_source(scenario, setting, run.cycles)
     if run.glass is not None:
         run.glass.close()
-    glass = make_glass(scenario, setting, run.cycles, run.instants, run.white_rate, source)
+    glass = make_glass(
+        scenario, setting, run.cycles, run.instants, run.white_rate,
+        lambda: scene_source(scenario, setting, run.cycles),
+    )  # fmt: skip
     return replace(run, plan=plan, camera=camera, verifier=verifier, source=source, glass=glass)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,8 @@ from display import Observer, PlainRenderer, SpikePanel
 from display.setting import DisplaySetting
 from scenarios.beside import TRUTH, BesideStage
 from scenarios.glass.stage import DisplayStage, Renderer
+from scenarios.glass.tap import LightTap
+from scenarios.pursuit import pursuit_speed
 from scenarios.scenes import Source
 from scenarios.schema import Scenario
 from scenarios.schema.display import DisplaySection
@@ -35,15 +37,22 @@ TILE = 480
 
 @dataclass(frozen=True, eq=False)
 class Glass:
-    """Everything of a run's display."""
+    """Everything of a run's display.
+
+    observers: by name. velocity: of the pursuing eye, pixels a second along the rows. points:
+    pixels worth looking at, (row, column, what), whose light `tap` keeps.
+    """
 
     section: DisplaySection
     setting: DisplaySetting
     observers: dict[str, Observer]
     velocity: float
+    notes: list[str]
     motion: SlowMotion
+    points: list[tuple[int, int, str]]
     shown: DisplayStage
     beside: BesideStage
+    tap: LightTap
 
     @property
     def panel(self) -> SpikePanel:
@@ -55,7 +64,7 @@ class Glass:
         for name, stage in stages.items():
             out[name] = stage
             if name == "scene":
-                out["beside"] = self.beside
+                out |= {"tap": self.tap, "beside": self.beside}
         return out | {"display": self.shown}
 
     def seen(self) -> dict[str, dict[str, npt.NDArray[np.float32]]]:
@@ -100,9 +109,10 @@ def make_glass(
     cycles: int,
     instants: Sequence[int],
     white_rate: float,
-    source: Source,
+    source: Callable[[], Source],
 ) -> Glass | None:
-    """The run's display; None where the scenario has none. instants: cycles.
+    """The run's display; None where the scenario has none. instants: cycles. source: the scene once
+    more.
 
     Raises InputError where it cannot be shown: a panel of another size, no OpenGL.
     """
@@ -111,7 +121,11 @@ def make_glass(
         return None
     panel = panel_of(section, camera, white_rate)
     clock: Clock = camera.clock
-    velocity = 0.0 if section.pursuit is None else section.pursuit
+    scene = source()
+    if section.pursuit is None:
+        velocity, told = pursuit_speed(scene, clock.edge(cycles))
+    else:
+        velocity, told = section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s"
     at = [clock.middle(n) for n in instants]
     observers: dict[str, Observer] = {}
     observers.update(observers_of(section, at, clock.edge(cycles), velocity))
@@ -121,8 +135,12 @@ def make_glass(
         setting, observers, motion, cycles,
         lambda images: _renderer(section.renderer, panel, setting.batch, images),
     )  # fmt: skip
+    white = scenario.scene.illuminance
     beside = BesideStage(
-        beside_of(section), observers, (camera.chip.height, camera.chip.width),
-        scenario.scene.illuminance, clock, cycles, motion,
+        beside_of(section), observers, (camera.chip.height, camera.chip.width), white, clock,
+        cycles, motion,
     )  # fmt: skip
-    return Glass(section, setting, observers, velocity, motion, shown, beside)
+    tap = LightTap([(row, column) for row, column, _ in scene.points()], clock, white)
+    return Glass(
+        section, setting, observers, velocity, [told], motion, scene.points(), shown, beside, tap
+    )
