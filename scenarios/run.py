@@ -54,6 +54,7 @@ class Finished:
     lens: Lens
     white_rate: float
     stream: ZarrStream
+    instants: list[int]
     shots: list[Shot]
     sizes: Sizes | None
     shown: Shown | None
@@ -172,8 +173,9 @@ def run_scenario(
             told = [f.told for f in put_back]
             result.files += report(Finished(
                 result, scenario, folder, run.source, run.setting, run.plan, put_back,
-                run.lens, run.white_rate, stream, made.shots, made.sizes, made.shown, seconds,
-                began, [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
+                run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes, made.shown,
+                seconds, began,
+                [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
             ))  # fmt: skip
             result.files.append("result.json")
             progress.advance(2)

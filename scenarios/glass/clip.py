@@ -86,6 +86,7 @@ def write_glass_clip(
                 for k, name in enumerate(frames)
             ]
             sheet = _sheet(pictures, stamps)
-            video.height, video.width = sheet.shape
+            if n == 0:
+                video.height, video.width = sheet.shape
             container.mux(video.encode(av.VideoFrame.from_ndarray(sheet, format="gray")))
         container.mux(video.encode(None))

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenarios.glass.glass import Glass
+from scenarios.beside import TRUTH
+from scenarios.glass.glass import SPIKE, Glass
 from scenarios.glass.judge import Judged, Seen, judge_glass, key_of
 from scenarios.png import write_linear_png
 from scenarios.result import Latency, Metric
 
-__all__ = ["Shown", "finish_glass", "write_eye_images"]
+__all__ = ["SPIKE", "TRUTH", "Shown", "finish_glass", "title_of", "write_eye_images"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Shown:
     @property
     def displays(self) -> list[str]:
         """All but the truth, the spike display first."""
-        return [name for name in self.seen if name != "truth"]
+        return [name for name in self.seen if name != TRUTH]
 
     def judged_as(self, display: str, observer: str) -> Judged:
         return next(j for j in self.judged if (j.display, j.observer) == (display, observer))
@@ -50,12 +51,19 @@ class Shown:
         return []
 
 
+def title_of(shown: Shown, display: str) -> str:
+    """What a reader is told that a display is."""
+    if display == TRUTH:
+        return "through the glass itself"
+    return f"spikes, {shown.glass.panel.drive}" if display == SPIKE else display
+
+
 def finish_glass(glass: Glass) -> Shown:
     """After the last block."""
     shown = glass.shown
     seen = glass.seen()
     observers = [name for name in glass.observers if all(name in views for views in seen.values())]
-    judged = judge_glass(seen, observers) if "truth" in seen else []
+    judged = judge_glass(seen, observers)
     emitted = shown.emitted
     total = emitted / shown.spikes if emitted is not None and shown.spikes else None
     return Shown(glass, seen, judged, glass.frames(), total)

@@ -128,7 +128,9 @@ def make_glass(
         velocity, told = section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s"
     at = [clock.middle(n) for n in instants]
     observers: dict[str, Observer] = {}
-    observers.update(observers_of(section, at, clock.edge(cycles), velocity))
+    for name, observer in observers_of(section, at, clock.edge(cycles), velocity).items():
+        if name in ("eye", "pursuit", section.observer):
+            observers[name] = observer
     setting = DisplaySetting(panel, observers[section.observer], BATCH, True)
     motion = _motion(clock, cycles, panel.shape)
     shown = DisplayStage(

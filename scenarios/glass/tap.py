@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Block, Clock, Light, Piece, SpikeStream
+from cosim.viform import WORD
 from display import (
     CameraPlane,
     FramePanel,
@@ -19,7 +20,6 @@ from display import (
     Projector,
     ProjectorShow,
     SpikePanel,
-    panel_views,
 )
 
 __all__ = ["LightTap", "instants_of", "spike_waves", "wave_of"]
@@ -101,21 +101,20 @@ def wave_of(
 
 
 def spike_waves(
-    stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], window: tuple[int, int, int]
-) -> Values:
-    """(samples, places) light of the spike display's pixels, row timing aside. window: from, to
-    (ps), samples."""
-    first, stop, samples = window
+    stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], stop: int
+) -> tuple[Values, Values]:
+    """Light of the spike display's pixels plane by plane, up to `stop` (ps) and row timing aside:
+    instants (ps) at which planes 0 to n begin, (n + 1,), and light, (n, places), white = 1."""
     rows, columns = ([p[k] for p in places] for k in (0, 1))
     small = replace(panel, shape=(1, len(places)), row_scan=0.0)
-    shown = PlainRenderer(small, 1, samples)
-    camera, chunk = _camera(first, stop, samples), 16
+    shown, parts, chunk = PlainRenderer(small, 1, 0), [], 16
     cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
-    for n in range(0, cycles, 32 * chunk):
-        words = stream.read_words(n // 32, n // 32 + chunk)[:, rows, columns][:, None]
-        planes = min(cycles - n, 32 * len(words))
-        shown.step(words, planes, panel_views(camera, small, n, planes, 1))
-    return np.stack([shown.take(k)[0] for k in range(samples)])
+    for n in range(0, cycles, WORD * chunk):
+        words = stream.read_words(n // WORD, n // WORD + chunk)[:, rows, columns][:, None]
+        shown.step(words, min(cycles - n, WORD * len(words)), None)
+        parts.append(shown.light[:, 0])
+    starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)
+    return starts, np.concatenate(parts) / panel.white_rate
 
 
 def instants_of(first: int, stop: int, samples: int) -> Values:

@@ -1,0 +1,79 @@
+"""Figures of a display's page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarios.glass import Shown
+from scenarios.glass.finish import SPIKE, title_of
+from scenarios.glass.tap import instants_of, spike_waves, wave_of
+from scenarios.report.figures import INK, LINE, MARK, pyplot
+from scenarios.showing import beside_of
+
+__all__ = ["wave_figure"]
+
+WINDOW = 25 * 10**9
+"""Picoseconds shown, at most."""
+SAMPLES = 1000
+
+
+def _places(levels: Any) -> list[int]:
+    """Of the pixels whose light was kept: the one that changes most, and the dimmest that is lit
+    and still."""
+    change = np.ptp(levels, axis=0)
+    moving = int(np.argmax(change))
+    still = [n for n in np.argsort(levels.mean(axis=0)) if change[n] < 1e-3 and levels[0, n] > 0]
+    return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
+
+
+def wave_figure(run: Any, shown: Shown, path: Path) -> str:
+    """Writes the light of two pixels over time on every display, beside the light itself; what to
+    say of it."""
+    glass, clock = shown.glass, run.setting.clock
+    end = clock.edge(run.stream.cycles)
+    first = max(end // 2 - WINDOW // 2, 0)
+    window = (first, min(first + WINDOW, end), SAMPLES)
+    light = glass.tap.light()
+    ms = instants_of(*window)
+    truth = np.array([light.at(int(t * 1e9))[0] for t in ms])
+    places = _places(truth)
+    starts, spikes = spike_waves(run.stream, glass.panel, [p[:2] for p in glass.points], window[1])
+    at = np.clip(np.searchsorted(starts, ms * 1e9, "right") - 1, 0, len(spikes) - 1)
+    waves = {SPIKE: np.where(ms[:, None] * 1e9 >= starts[0], spikes[at], 0.0)}
+    for panel in beside_of(glass.section):
+        waves[panel.name] = wave_of(panel, light, *window)
+    plt = pyplot()
+    figure, axes = plt.subplots(
+        len(waves), len(places), sharex=True, squeeze=False,
+        figsize=(5.6 * len(places), 0.95 * len(waves) + 0.9),
+    )  # fmt: skip
+    for row, (name, wave) in zip(axes, waves.items(), strict=True):
+        for place, ax in zip(places, row, strict=True):
+            ax.fill_between(ms, wave[:, place], step="mid", color="#9db4d8", linewidth=0)
+            ax.plot(ms, truth[:, place], color=MARK, linewidth=1)
+            top = max(float(truth[:, place].max()) * 2.2, 1e-3)
+            ax.set_ylim(0, top)
+            ax.set_yticks([0, float(f"{top / 2.2:.2g}")])
+            ax.tick_params(labelsize=7, color=LINE, labelcolor=INK)
+            ax.spines[["top", "right"]].set_visible(False)
+            ax.spines[["left", "bottom"]].set_color(LINE)
+        row[0].set_ylabel(
+            title_of(shown, name), rotation=0, ha="right", va="center", fontsize=8.5, color=INK
+        )
+        row[0].yaxis.set_label_coords(-0.12, 0.5)
+    for place, ax in zip(places, axes[0], strict=True):
+        row_of, column, label = glass.points[place]
+        ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
+    for ax in axes[-1]:
+        ax.set_xlabel("time (ms)", fontsize=9, color=INK)
+        ax.set_xlim(ms[0], ms[-1])
+    figure.tight_layout(h_pad=0.2)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return (
+        "What each display emits at two pixels of the picture (blue), and the light itself there "
+        "(line), white = 1. What is taller than the frame is cut."
+    )
