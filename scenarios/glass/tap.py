@@ -9,22 +9,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Block, Clock, Light, Piece, SpikeStream
+from cosim import Block, Clock, Light, Piece, SpikeStream
 from cosim.viform import WORD
 from display import (
-    CameraPlane,
     FramePanel,
     FrameShow,
-    Onlooker,
     PlainRenderer,
     Projector,
     ProjectorShow,
     SpikePanel,
 )
 
-__all__ = ["LightTap", "instants_of", "spike_waves", "wave_of"]
+__all__ = ["LightTap", "spike_waves", "wave_of"]
 
 Values = npt.NDArray[np.float64]
+Instants = npt.NDArray[np.int64]
 Place = tuple[int, int]
 
 
@@ -78,26 +77,22 @@ class LightTap:
         self._firsts, self._lasts = (list(levels) for levels in state["levels"])
 
 
-def _camera(first: int, stop: int, samples: int) -> CameraPlane:
-    """Exposures back to back from `first` to `stop` (ps)."""
-    exposure = (stop - first) // samples
-    middles = tuple(first + n * exposure + exposure // 2 for n in range(samples))
-    return CameraPlane(middles, exposure)
-
-
-def wave_of(
-    panel: FramePanel | Projector, light: Light, first: int, stop: int, samples: int
-) -> Values:
-    """(samples, places) light of a panel from `first` to `stop` (ps), white = 1."""
+def wave_of(panel: FramePanel | Projector, light: Light, at: Instants) -> Values:
+    """(samples, places) light of a panel at instants `at` (ps, rising), white = 1."""
     shape = light.shape
     show = (
         FrameShow(panel, shape, 1.0) if isinstance(panel, FramePanel)
         else ProjectorShow(panel, shape, 1.0)
     )  # fmt: skip
-    looker = Onlooker(_camera(first, stop, samples), shape)
-    for lit in show.step(light, min(stop, light.pieces[-1].stop)):
-        looker.add(lit)
-    return looker.images[:, 0].astype(np.float64)
+    wave = np.zeros((len(at), shape[1]))
+    for lit in show.step(light, min(int(at[-1]) + 1, light.pieces[-1].stop)):
+        for span in lit.spans:
+            some = slice(*np.searchsorted(at, (span.start, span.stop)))
+            gain = np.ones(len(at[some]))
+            if span.gain is not None:
+                gain = span.gain(at[some], at[some] + 1)
+            wave[some] += gain[:, None] * lit.planes[span.plane][0]
+    return wave
 
 
 def spike_waves(
@@ -115,8 +110,3 @@ def spike_waves(
         parts.append(shown.light[:, 0])
     starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)
     return starts, np.concatenate(parts) / panel.white_rate
-
-
-def instants_of(first: int, stop: int, samples: int) -> Values:
-    """Middles of a wave's samples in milliseconds."""
-    return np.array(_camera(first, stop, samples).instants) * 1e3 / PS

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.glass import Shown
 from scenarios.glass.finish import SPIKE, title_of
-from scenarios.glass.tap import instants_of, spike_waves, wave_of
+from scenarios.glass.tap import spike_waves, wave_of
 from scenarios.report.figures import INK, LINE, MARK, pyplot
 from scenarios.showing import beside_of
 
@@ -17,7 +17,7 @@ __all__ = ["wave_figure"]
 
 WINDOW = 25 * 10**9
 """Picoseconds shown, at most."""
-SAMPLES = 1000
+SAMPLES = 2000
 
 
 def _places(levels: Any) -> list[int]:
@@ -35,16 +35,17 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
     glass, clock = shown.glass, run.setting.clock
     end = clock.edge(run.stream.cycles)
     first = max(end // 2 - WINDOW // 2, 0)
-    window = (first, min(first + WINDOW, end), SAMPLES)
-    light = glass.tap.light()
-    ms = instants_of(*window)
-    truth = np.array([light.at(int(t * 1e9))[0] for t in ms])
+    at = np.linspace(first, min(first + WINDOW, end) - 1, SAMPLES).astype(np.int64)
+    ms, light = at / 1e9, glass.tap.light()
+    truth = np.array([light.at(int(t))[0] for t in at])
     places = _places(truth)
-    starts, spikes = spike_waves(run.stream, glass.panel, [p[:2] for p in glass.points], window[1])
-    at = np.clip(np.searchsorted(starts, ms * 1e9, "right") - 1, 0, len(spikes) - 1)
-    waves = {SPIKE: np.where(ms[:, None] * 1e9 >= starts[0], spikes[at], 0.0)}
+    starts, spikes = spike_waves(
+        run.stream, glass.panel, [p[:2] for p in glass.points], int(at[-1])
+    )
+    plane = np.clip(np.searchsorted(starts, at, "right") - 1, 0, len(spikes) - 1)
+    waves = {SPIKE: np.where(at[:, None] >= starts[0], spikes[plane], 0.0)}
     for panel in beside_of(glass.section):
-        waves[panel.name] = wave_of(panel, light, *window)
+        waves[panel.name] = wave_of(panel, light, at)
     plt = pyplot()
     figure, axes = plt.subplots(
         len(waves), len(places), sharex=True, squeeze=False,
