@@ -159,7 +159,9 @@ class Renderer:
         group = self._group(planes)
         spans = [(first + n) // self.batch for n in range(0, planes, group)]
         if views is not None:
-            still, moving = ([n for n in some if _sees(views, n, spans)] for some in (still, moving))
+            still, moving = (
+                [n for n in some if _sees(views, n, spans)] for some in (still, moving)
+            )
         onward = next(n for n in range(3) if n not in (self._start, self._now))
         room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
         rest = list(still)
@@ -245,9 +247,7 @@ class Renderer:
         self, switches: DriveSwitches | LookSwitches
     ) -> tuple[moderngl.Program, moderngl.VertexArray]:
         if switches not in self._programs:
-            program = self._context.program(
-                vertex_shader=vertex(), fragment_shader=switches.source
-            )
+            program = self._context.program(vertex_shader=vertex(), fragment_shader=switches.source)
             for name, value in self._constants().items():
                 if name in program:
                     program[name].value = value

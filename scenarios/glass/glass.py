@@ -85,11 +85,15 @@ class Glass:
 
     def close(self) -> None:
         """Gives the renderer back."""
-        self.shown.renderer.close()
+        self.shown.close()
 
 
 def _renderer(kind: str, panel: SpikePanel, batch: int, images: int) -> Renderer:
-    return PlainRenderer(panel, batch, images)
+    if kind == "numpy":
+        return PlainRenderer(panel, batch, images)
+    from display.renderer import Renderer as Drawn  # brings GL with it
+
+    return Drawn(panel, batch, images)
 
 
 def _motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion:

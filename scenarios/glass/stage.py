@@ -67,6 +67,7 @@ class DisplayStage:
         self._light = sum(o.images for o in self._observers.values())
         # The image of all light; those of the slow motion follow.
         self.renderer = renderer(self._light + 1 + self._exposures)
+        self._closed = False
         self._waiting: list[Words] = []
         self._first = self._planes = 0  # of what waits
         self.fired = self.spikes = 0
@@ -155,7 +156,13 @@ class DisplayStage:
             self.images[name] = np.stack(taken).astype(np.float32)
             first += observer.images
         self.emitted = float(self.renderer.take(self._light).sum(dtype=np.float64))
-        self.renderer.close()
+        self.close()
+
+    def close(self) -> None:
+        """Gives the renderer back, once."""
+        if not self._closed:
+            self.renderer.close()
+        self._closed = True
 
     def state(self) -> State:
         """Everything the next block depends on; after the last block, everything it made."""
