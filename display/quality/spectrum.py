@@ -69,7 +69,8 @@ def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     # The mean under the window is taken off, or it would leak into the lowest bins.
     level = parts @ window / window.sum()
     power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2
-    energy = power.mean(axis=0) * 4 / (length * (window**2).sum()) / light.mean() ** 2
+    scale = 4 / (length * (window**2).sum()) / light.mean() ** 2
+    energy = np.asarray(power.mean(axis=0) * scale, np.float64)
     energy[0] = 0.0
     lows = np.flatnonzero((energy[1:-1] < energy[:-2]) & (energy[1:-1] <= energy[2:])) + 1
     group = np.zeros(len(energy), np.int64)
