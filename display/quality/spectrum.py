@@ -70,10 +70,10 @@ def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     level = parts @ window / window.sum()
     power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2
     scale = 4 / (length * (window**2).sum()) / light.mean() ** 2
-    energy = np.asarray(power.mean(axis=0) * scale, np.float64)
+    energy = power.mean(axis=0) * scale
     energy[0] = 0.0
     lows = np.flatnonzero((energy[1:-1] < energy[:-2]) & (energy[1:-1] <= energy[2:])) + 1
     group = np.zeros(len(energy), np.int64)
     group[lows] = 1
-    frequency = np.arange(len(energy)) * (rate / length)
+    frequency = np.arange(len(energy), dtype=np.float64) * (rate / length)
     return Spectrum(frequency, energy, np.cumsum(group))
