@@ -21,6 +21,8 @@ __all__ = ["Spectrum", "spectrum", "waveform"]
 Values = npt.NDArray[np.float64]
 WINDOW: Final = 1.0
 """Seconds of a piece of a long waveform."""
+STEADY: Final = 1e-12
+"""Contrast below which a bin holds nothing but rounding."""
 LEAST: Final = 16
 """Samples that a waveform must have."""
 
@@ -49,12 +51,13 @@ class Spectrum:
         """(frequency of the strongest bin in Hz, contrast) of each component. gain: (bins,) that
         contrasts are multiplied with before they are put together."""
         energy = self.energy * np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape) ** 2
-        count = int(self.group[-1]) + 1
-        total = np.bincount(self.group, energy, count)
-        starts = np.searchsorted(self.group, np.arange(count))
-        stops = np.append(starts[1:], len(self.group))
-        peaks = [a + int(np.argmax(self.energy[a:b])) for a, b in zip(starts, stops, strict=True)]
-        return self.frequency[peaks], np.sqrt(total)
+        total = np.bincount(self.group, energy)
+        starts = np.flatnonzero(np.diff(self.group, prepend=-1))
+        most = np.maximum.reduceat(self.energy, starts)
+        peaks = np.flatnonzero(self.energy == most[self.group])
+        # Of equals, the first.
+        first = peaks[np.flatnonzero(np.diff(self.group[peaks], prepend=-1))]
+        return self.frequency[first], np.sqrt(total)
 
 
 def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
@@ -67,10 +70,11 @@ def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     parts = light[: pieces * length].reshape(pieces, length)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
     # The mean under the window is taken off, or it would leak into the lowest bins.
-    level = parts @ window / window.sum()
+    level = (parts * window).sum(axis=1) / window.sum()
     power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2
     scale = 4 / (length * (window**2).sum()) / light.mean() ** 2
     energy = power.mean(axis=0) * scale
+    energy[energy < STEADY**2] = 0.0
     energy[0] = 0.0
     lows = np.flatnonzero((energy[1:-1] < energy[:-2]) & (energy[1:-1] <= energy[2:])) + 1
     group = np.zeros(len(energy), np.int64)
