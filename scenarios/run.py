@@ -94,7 +94,10 @@ def _make_views(run: Prepared, folder: Path, seconds: dict[str, float]) -> _Made
     """Of a run with a display: what eyes see of it."""
     assert run.glass is not None
     begin = time.perf_counter()
-    shown = finish_glass(run.glass)
+    probes = run.glass.probes(run.setting, run.device)
+    seconds["probes"] = time.perf_counter() - begin
+    begin = time.perf_counter()
+    shown = finish_glass(run.glass, probes)
     files = write_eye_images(folder, shown)
     pixels = run.camera.shape[0] * run.camera.shape[1]
     rate = run.glass.shown.fired / (run.cycles * pixels)

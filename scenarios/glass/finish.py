@@ -12,6 +12,9 @@ from scenarios.beside import TRUTH
 from scenarios.glass.glass import SPIKE, Glass
 from scenarios.glass.judge import Judged, Seen, judge_glass, key_of
 from scenarios.png import write_linear_png
+from scenarios.probes import Probes, display_metrics
+from scenarios.probes.latency import PARTS
+from scenarios.probes.metrics import GREY
 from scenarios.result import Latency, Metric
 
 __all__ = ["SPIKE", "TRUTH", "Shown", "finish_glass", "title_of", "write_eye_images"]
@@ -30,6 +33,7 @@ class Shown:
     judged: list[Judged]
     frames: dict[str, npt.NDArray[np.uint8]]
     total_light: float | None
+    probes: Probes
 
     @property
     def displays(self) -> list[str]:
@@ -44,29 +48,38 @@ class Shown:
         out: dict[str, Metric] = {}
         for judged in self.judged:
             out |= judged.metrics()
-        return out | {"total_light": Metric(self.total_light, "emitted/expected")}
+        total = Metric(self.total_light, "emitted/expected")
+        return display_metrics(self.probes) | out | {"total_light": total}
 
     def latency(self) -> list[Latency]:
-        """From photon to photon, stage by stage."""
-        return []
+        """From photon to photon, stage by stage: mid grey out of the dark, with the panel's own
+        drive; from 5 to 95 % of pixels."""
+        return [
+            Latency(stage, part.low, part.median, part.high)
+            for told in self.probes.latency
+            if (told.display, told.drive) == ("spike", self.probes.drive)
+            and (told.rate, told.way) == (GREY, "rise")
+            for stage, part in zip(PARTS, told.parts, strict=True)
+            if np.isfinite(part.median)
+        ]
 
 
 def title_of(shown: Shown, display: str) -> str:
     """What a reader is told that a display is."""
     if display == TRUTH:
-        return "through the glass itself"
+        return "clear glass"
     return f"spikes, {shown.glass.panel.drive}" if display == SPIKE else display
 
 
-def finish_glass(glass: Glass) -> Shown:
-    """After the last block."""
+def finish_glass(glass: Glass, probes: Probes) -> Shown:
+    """After the last block. probes: of its panels."""
     shown = glass.shown
     seen = glass.seen()
     observers = [name for name in glass.observers if all(name in views for views in seen.values())]
     judged = judge_glass(seen, observers)
     emitted = shown.emitted
     total = emitted / shown.spikes if emitted is not None and shown.spikes else None
-    return Shown(glass, seen, judged, glass.frames(), total)
+    return Shown(glass, seen, judged, glass.frames(), total, probes)
 
 
 def write_eye_images(folder: Path, shown: Shown) -> list[str]:

@@ -10,11 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock
+from cosim.opencl import Device
 from display import Observer, PlainRenderer, SpikePanel
 from display.setting import DisplaySetting
 from scenarios.beside import TRUTH, BesideStage
 from scenarios.glass.stage import DisplayStage, Renderer
 from scenarios.glass.tap import LightTap
+from scenarios.probes import Probes, probe_display
 from scenarios.pursuit import pursuit_speed
 from scenarios.scenes import Source
 from scenarios.schema import Scenario
@@ -82,6 +84,13 @@ class Glass:
     def identity(self) -> str:
         """Text that names what a checkpoint of it depends on beyond the scenario."""
         return f"{self.shown.renderer.name} {self.setting}"
+
+    def probes(self, camera: CameraSetting, device: Device | None) -> Probes:
+        """Latency, blur and flicker of its panels, with this camera before them."""
+        return probe_display(
+            camera, self.panel, beside_of(self.section), device, camera.seed,
+            per_degree=self.section.distance,
+        )  # fmt: skip
 
     def close(self) -> None:
         """Gives the renderer back."""

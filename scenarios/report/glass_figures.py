@@ -10,11 +10,14 @@ import numpy as np
 from scenarios.glass import Shown
 from scenarios.glass.finish import SPIKE, title_of
 from scenarios.glass.tap import spike_waves, wave_of
+from scenarios.probes import RATES
+from scenarios.probes.latency import PARTS
 from scenarios.report.figures import INK, LINE, MARK, pyplot
 from scenarios.showing import beside_of
 
-__all__ = ["wave_figure"]
+__all__ = ["latency_figure", "wave_figure"]
 
+_COLOURS = ("#2f6db5", "#74a7dd", "#c8ccd4", "#f2b36b")
 WINDOW = 25 * 10**9
 """Picoseconds shown, at most."""
 SAMPLES = 2000
@@ -78,3 +81,40 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
         "What each display emits at two pixels of the picture (blue), and the light itself there "
         "(line), white = 1. What is taller than the frame is cut."
     )
+
+
+def latency_figure(shown: Shown, path: Path) -> None:
+    """Writes delays by stage: a panel a light, a bar a display, out of the dark."""
+    told = [row for row in shown.probes.latency if row.way == "rise"]
+    rates = [rate for rate in RATES if any(row.rate == rate for row in told)]
+    plt = pyplot()
+    figure, axes = plt.subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
+    for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):
+        rows = [row for row in told if row.rate == rate][::-1]
+        most = 1.1 * max(row.total.high for row in rows if row.drive) / 1e3
+        for y, row in enumerate(rows):
+            left = 0.0
+            for part, colour in zip(row.parts, _COLOURS, strict=True):
+                ms = max(part.mean / 1e3, 0.0)
+                ax.barh(y, ms, left=left, color=colour, height=0.62, linewidth=0)
+                left += ms
+            middle, ends = row.total.median / 1e3, (row.total.low / 1e3, row.total.high / 1e3)
+            ax.plot(ends, (y, y), color=INK, linewidth=1, solid_capstyle="butt")
+            ax.plot(middle, y, "|", color=MARK, markersize=10, markeredgewidth=2)
+            if middle > most:
+                place = {"ha": "right", "va": "center", "fontsize": 8, "color": INK}
+                box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+                ax.text(most * 0.97, y, f"{middle:.3g} ms ›", bbox=box, **place)
+        names = [f"spikes, {row.drive}" if row.drive else row.display for row in rows]
+        ax.set_yticks(range(len(rows)), names, fontsize=8.5, color=INK)
+        ax.set_xlim(0, most)
+        ax.set_title(f"{rate:g} spikes a cycle", fontsize=9.5, color=INK)
+        ax.set_xlabel("ms", fontsize=8.5, color=INK)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[["left", "bottom"]].set_color(LINE)
+        ax.tick_params(color=LINE, labelcolor=INK, labelsize=8)
+    handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in _COLOURS]
+    figure.legend(handles, PARTS, loc="lower center", ncols=4, frameon=False, fontsize=8.5)
+    figure.tight_layout(rect=(0, 0.06, 1, 1))
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
