@@ -18,7 +18,7 @@ from scenarios.loading import to_toml
 from scenarios.png import for_display
 from scenarios.report.figures import sheet_figure
 from scenarios.report.glass_figures import latency_figure, wave_figure
-from scenarios.report.glass_tables import band_table, display_table, light_table
+from scenarios.report.glass_tables import band_tables, display_table, light_table
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.machine import machine
 from scenarios.report.parts import cards, data, figure, opening, plot, run_time, write_page
@@ -63,7 +63,8 @@ def _cards(run: Finished, shown: Shown) -> str:
     rows = [
         ("first", told("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET; 120 Hz: "
          + told("ebet_ms_120hz", ".2f", " ms")),
-        ("first", told("latency_bright_us", ".0f", " µs"), "from photon to photon, bright, median"),
+        ("first", told("latency_bright_us", ".0f", " µs"), "from photon to photon: over full, "
+         "impulse, median"),
         ("first", told("flicker_svm_spike", ".2f"), "SVM of the spike display; 1 is just visible"),
         ("first", told("psnr_spike", ".1f", " dB"), "the still eye's image against the light's; "
          "60 Hz: " + told("psnr_60hz", ".1f", " dB")),
@@ -145,11 +146,12 @@ def _bands(shown: Shown) -> str:
     return (
         "<h2>By luminance and drive</h2><p>Dim pixels fire seldom: as pulses they flicker, held "
         "they wait for the next spike. Steady patches and edges at each light; "
-        "<i>never</i>: light that does not come to half while it is watched.</p>"
+        "<i>never</i>: light that does not come to half while it is watched. Frame displays are the "
+        "same at every light, as in the table above.</p>"
         + light_table(shown)
         + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
-        " is so bright (white = 1), mean over the instants: PSNR (peak 1), SSIM, and the error's "
-        "mean and RMS relative to the light there.</p>" + band_table(shown)
+        " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the error's "
+        "mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(shown))
     )
 
 
@@ -167,10 +169,11 @@ def _delays(run: Finished, shown: Shown) -> str:
     latency_figure(shown, path)
     return (
         "<h2>From photon to photon</h2><p>How long after a step of light a display's light passes "
-        "half of it, over all phases of the clock and all rows: mean of each part (bars), median and "
-        "5 to 95 % of the whole (lines); what runs out of the frame has its median beside it. Interval: until the pixel fires, or for a frame until the next one. "
-        "Readout: until its row is driven. Hold: until the light passes half; a panel that holds "
-        "intervals waits for a second spike.</p>" + plot(path, "latency by stage")
+        "half of it, over all phases of the clock and all rows: mean of each part (bars), median "
+        "and 5 to 95 % of the whole (lines); what runs out of the frame has its median beside it. "
+        "Interval: until the pixel fires, or for a frame until the next one. Readout: until its "
+        "row is driven. Hold: until the light passes half; a panel that holds intervals waits for "
+        "a second spike.</p>" + plot(path, "latency by stage")
     )
 
 

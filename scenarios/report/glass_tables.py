@@ -10,7 +10,15 @@ from scenarios.probes import RATES, Blur, Flicker, Latency
 from scenarios.probes.metrics import GREY, NAMES
 from scenarios.report.parts import table
 
-__all__ = ["band_table", "display_lines", "display_rows", "display_table", "light_table", "number"]
+__all__ = [
+    "band_tables",
+    "display_lines",
+    "display_rows",
+    "display_table",
+    "light_table",
+    "number",
+    "percent",
+]
 
 _LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "over full"}
 
@@ -20,6 +28,14 @@ def number(value: float | None, digits: str = ".3g", unit: str = "", none: str =
     if value is None or math.isnan(value):
         return none
     return "exact" if math.isinf(value) else f"{value:{digits}}{unit}"
+
+
+def percent(value: float, sign: str = "") -> str:
+    """A share as a reader has it; nothing for NaN."""
+    if math.isnan(value):
+        return ""
+    digits = ".0f" if abs(value) >= 9.5 else ".1f" if abs(value) >= 0.05 else ".0f"
+    return f"{value:{sign}{digits}} %"
 
 
 def _kinds(shown: Shown) -> list[tuple[str, str, str]]:
@@ -76,7 +92,7 @@ def display_rows(shown: Shown) -> list[list[str]]:
         flicker = _flicker(shown, display, drive, GREY)
         rows.append([
             title, number(_blur(shown, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
-            number(flicker.svm, ".2g"), number(flicker.percent, ".2g", " %"),
+            number(flicker.svm, ".2g"), percent(flicker.percent),
             number(flicker.visibility, ".2g"), *judged,
             _time(_latency(shown, display, drive, GREY, "rise").total.median),
         ])  # fmt: skip
@@ -114,7 +130,8 @@ def light_table(shown: Shown) -> str:
     edges = {(r.ahead, r.behind) for r in shown.probes.blur}
     for rate in RATES:
         name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
-        for n, (display, drive, title) in enumerate(_kinds(shown)):
+        kinds = [kind for kind in _kinds(shown) if not kind[0].endswith(" Hz")]
+        for n, (display, drive, title) in enumerate(kinds):
             flicker = _flicker(shown, display, drive, rate)
             blur = math.nan
             if (0.0, rate) in edges:
@@ -122,26 +139,27 @@ def light_table(shown: Shown) -> str:
             on, off = (_latency(shown, display, drive, rate, w) for w in ("rise", "fall"))
             rows.append([
                 "" if n else name, title, number(flicker.svm, ".2g"),
-                number(flicker.percent, ".2g", " %"), number(flicker.visibility, ".2g"),
+                percent(flicker.percent), number(flicker.visibility, ".2g"),
                 flicker.ieee.risk, number(blur * 1e3, ".3g", " ms"), _time(on.total.median),
                 _time(off.total.median),
             ])  # fmt: skip
     return table(head, rows)
 
 
-def band_table(shown: Shown) -> str:
-    """Fidelity by luminance: a row for each band, a column for each display."""
+def band_tables(shown: Shown) -> tuple[str, str]:
+    """Fidelity by luminance, a row for each band and a column for each display: PSNR and SSIM; the
+    error's mean and RMS."""
     judged = {name: shown.judged_as(name, "eye") for name in shown.displays}
     some = next(iter(judged.values()))
     head = ["luminance", "of all pixels", *(title_of(shown, name) for name in judged)]
-    rows = []
+    alike, away = [], []
     for n, band in enumerate(some.bands):
         row = [f"{band.low:g} to {band.high:g}", f"{band.share:.1%}"]
-        for one in judged.values():
-            of = one.bands[n]
-            row.append(
-                f"{number(of.psnr, '.1f', ' dB')}, SSIM {number(of.ssim, '.3f')}, mean "
-                f"{number(100 * of.bias, '+.2g', ' %')}, RMS {number(100 * of.spread, '.2g', ' %')}"
-            )
-        rows.append(row)
-    return table(head, rows)
+        bands = [one.bands[n] for one in judged.values()]
+        alike.append([
+            *row, *(f"{number(b.psnr, '.1f', ' dB')}, {number(b.ssim, '.3f')}" for b in bands)
+        ])  # fmt: skip
+        away.append([
+            *row, *(f"{percent(100 * b.bias, '+')}, {percent(100 * b.spread)}" for b in bands)
+        ])  # fmt: skip
+    return table(head, alike), table(head, away)
