@@ -146,12 +146,12 @@ def _bands(shown: Shown) -> str:
     return (
         "<h2>By luminance and drive</h2><p>Dim pixels fire seldom: as pulses they flicker, held "
         "they wait for the next spike. Steady patches and edges at each light; "
-        "<i>never</i>: light that does not come to half while it is watched. Frame displays are the "
-        "same at every light, as in the table above.</p>"
+        "<i>never</i>: light that does not come to half while it is watched. Frame displays are "
+        "the same at every light, as in the table above.</p>"
         + light_table(shown)
         + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
-        " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the error's "
-        "mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(shown))
+        " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the "
+        "error's mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(shown))
     )
 
 
