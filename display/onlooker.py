@@ -27,7 +27,7 @@ Gain = Callable[[Instants, Instants], Values]
 MOTION_STEP = 0.25
 """Pixels that light may move on the retina within a part of a span; it is seen where it is in the
 middle of the part."""
-NEGLIGIBLE = 1e-10
+NEGLIGIBLE = 1e-9
 """Weight of a span in an image below which it is left out."""
 
 
@@ -44,10 +44,24 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Lit:
-    """planes: (n, H, W) float32, or uint8 of 0 and 1; relative to white. spans: when they shine."""
+    """planes: (n, H, W) float32, or uint8 of 0 and 1; relative to white; what made them may write
+    over them when it is asked for the next. spans: when they shine."""
 
     planes: npt.NDArray[Any]
     spans: list[Span]
+
+    def smaller(self, by: int) -> Lit:
+        """The same with the means over `by` x `by` pixels, whole ones, as pixels."""
+        if by == 1:
+            return self
+        from display.looking import by_rows, shrink  # brings numba with it
+
+        n, height, width = self.planes.shape
+        if not 1 <= by <= min(height, width):
+            raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
+        small = np.empty((n, height // by, width // by), np.float32)
+        by_rows(shrink, height // by, self.planes, by, small)
+        return Lit(small, self.spans)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +144,17 @@ class Onlooker:
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
-        from display.looking import look  # brings numba with it
+        from display.looking import by_rows, look  # brings numba with it
 
         plane, down, along = (np.concatenate([t[k] for t in taps]) for k in range(3))
         weight = np.concatenate([t[3] for t in taps]).astype(np.float32)
         lines, line = np.unique(np.stack([plane, down]), axis=1, return_inverse=True)
+        lines = np.ascontiguousarray(lines)
         begin = np.concatenate([[0], np.cumsum(counts)])
         pad = int(np.abs(along).max())
-        look(lit.planes, pad, lines[0], lines[1], begin, line.ravel(), along, weight, self.images)
+        place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
+        given = (lit.planes, pad, lines[0], lines[1], begin, place, weight, self.images)
+        by_rows(look, self.shape[0], *given)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The images."""

@@ -37,6 +37,7 @@ class ProjectorShow:
         row, column = np.indices(shape)
         spread = (row * SPREAD[0] + column * SPREAD[1]) % 1 - 0.5
         self._error = np.ascontiguousarray(spread, np.float32)
+        self._planes = np.empty((BATCH, *shape), np.uint8)
 
     def step(self, light: Light, until: int) -> Iterator[Lit]:
         """What the light from where the last step ended to `until` (ps) makes shine."""
@@ -46,7 +47,7 @@ class ProjectorShow:
             while count < BATCH and rate.edge(self._next + count) < until:
                 count += 1
             at = [rate.edge(self._next + k) for k in range(count)]
-            planes = np.empty((count, *self._error.shape), np.uint8)
+            planes = self._planes[:count]
             for piece in light.pieces:
                 inside = [k for k, ps in enumerate(at) if piece.start <= ps < piece.stop]
                 if inside:
@@ -59,11 +60,12 @@ class ProjectorShow:
             yield Lit(planes, spans)
 
     def _show(self, piece: Piece, at: list[int], planes: npt.NDArray[np.uint8]) -> None:
-        from display.looking import carry_errors  # brings numba with it
+        from display.looking import by_rows, carry_errors  # brings numba with it
 
         whole = piece.stop - piece.start
         part = np.array([(ps - piece.start) / whole for ps in at], np.float32)
-        carry_errors(piece.first, piece.last, self._scale, part, self._error, planes)
+        given = (piece.first, piece.last, self._scale, part, self._error, planes)
+        by_rows(carry_errors, len(self._error), *given)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next step depends on."""

@@ -16,6 +16,7 @@ __all__ = ["TruthShow"]
 BATCH = 8
 """Planes of light looked at together."""
 Instants = npt.NDArray[np.int64]
+Stack = npt.NDArray[np.float32]
 
 
 def _ramp(piece: Piece, rising: bool) -> Gain:
@@ -44,6 +45,7 @@ class TruthShow:
     def __init__(self, white: float, longest: int, end: int) -> None:
         self._white, self._longest, self._end = np.float32(white), longest, end
         self._done = 0
+        self._planes: Stack | None = None
 
     def step(self, light: Light, until: int) -> Iterator[Lit]:
         """What shines from where the last step ended to `until` (ps), or a span further."""
@@ -70,7 +72,11 @@ class TruthShow:
             yield self._lit(planes, spans)
 
     def _lit(self, planes: list[Plane], spans: list[Span]) -> Lit:
-        return Lit(np.stack(planes) / self._white, spans)
+        if self._planes is None:
+            self._planes = np.empty((BATCH + 1, *planes[0].shape), np.float32)
+        for relative, plane in zip(self._planes, planes, strict=False):
+            np.divide(plane, self._white, out=relative)
+        return Lit(self._planes[: len(planes)], spans)
 
     def _times(self, piece: Piece, until: int) -> list[tuple[int, int]]:
         """Spans of the piece that begin before `until` and were not seen before."""

@@ -17,7 +17,7 @@ Values = npt.NDArray[np.floating[Any]]
 
 class SlowMotion:
     """Which exposures there are: back to back from `begin` to `end` (ps), of `exposure` ps each,
-    reduced to 1 / `by` of their rows and columns by the mean over areas.
+    reduced to the means over `by` x `by` pixels.
 
     A display whose renderer makes images of any `Observer` gives it `camera(first, stop)`, the
     exposures that its planes touch (`touched`), and keeps each whole one with `Film.keep`.
@@ -26,13 +26,12 @@ class SlowMotion:
     def __init__(
         self, shape: tuple[int, int], begin: int, end: int, exposure: int, by: int = 2
     ) -> None:
-        if exposure < 1 or end - begin < exposure or by < 1:
-            raise ValueError(
-                f"an exposure must be 1 ps to {end - begin} ps and reduced by 1 or more, not "
-                f"{exposure} ps and {by}"
-            )
-        self.full, self.begin, self.exposure, self.by = shape, begin, exposure, by
-        self.shape = max(shape[0] // by, 1), max(shape[1] // by, 1)
+        if not 1 <= exposure <= end - begin:
+            raise ValueError(f"exposure must be 1 to {end - begin} ps, not {exposure} ps")
+        if not 1 <= by <= min(shape):
+            raise ValueError(f"by must be 1 to {min(shape)}, not {by}")
+        self.begin, self.exposure, self.by = begin, exposure, by
+        self.shape = shape[0] // by, shape[1] // by
         self.count = (end - begin) // exposure
 
     def camera(self, first: int, stop: int) -> CameraPlane:
@@ -48,16 +47,6 @@ class SlowMotion:
         last = -(-(stop - self.begin) // self.exposure)
         return first, min(max(last, first), self.count)
 
-    def reduced(self, plane: Values) -> npt.NDArray[np.float32]:
-        """A plane of `full` size as a small one."""
-        import cv2
-
-        if self.by == 1:
-            return plane.astype(np.float32)
-        size = self.shape[::-1]
-        small = cv2.resize(plane.astype(np.float32, copy=False), size, interpolation=cv2.INTER_AREA)
-        return np.asarray(small, np.float32)
-
 
 class Film:
     """The exposures of one display: `frames` (count, h, w) uint8 through the sRGB curve, of which
@@ -71,7 +60,8 @@ class Film:
 
     def keep(self, index: int, plane: Values) -> None:
         """Exposure `index` as a display's renderer has made it whole, (H, W), white = 1."""
-        self.frames[index] = for_display(self.motion.reduced(plane))
+        whole = Lit(plane.astype(np.float32, copy=False)[None], [])
+        self.frames[index] = for_display(whole.smaller(self.motion.by).planes[0])
 
     def add(self, lit: Lit) -> None:
         """Light of a display that is told as planes over time."""
@@ -83,17 +73,9 @@ class Film:
         )
         if first == stop:
             return
-        camera = motion.camera(first, stop)
-        if len(lit.planes) <= stop - first:  # whichever are fewer are made small
-            small = Lit(np.stack([motion.reduced(plane) for plane in lit.planes]), lit.spans)
-            looker = Onlooker(camera, motion.shape)
-            looker.add(small)
-            images = looker.images
-        else:
-            looker = Onlooker(camera, motion.full)
-            looker.add(lit)
-            images = np.stack([motion.reduced(image) for image in looker.images])
-        for index, image in enumerate(images, first):
+        looker = Onlooker(motion.camera(first, stop), motion.shape)
+        looker.add(lit.smaller(motion.by))
+        for index, image in enumerate(looker.images, first):
             self._open[index] = self._open[index] + image if index in self._open else image
 
     def close(self, until: int) -> None:

@@ -38,7 +38,7 @@ STRIPS = (
 class _Strip:
     """A strip of rows `top` to `low` that repeats every `width` pixels.
 
-    phases: (FINE, rows, 2 width + 1) float32, the mean over a pixel that begins k / FINE pixels
+    phases: (FINE, rows, 2 width) float32, the mean over a pixel that begins k / FINE pixels
     after each of the strip's columns; twice round, so that any shift is one slice.
     """
 
@@ -140,7 +140,7 @@ def _phases(fine: npt.NDArray[np.float32]) -> Plane:
     sums = np.concatenate([np.zeros((rows, 1)), np.cumsum(wrapped, axis=1)], axis=1)
     means = np.clip((sums[:, FINE:] - sums[:, :-FINE]) / FINE, 0, 1)  # from each fine column on
     phases = means.reshape(rows, many // FINE, FINE).transpose(2, 0, 1)
-    return np.concatenate([phases, phases, phases[:, :, :1]], axis=2).astype(np.float32)
+    return np.concatenate([phases, phases], axis=2).astype(np.float32)
 
 
 @lru_cache(maxsize=2)
