@@ -1,11 +1,16 @@
 """Spikes to light: panels, the renderer, observers, and how good what they see is."""
 
+from display.context import GL_INSTALL, probe_gl
+from display.fit import Fit, fit_words
+from display.making import AnyRenderer, make_renderer
 from display.observers import CameraPlane, FixedEye, PursuingEye
 from display.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
 from display.plain import PlainRenderer
+from display.renderer import Renderer
 from display.views import Observer, Views, panel_views
 
 __all__ = [
-    "DRIVES", "CameraPlane", "Drive", "FixedEye", "FramePanel", "Observer", "PlainRenderer",
-    "Projector", "PursuingEye", "SpikePanel", "Views", "panel_views",
+    "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "Drive", "Fit", "FixedEye", "FramePanel",
+    "Observer", "PlainRenderer", "Projector", "PursuingEye", "Renderer", "SpikePanel", "Views",
+    "fit_words", "make_renderer", "panel_views", "probe_gl",
 ]  # fmt: skip

@@ -107,4 +107,3 @@ class LookSwitches:
     def source(self) -> str:
         defines: dict[str, object] = {"GROUPS": self.groups, "VERTICAL": int(self.vertical)}
         return _composed("look.frag", defines, [f"LOOK({g}, span{g})" for g in range(self.groups)])
-
