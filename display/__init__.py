@@ -1,16 +1,21 @@
 """Spikes to light: panels, the renderer, observers, and how good what they see is."""
 
+from display.context import GL_INSTALL, probe_gl
+from display.fit import Fit, fit_words
 from display.frames import FrameShow
+from display.making import AnyRenderer, make_renderer
 from display.observers import CameraPlane, FixedEye, PursuingEye
 from display.onlooker import Lit, Onlooker, Span
 from display.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
 from display.plain import PlainRenderer
 from display.projector import ProjectorShow
+from display.renderer import Renderer
 from display.truth import TruthShow
 from display.views import Observer, Views, panel_views
 
 __all__ = [
-    "DRIVES", "CameraPlane", "Drive", "FixedEye", "FramePanel", "FrameShow", "Lit", "Observer",
-    "Onlooker", "PlainRenderer", "Projector", "ProjectorShow", "PursuingEye", "Span", "SpikePanel",
-    "TruthShow", "Views", "panel_views",
+    "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "Drive", "Fit", "FixedEye", "FramePanel",
+    "FrameShow", "Lit", "Observer", "Onlooker", "PlainRenderer", "Projector", "ProjectorShow",
+    "PursuingEye", "Renderer", "Span", "SpikePanel", "TruthShow", "Views", "fit_words",
+    "make_renderer", "panel_views", "probe_gl",
 ]  # fmt: skip

@@ -25,6 +25,8 @@ DRAW_BUFFERS = 8
 """Targets of one draw, GL 3.3's least. The state takes up to three of them."""
 UNITS = 7
 """Textures that a fragment reads: four of words, three of state."""
+_BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+"""The default backend wants a window system, the default names those of -dev packages."""
 INSTEAD = "or --set display.renderer=numpy, slower"
 _PACKAGES = f"install a driver ({GL_INSTALL}), {INSTEAD}"
 _CAUSES = (
@@ -56,9 +58,7 @@ def open_context() -> moderngl.Context:
     what the shaders need.
     """
     try:
-        context = moderngl.create_context(
-            standalone=True, backend="egl", require=GL, libgl="libGL.so.1", libegl="libEGL.so.1"
-        )
+        context = moderngl.create_context(require=GL, standalone=True, **_BACKEND)
     except Exception as exc:  # glcontext raises bare Exception
         raise _refused(exc) from None
     try:
@@ -100,7 +100,7 @@ def lost(why: str) -> InputError:
 
 def check_alive(context: moderngl.Context) -> None:
     """Raises InputError where a context was lost or released, or ran out of memory."""
-    if isinstance(context.mglo, moderngl.mgl.InvalidObject):
+    if type(context.mglo).__name__ == "InvalidObject":
         raise lost("released")
     error = context.error
     if error == "GL_OUT_OF_MEMORY":

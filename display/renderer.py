@@ -192,8 +192,7 @@ class Renderer:
         program, triangle = self._program(switches)
         for n, texture in enumerate(self._held[self._now]):
             texture.use(4 + n)
-        if "skip" in program:
-            program["skip"].value = first % WORD
+        _set(program, "skip", first % WORD)
         targets = list(self._held[onward]) + (self._span_textures(len(spans)) if leave else [])
         targets += [self._exposures.target(image) for image in images]
         if views is not None and images:
@@ -249,8 +248,7 @@ class Renderer:
         if switches not in self._programs:
             program = self._context.program(vertex_shader=vertex(), fragment_shader=switches.source)
             for name, value in self._constants().items():
-                if name in program:
-                    program[name].value = value
+                _set(program, name, value)
             self._programs[switches] = program, self._context.vertex_array(program, [])
         return self._programs[switches]
 
@@ -307,9 +305,9 @@ class Renderer:
             held = [self._read(texture) for texture in self._held[self._now]]
             images = self._exposures.all()
         shape = self.panel.shape
-        level = np.zeros(shape)
+        level: Values = np.zeros(shape)
         if slow(self.panel):
-            level = held.pop() * self._unit
+            level = np.asarray(held.pop() * self._unit, np.float64)
         tau, older = held if held else (np.zeros(shape, np.uint32) for _ in range(2))
         age = np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32)
         return {"tau": tau, "age": age, "seen": older > 0, "level": level, "images": images}
@@ -336,6 +334,13 @@ class Renderer:
     def close(self) -> None:
         """Gives the context back; what was not taken is gone."""
         self._context.release()
+
+
+def _set(program: moderngl.Program, name: str, value: Any) -> None:
+    """A uniform, where the shader has it."""
+    uniform = program.get(name, None)
+    if isinstance(uniform, moderngl.Uniform):
+        uniform.value = value
 
 
 def _pieces(cycles: int, most: int) -> Iterator[tuple[int, int]]:
