@@ -198,8 +198,8 @@ def plan_run(
     if display is not None:
         effects += display.kept
     plan = make_plan(
-        effects, scene, tolerance, certain=seen.certain, base_ns=QUIET + (0.0 if display is None else SHOWN),
-        own=own, forced=forced,
+        effects, scene, tolerance, certain=seen.certain, own=own, forced=forced,
+        base_ns=QUIET + (0.0 if display is None else SHOWN),
     )  # fmt: skip
     flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]

@@ -27,6 +27,7 @@ from cosim.files.whole import whole
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
 from scenarios.checked import full_physics_s, left_out, shortfall, too_far
+from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.folder import begin_folder, check_room, claimed, output_folder, write_images
@@ -184,7 +185,10 @@ def _prepare(name: str, scenario: Scenario, device: str | None) -> _Prepared:
     setting, cycles, instants, lens, white_rate, opened = prepare_camera(scenario, device)
     source = scene_source(scenario, setting, cycles)
     seen = look_at(scenario, setting, lens, cycles)
-    plan = plan_run(seen, setting, scenario.tolerance, instants, opened)
+    plan = plan_run(
+        seen, setting, scenario.tolerance, instants, opened,
+        display=display_of(scenario, setting, white_rate, instants, cycles),
+    )  # fmt: skip
     return _Prepared(
         name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
         *_planned(plan, setting, scenario, opened), lens_notes(scenario, lens, white_rate),
@@ -205,7 +209,7 @@ def _again(run: _Prepared, forced: list[str]) -> _Prepared:
     plan = plan_run(
         run.plan.look, setting, scenario.tolerance, run.instants, run.device,
         forced=[name for name in forced if name != ARITHMETIC],
-        tier="exact" if ARITHMETIC in forced else None,
+        tier="exact" if ARITHMETIC in forced else None, display=run.plan.full_display,
     )  # fmt: skip
     camera, verifier = _planned(plan, setting, scenario, run.device)
     source = scene_source(scenario, setting, run.cycles)

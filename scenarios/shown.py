@@ -8,25 +8,25 @@ the pixels of a tile, and not what an edge between two tiles would add.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block
+from cosim import Block, Light
 from cosim.viform import pack_planes, unpack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye
 from display.pixels import PatchDisplay
-from scenarios.paired import Measured, Values, compare, worst
-from sensor.patches import PatchPlane
+from scenarios.paired import Measured, Paired, Span, Values, Words, compare, worst
+from sensor.patches import PatchCamera, PatchPlane
 
-__all__ = ["TRUTH", "Shown", "ShownPatches", "left_out_of"]
+__all__ = ["TRUTH", "Shown", "ShownPaired", "ShownPatches", "left_out_of"]
 
 TRUTH = "truth"
 _NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}
-Words = npt.NDArray[np.uint32]
+PREFIX = "shown/"
 SPAN = "planes within "
 
 
@@ -107,6 +107,44 @@ class ShownPatches:
                 key.removeprefix(f"{name}/"): value
                 for key, value in state.items() if key.startswith(f"{name}/")
             })  # fmt: skip
+
+
+class ShownPaired(Paired):
+    """Cameras on patches, and displays that show what they latch. shown: None for none."""
+
+    def __init__(
+        self,
+        plane: PatchPlane,
+        cameras: Mapping[str, PatchCamera],
+        spans: Sequence[Span],
+        shown: ShownPatches | None,
+    ) -> None:
+        super().__init__(plane, cameras, spans)
+        self.shown = shown
+
+    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
+        if self.shown is not None:
+            self.shown.take(name, words, cycles)
+
+    def step(self, light: Light, block: Block) -> Light:
+        """Films the patches of a block and shows them; the light goes on as it came."""
+        out = super().step(light, block)
+        if self.shown is not None:
+            self.shown.show(block)
+        return out
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        if self.shown is None:
+            return super().state()
+        return super().state() | {f"{PREFIX}{k}": v for k, v in self.shown.state().items()}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        mine = {k: v for k, v in state.items() if k.startswith(PREFIX)}
+        super().restore({k: v for k, v in state.items() if k not in mine})
+        if self.shown is not None:
+            self.shown.restore({k.removeprefix(PREFIX): v for k, v in mine.items()})
 
 
 def left_out_of(shown: Shown, names: Sequence[str]) -> dict[str, tuple[str, DisplaySetting]]:

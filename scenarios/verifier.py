@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,9 @@ import numpy.typing as npt
 from cosim import Block, Light
 from cosim.opencl import Device
 from cosim.planner import Plan
-from scenarios.paired import Measured, Paired, Span, Values, Words, compare, worst
+from scenarios.paired import Measured, Span, Values, compare, worst
 from scenarios.result import Error
-from scenarios.shown import TRUTH, Shown, ShownPatches, left_out_of
+from scenarios.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
 from sensor import CameraSetting
 from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
@@ -89,7 +89,7 @@ class BrokenPromise(Exception):
         self.findings = findings
 
 
-class Verifier(Paired):
+class Verifier(ShownPaired):
     """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
     BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
     set."""
@@ -120,26 +120,18 @@ class Verifier(Paired):
             cameras["all"] = PatchCamera(setting, plane, "exact")
         for name in self._left:
             cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
-        super().__init__(plane, cameras, spans)
-        self._display = shown
-        self._shown: ShownPatches | None = None
+        self._display, patches = shown, None
         if shown is not None:
             displays = {TRUTH: ("reference", shown.full), "run": ("run", shown.run)}
             for name, (_, without) in self._unshown.items():
                 displays[f"without {name}"] = "reference", without
-            self._shown = ShownPatches(plane, displays, floor)
-
-    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
-        if self._shown is not None:
-            self._shown.take(name, words, cycles)
+            patches = ShownPatches(plane, displays, floor)
+        super().__init__(plane, cameras, spans, patches)
 
     def step(self, light: Light, block: Block) -> Light:
         out = super().step(light, block)
-        if self._shown is not None and self._display is not None:
-            self._shown.show(block)
-            found = (
-                self._dimmed() if self._stop_early and block.stop == self._display.cycles else []
-            )
+        if self._display is not None and block.stop == self._display.cycles and self._stop_early:
+            found = self._dimmed()  # its images are whole
             if found:
                 raise BrokenPromise(found)
         return out
@@ -171,7 +163,7 @@ class Verifier(Paired):
         return found
 
     def _dimmed(self) -> list[Finding]:
-        """The same of what the display left out, once its images are whole."""
+        """The same of what the display left out, from whole images."""
         found = []
         tiles = np.array(self.plane.tiles)
         for name, high in self._unseen().items():
@@ -184,10 +176,10 @@ class Verifier(Paired):
 
     def _unseen(self) -> dict[str, Values]:
         """Upper limit of what each effect that the display left out changed, (images, patches)."""
-        if self._shown is None:
+        if self.shown is None:
             return {}
         return {
-            name: self._shown.limit(f"without {name}", before)
+            name: self.shown.limit(f"without {name}", before)
             for name, (before, _) in self._unshown.items()
         }
 
@@ -198,8 +190,8 @@ class Verifier(Paired):
     def error(self) -> Measured:
         """The run against the reference: of radiance as the display's observer integrates it where
         there is a display, else of rates."""
-        if self._shown is not None:
-            return self._shown.error("run")
+        if self.shown is not None:
+            return self.shown.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
     def told(self) -> Error:
@@ -217,16 +209,3 @@ class Verifier(Paired):
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
             for name in self._left
         } | {name: float(high.max()) for name, high in self._unseen().items()}
-
-    def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
-        if self._shown is None:
-            return super().state()
-        return super().state() | {f"shown/{k}": v for k, v in self._shown.state().items()}
-
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
-        mine = {k: v for k, v in state.items() if k.startswith("shown/")}
-        super().restore({k: v for k, v in state.items() if k not in mine})
-        if self._shown is not None:
-            self._shown.restore({k.removeprefix("shown/"): v for k, v in mine.items()})

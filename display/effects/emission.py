@@ -46,7 +46,9 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
             + change.lost * (1 + spread(scene))
             + JUMP * 2 * change.half * spread(scene) * moving
         )
-        value = mean * late + apart * unsteady(scene, panel.drive, swing)
+        # Of few packets some pixels have more: what each makes of its own varies as their number.
+        grain = change.grain * flutter(scene, panel.drive, np.inf)
+        value = mean * late + apart * unsteady(scene, panel.drive, swing) * np.hypot(1, grain)
         if panel.rise > panel.decay:  # of the light that is left
             value = np.where(value < 1, value / np.maximum(1 - value, 1e-12), np.inf)
         return Bound(value, "estimate")

@@ -55,8 +55,8 @@ def _remembered(made: F) -> F:
 class Change:
     """See above; each the most over the images and over the panel's first and last row, for images
     whose weights add up to 1. travelled: root of the sum of the squares of w_n min(|delta_n|, 1).
-    lost: |sum d_n|, weight that falls beyond the run. unseen: planes before the first that an image
-    sees.
+    lost: |sum d_n|, weight that falls beyond the run. grain: sqrt(sum w_n^2). unseen: planes
+    before the first that an image sees.
     """
 
     half: float
@@ -66,6 +66,7 @@ class Change:
     travel: float
     travelled: float
     lost: float
+    grain: float
     unseen: int
 
 
@@ -99,11 +100,12 @@ class _Sums:
             self.travelled,
             self.lost,
         ) = np.zeros((8, images))
+        self.grain = np.zeros(images)
         self.unseen = -1
 
     def add(self, first: int, change: Values, weight: Values, away: Values, span: int) -> None:
         size = np.abs(change)
-        seen = (weight > _NOTHING).any(axis=0)
+        seen = ((weight > _NOTHING) | (np.abs(change) > _NOTHING)).any(axis=0)
         if self.unseen < 0 and seen.any():
             self.unseen = first + int(np.argmax(seen))
         self.whole += weight.sum(axis=1)
@@ -113,6 +115,7 @@ class _Sums:
         spans = np.add.reduceat(size, np.arange(0, size.shape[1], span), axis=1) / 2
         self.spans += (spans**2).sum(axis=1)
         self.jump = np.maximum(self.jump, spans.max(axis=1))
+        self.grain += (weight**2).sum(axis=1)
         moved = weight * np.minimum(away, 1.0)
         self.travel += moved.sum(axis=1)
         self.travelled += (moved**2).sum(axis=1)
@@ -127,7 +130,7 @@ class _Sums:
         return Change(
             most(self.half), most(np.sqrt(self.root)), most(np.sqrt(self.spans)), most(self.jump),
             most(self.travel), most(np.sqrt(self.travelled)),
-            most(np.abs(self.lost)), max(self.unseen, 0),
+            most(np.abs(self.lost)), most(np.sqrt(self.grain)), max(self.unseen, 0),
         )  # fmt: skip
 
 
