@@ -12,7 +12,7 @@ from cosim import Clock, Light, Summary
 from cosim.opencl import Device
 from cosim.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from display import DisplaySetting
-from display.effects import SHOWN
+from display.effects import SHOWN, seen_planes
 from scenarios.paired import windows
 from scenarios.scenes import Source
 from scenarios.scenes.survey import Survey, survey, through
@@ -163,6 +163,13 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
     return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
 
 
+def _seen_through(scene: Summary, display: DisplaySetting) -> Summary:
+    """The scene with the window that a display's observer takes a rate over: as many planes as
+    count alike in its images, if those are fewer."""
+    planes = seen_planes(display.observer, display.panel, scene.cycles)
+    return replace(scene, window=max(1, min(scene.window, round(planes))))
+
+
 def plan_run(
     seen: Look,
     setting: CameraSetting,
@@ -177,13 +184,13 @@ def plan_run(
     """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given.
 
     display: what shows the stream, with everything. Its bounds and the camera's share the tolerance
-    and add up: the camera's are relative changes of a pixel's rate over a window, and an image of
-    the panel is a weighted mean of its light, which follows the rate. For packets that is exact but
-    for a spike at the ends of the weights. For hold and causal it assumes intervals that are short
-    beside the observer's response; 1 / tau over a longer one, and the bias of 1 / tau under noise
-    (its mean over time is the rate still), are not in the sum but in what the check measures.
+    and add up: the camera's are relative changes of a pixel's rate over a window (the observer's
+    own where that is shorter), and an image of the panel is a weighted mean of its light, which
+    follows the rate. That assumes whole spikes to be as good as fractions: for packets the window
+    must hold many, for hold and causal the intervals must be short beside it. What a spike more or
+    less at the ends of the weights does, and 1 / tau over a longer interval, the check measures.
     """
-    scene = seen.scene
+    scene = seen.scene if display is None else _seen_through(seen.scene, display)
     own = setting.lumped_error
     if tier is None:
         tier = "exact"
@@ -203,7 +210,7 @@ def plan_run(
     )  # fmt: skip
     flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
-    spans = windows(instants, scene.window, scene.cycles)
+    spans = windows(instants, seen.scene.window, scene.cycles)
     shown = None if display is None else display.without(gone)
     return RunPlan(plan, seen, tier, setting.without(gone), flags, own, spans, shown, display)
 

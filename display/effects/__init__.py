@@ -4,5 +4,6 @@ from display.effects.costs import SHOWN
 from display.effects.emission import emission_effect
 from display.effects.rows import row_timing_effect
 from display.effects.spans import SPANS, planes_effect
+from display.effects.weighing import seen_planes
 
-__all__ = ["SHOWN", "SPANS", "emission_effect", "planes_effect", "row_timing_effect"]
+__all__ = ["SHOWN", "SPANS", "emission_effect", "planes_effect", "row_timing_effect", "seen_planes"]

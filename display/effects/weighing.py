@@ -34,7 +34,7 @@ import numpy.typing as npt
 from display.panel import SpikePanel
 from display.views import Observer, Values
 
-__all__ = ["Change", "late_change", "span_change", "steps"]
+__all__ = ["Change", "late_change", "seen_planes", "span_change", "steps"]
 
 _CHUNK: Final = 1 << 14
 """Planes looked at together: whole spans of 64."""
@@ -189,6 +189,12 @@ def late_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -
         away = _apart(observer.shifts(middle), observer.shifts(middle + late))
         sums.add(begin, later - weight, np.maximum(weight, later), away, len(at) - 1)
     return sums.made()
+
+
+def seen_planes(observer: Observer, panel: SpikePanel, planes: int) -> float:
+    """As many planes as the image has that sees the fewest: 1 / sum w_n^2."""
+    grain = steps(observer, panel, planes).grain
+    return 1 / grain**2 if grain > 0 else float(planes)
 
 
 @_remembered
