@@ -10,12 +10,13 @@ from display.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
 from display.plain import PlainRenderer
 from display.projector import ProjectorShow
 from display.renderer import Renderer
+from display.setting import DisplaySetting
 from display.truth import TruthShow
 from display.views import Observer, Views, panel_views
 
 __all__ = [
-    "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "Drive", "Fit", "FixedEye", "FramePanel",
-    "FrameShow", "Lit", "Observer", "Onlooker", "PlainRenderer", "Projector", "ProjectorShow",
-    "PursuingEye", "Renderer", "Span", "SpikePanel", "TruthShow", "Views", "fit_words",
-    "make_renderer", "panel_views", "probe_gl",
+    "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "DisplaySetting", "Drive", "Fit",
+    "FixedEye", "FramePanel", "FrameShow", "Lit", "Observer", "Onlooker", "PlainRenderer",
+    "Projector", "ProjectorShow", "PursuingEye", "Renderer", "Span", "SpikePanel", "TruthShow",
+    "Views", "fit_words", "make_renderer", "panel_views", "probe_gl",
 ]  # fmt: skip

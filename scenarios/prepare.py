@@ -9,8 +9,9 @@ from pathlib import Path
 from cosim import InputError, seconds_to_ps
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
+from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
-from scenarios.glass import Glass, make_glass
+from scenarios.glass import Glass, follow, make_glass
 from scenarios.loading import to_toml
 from scenarios.planning import Look, RunPlan, look, plan_run
 from scenarios.result import viform_version
@@ -119,12 +120,18 @@ def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
     setting, cycles, instants, lens, white_rate, opened = prepare_camera(scenario, device)
     source = scene_source(scenario, setting, cycles)
     seen = look_at(scenario, setting, lens, cycles)
-    plan = plan_run(seen, setting, scenario.tolerance, instants, opened)
-    glass = make_glass(
-        scenario, setting, cycles, instants, white_rate,
-        lambda: scene_source(scenario, setting, cycles),
+    notes, pursuit, points = lens_notes(scenario, lens, white_rate), (0.0, ""), []
+    if scenario.display is not None:
+        once_more = scene_source(scenario, setting, cycles)
+        pursuit = follow(scenario, once_more, setting.clock.edge(cycles))
+        notes, points = [*notes, pursuit[1]], once_more.points()
+    plan = plan_run(
+        seen, setting, scenario.tolerance, instants, opened,
+        display=display_of(scenario, setting, white_rate, instants, cycles, pursuit[0]),
     )  # fmt: skip
-    notes = lens_notes(scenario, lens, white_rate) + ([] if glass is None else glass.notes)
+    glass = None
+    if plan.display is not None:
+        glass = make_glass(scenario, setting, cycles, instants, plan.display, pursuit, points)
     return Prepared(
         name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
         *_planned(plan, setting, scenario, opened), glass, notes,
@@ -145,14 +152,15 @@ def again(run: Prepared, forced: list[str]) -> Prepared:
     plan = plan_run(
         run.plan.look, setting, scenario.tolerance, run.instants, run.device,
         forced=[name for name in forced if name != ARITHMETIC],
-        tier="exact" if ARITHMETIC in forced else None,
+        tier="exact" if ARITHMETIC in forced else None, display=run.plan.full_display,
     )  # fmt: skip
     camera, verifier = _planned(plan, setting, scenario, run.device)
     source = scene_source(scenario, setting, run.cycles)
-    if run.glass is not None:
-        run.glass.close()
-    glass = make_glass(
-        scenario, setting, run.cycles, run.instants, run.white_rate,
-        lambda: scene_source(scenario, setting, run.cycles),
-    )  # fmt: skip
+    glass = run.glass
+    if glass is not None and plan.display is not None:
+        glass.close()
+        glass = make_glass(
+            scenario, setting, run.cycles, run.instants, plan.display,
+            (glass.velocity, glass.told), glass.points,
+        )  # fmt: skip
     return replace(run, plan=plan, camera=camera, verifier=verifier, source=source, glass=glass)

@@ -2,6 +2,6 @@
 and of other displays beside it."""
 
 from scenarios.glass.finish import Shown, finish_glass, write_eye_images
-from scenarios.glass.glass import Glass, make_glass
+from scenarios.glass.glass import Glass, follow, make_glass
 
-__all__ = ["Glass", "Shown", "finish_glass", "make_glass", "write_eye_images"]
+__all__ = ["Glass", "Shown", "finish_glass", "follow", "make_glass", "write_eye_images"]

@@ -4,35 +4,22 @@ look at what it shows."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
-from typing import Any, Protocol
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Block
 from cosim.viform import WORD, Viform, Words
-from display import Observer, Views, panel_views
-from display.setting import DisplaySetting
+from display import AnyRenderer, DisplaySetting, Observer, Views, panel_views
 from scenarios.slow_motion import Film, SlowMotion
 
-__all__ = ["DRAW", "DisplayStage", "Renderer"]
+__all__ = ["DRAW", "DisplayStage"]
 
 DRAW = 128
 """Planes that a renderer is given at once, at most."""
 State = dict[str, npt.NDArray[Any]]
-
-
-class Renderer(Protocol):
-    """What draws a panel (see `display.PlainRenderer`)."""
-
-    @property
-    def name(self) -> str: ...
-    def step(self, words: Words, cycles: int, views: Views | None) -> None: ...
-    def take(self, image: int) -> npt.NDArray[np.floating[Any]]: ...
-    def state(self) -> State: ...
-    def restore(self, state: State) -> None: ...
-    def close(self) -> None: ...
 
 
 class DisplayStage:
@@ -53,11 +40,11 @@ class DisplayStage:
         observers: Mapping[str, Observer],
         motion: SlowMotion | None,
         cycles: int,
-        renderer: Callable[[int], Renderer],
+        renderer: Callable[[int], AnyRenderer],
         mapped: Callable[[Words], Words] | None = None,
     ) -> None:
         self._batch, self._observers = setting.batch, dict(observers)
-        self._panel = setting.panel if setting.row_timing else replace(setting.panel, row_scan=0.0)
+        self._panel = setting.shown
         self._cycles, self._mapped = cycles, mapped
         self.film = None if motion is None else Film(motion)
         """The slow motion."""
