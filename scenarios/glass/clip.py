@@ -49,6 +49,19 @@ def _label(width: int, text: str) -> Grey:
     return strip
 
 
+def _sized(picture: Grey, height: int, width: int) -> Grey:
+    """A picture in a tile of this size, whole and undistorted."""
+    if picture.shape == (height, width):
+        return picture
+    scale = min(height / picture.shape[0], width / picture.shape[1])
+    high, wide = (max(1, round(n * scale)) for n in picture.shape)
+    tile = np.full((height, width), GROUND, np.uint8)
+    how = cv2.INTER_NEAREST if scale >= 1 else cv2.INTER_AREA
+    y, x = (height - high) // 2, (width - wide) // 2
+    tile[y : y + high, x : x + wide] = cv2.resize(picture, (wide, high), interpolation=how)
+    return tile
+
+
 def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
     """Named pictures in rows; both sides even, as H.264 in yuv420p needs."""
     high, wide = pictures[0].shape[0] + TEXT, pictures[0].shape[1]
@@ -70,17 +83,17 @@ def write_glass_clip(
     sRGB curve. titles: what each is called."""
     import av
 
-    times = max(1, 200 // max(motion.shape))  # small pictures are enlarged, pixels stay pixels
-    block = np.ones((times, times), np.uint8)
-    width = motion.shape[1] * times
+    height, width = motion.shape
+    times = max(1, 200 // max(height, width))  # small pictures are enlarged, pixels stay pixels
+    height, width = height * times, width * times
     labels = {name: _label(width, title) for name, title in titles.items()}
     with whole(path) as part, av.open(str(part), "w", format="mp4") as container:
         video: Any = container.add_stream("libx264", rate=RATE)
         video.pix_fmt = "yuv420p"
-        video.options = {"crf": "21", "preset": "veryfast", "movflags": "+faststart"}
+        video.options = {"crf": "21", "preset": "superfast", "movflags": "+faststart"}
         for n in range(motion.count):
             ms = (motion.begin + n * motion.exposure + motion.exposure // 2) * 1e3 / PS
-            pictures = [np.kron(frames[name][n], block) for name in frames]
+            pictures = [_sized(frames[name][n], height, width) for name in frames]
             stamps = [
                 labels[name] if k else _label(width, f"{titles[name]}, {ms:.1f} ms")
                 for k, name in enumerate(frames)

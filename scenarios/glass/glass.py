@@ -28,8 +28,9 @@ __all__ = ["SPIKE", "Glass", "follow", "make_glass"]
 
 SPIKE = "spike"
 """Name of the spike-continuous display among the panels."""
-MOTION = 0.5
-"""Pixels that light may move on a pursuing eye's retina within a span of planes."""
+MOTION = 1.0
+"""Pixels that light may move on a pursuing eye's retina within a span of planes: with 0.5 the eye's
+PSNR of `glass` is the same to 0.1 dB."""
 FRAMES = 160
 """Of the slow motion, at most."""
 TILE = 480

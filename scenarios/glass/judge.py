@@ -48,7 +48,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Judged:
-    """One observer's view of a display. bands: those that the truth has."""
+    """One observer's view of a display. bands: those that the truth has, of the still eye."""
 
     display: str
     observer: str
@@ -82,7 +82,9 @@ def _judge(display: str, observer: str, images: Images, truths: Sequence[_Truth]
         total.append(_decibel(float(square.mean(dtype=np.float64))))
         whole = inside(alike)
         structure.append(float(whole.mean(dtype=np.float64)) if whole.size else float("nan"))
-        for n, values in enumerate((None, square, alike, error, truth.light)):
+        # Bands are told of the still eye alone: they take as long as all else.
+        banded = (None, square, alike, error, truth.light) if observer == "eye" else ()
+        for n, values in enumerate(banded):
             weight = None if values is None else values.ravel()
             sums[:, n] += np.bincount(truth.band, weight, len(BANDS) - 1)
     count = sums[:, 0].sum()
