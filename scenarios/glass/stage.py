@@ -174,6 +174,7 @@ class DisplayStage:
         if "emitted" in state:
             self.emitted = float(state["emitted"])
             self.images = _below(state, "image/")
+            self.close()
         else:
             self.renderer.restore(_below(state, "renderer/"))
 

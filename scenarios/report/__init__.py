@@ -1,12 +1,5 @@
 """The report of a run: one HTML file, no network, pictures first."""
 
-from scenarios.report.glass import write_glass_report
-from scenarios.report.page import write_page_report
-from scenarios.run import Finished
+from scenarios.report.writing import write_report
 
 __all__ = ["write_report"]
-
-
-def write_report(run: Finished) -> list[str]:
-    """Writes figures and report.html into the run's folder; their names."""
-    return write_page_report(run) if run.shown is None else write_glass_report(run)

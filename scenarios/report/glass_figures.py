@@ -10,7 +10,6 @@ import numpy as np
 from scenarios.glass import Shown
 from scenarios.glass.finish import SPIKE, title_of
 from scenarios.glass.tap import spike_waves, wave_of
-from scenarios.probes import RATES
 from scenarios.probes.latency import PARTS
 from scenarios.report.figures import INK, LINE, MARK, pyplot
 from scenarios.showing import beside_of
@@ -86,7 +85,7 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
 def latency_figure(shown: Shown, path: Path) -> None:
     """Writes delays by stage: a panel a light, a bar a display, out of the dark."""
     told = [row for row in shown.probes.latency if row.way == "rise"]
-    rates = [rate for rate in RATES if any(row.rate == rate for row in told)]
+    rates = list(dict.fromkeys(row.rate for row in told))
     plt = pyplot()
     figure, axes = plt.subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
     for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):

@@ -6,7 +6,7 @@ import math
 
 from scenarios.glass import Shown
 from scenarios.glass.finish import SPIKE, title_of
-from scenarios.probes import RATES, Blur, Flicker, Latency
+from scenarios.probes import Blur, Flicker, Latency
 from scenarios.probes.metrics import GREY, NAMES
 from scenarios.report.parts import table
 
@@ -128,7 +128,7 @@ def light_table(shown: Shown) -> str:
     ]  # fmt: skip
     rows = []
     edges = {(r.ahead, r.behind) for r in shown.probes.blur}
-    for rate in RATES:
+    for rate in dict.fromkeys(r.rate for r in shown.probes.latency):
         name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
         kinds = [kind for kind in _kinds(shown) if not kind[0].endswith(" Hz")]
         for n, (display, drive, title) in enumerate(kinds):
