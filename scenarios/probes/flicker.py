@@ -29,7 +29,7 @@ from display.quality import (
     svm,
     tcsf_visibility,
 )
-from scenarios.probes.film import Probe, lux_of, steady_light
+from scenarios.probes.film import Probe, lux_of, spread_errors, steady_light
 from scenarios.probes.waveform import every_drive, panel_light
 
 __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
@@ -156,12 +156,14 @@ def _strobed(panel: FramePanel) -> Values:
     return (np.diff(lit) * (SAMPLES / panel.rate.hz))[:, None]
 
 
-def _planes(panel: Projector, level: float) -> Values:
-    """(planes, pixels) of a second: on wherever the carried error passes one half."""
+def _planes(panel: Projector, level: float) -> tuple[Values, Values]:
+    """(planes, 1) of a patch and (planes, 16) of pixels, a second: on wherever the carried error
+    passes one half."""
     row, column = np.indices((PATCH, PATCH))
-    begin = (row * 0.7548776662466927 + column * 0.5698402909980532).ravel() % 1
-    k = np.arange(math.ceil(SECONDS * panel.rate.hz) + 1)[:, None]
-    return np.diff(np.floor(begin + k * level), axis=0)
+    begin = spread_errors(row, column).ravel() + 0.5
+    grown = np.arange(math.ceil(SECONDS * panel.rate.hz) + 1)[:, None] * level
+    on = np.floor(begin + grown)  # planes that were on so far
+    return np.diff(on.mean(axis=1, keepdims=True), axis=0), np.diff(on[:, :: PATCH + 1], axis=0)
 
 
 def frame_flicker(
@@ -174,12 +176,10 @@ def frame_flicker(
     for rate in rates:
         level = min(rate / white_rate, 1.0)
         if isinstance(panel, Projector):
-            planes = _planes(panel, level) * white_rate
-            hz, patch = panel.rate.hz, planes.mean(axis=1, keepdims=True)
-            single = planes[:, :: PATCH + 1]
+            hz, (patch, single) = panel.rate.hz, _planes(panel, level)
         else:
-            hz, patch = float(SAMPLES), _strobed(panel) * level * white_rate
+            hz, patch = float(SAMPLES), _strobed(panel) * level
             single = patch
-        rows.append(_row(panel.name, "", rate, "patch", patch, hz, eye))
-        rows.append(_row(panel.name, "", rate, "pixel", single, hz, eye))
+        rows.append(_row(panel.name, "", rate, "patch", patch * white_rate, hz, eye))
+        rows.append(_row(panel.name, "", rate, "pixel", single * white_rate, hz, eye))
     return rows

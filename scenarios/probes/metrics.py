@@ -52,23 +52,26 @@ def probe_display(
     device: Device | None,
     seed: int,
     *,
+    rates: Sequence[float] = RATES,
+    edges: Sequence[tuple[float, float]] = EDGES,
     per_degree: float = 60.0,
     pst_lm: bool = False,
 ) -> Probes:
     """Films edges and steady light with the scenario's chip and shows them, through every drive of
     the panel and on each panel beside it, which is fed the true light.
 
-    seed: of the probes' noise. per_degree: pixels to a degree of the eye's view. pst_lm: whether to
-    measure PstLM as well, which takes as long as all else.
+    rates, edges: of `RATES` and `EDGES`, which are all that the metrics know. seed: of the probes'
+    noise. per_degree: pixels to a degree of the eye's view. pst_lm: whether to measure PstLM as
+    well, which takes as long as all else.
     """
     probe, white = Probe(setting, device), panel.white_rate
-    latency = spike_latency(probe, panel, RATES, seed)
-    blur = [row for edge in EDGES for row in spike_blur(probe, panel, edge, seed)]
-    flicker = spike_flicker(probe, panel, RATES, per_degree, seed)
+    latency = spike_latency(probe, panel, rates, seed)
+    blur = [row for edge in edges for row in spike_blur(probe, panel, edge, seed)]
+    flicker = spike_flicker(probe, panel, rates, per_degree, seed)
     for other in beside:
-        latency += frame_latency(other, white, RATES)
-        blur += frame_blur(other, white, EDGES)
-        flicker += frame_flicker(other, white, panel.luminance, RATES, per_degree)
+        latency += frame_latency(other, white, rates)
+        blur += frame_blur(other, white, edges)
+        flicker += frame_flicker(other, white, panel.luminance, rates, per_degree)
     pst = spike_pst_lm(probe, panel, GREY, panel.drive, seed) if pst_lm else None
     return Probes(panel.drive, tuple(latency), tuple(blur), tuple(flicker), pst)
 
