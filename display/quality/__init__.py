@@ -9,6 +9,7 @@ from display.quality.blur import (
     mprt,
     mprt_full_width,
 )
+from display.quality.figures import FlickerFigures, flicker_figures
 from display.quality.flicker import (
     LIMITS,
     Ieee1789,
@@ -24,8 +25,9 @@ from display.quality.svm import svm, svm_threshold
 from display.quality.tcsf import critical_frequency, sensitivity, tcsf, tcsf_visibility
 
 __all__ = [
-    "LEAST_SECONDS", "LIMITS", "STEP_SHARE", "Ieee1789", "Spectrum", "bet", "blur_edge_width",
-    "cmr_like", "critical_frequency", "ebet", "fallen", "flicker_index", "half_way", "ieee_1789",
-    "mprt", "mprt_full_width", "percent_flicker", "pst_lm", "relaxed", "risen", "risk_of",
-    "sensitivity", "spectrum", "svm", "svm_threshold", "tcsf", "tcsf_visibility",
+    "LEAST_SECONDS", "LIMITS", "STEP_SHARE", "FlickerFigures", "Ieee1789", "Spectrum", "bet",
+    "blur_edge_width", "cmr_like", "critical_frequency", "ebet", "fallen", "flicker_figures",
+    "flicker_index", "half_way", "ieee_1789", "mprt", "mprt_full_width", "percent_flicker",
+    "pst_lm", "relaxed", "risen", "risk_of", "sensitivity", "spectrum", "svm", "svm_threshold",
+    "tcsf", "tcsf_visibility",
 ]  # fmt: skip

@@ -18,17 +18,7 @@ import numpy.typing as npt
 
 from cosim import Viform
 from display import DRIVES, FramePanel, Projector, SpikePanel
-from display.quality import (
-    LEAST_SECONDS,
-    Ieee1789,
-    flicker_index,
-    ieee_1789,
-    percent_flicker,
-    pst_lm,
-    risk_of,
-    svm,
-    tcsf_visibility,
-)
+from display.quality import LEAST_SECONDS, FlickerFigures, flicker_figures, pst_lm, risk_of
 from scenarios.probes.film import Probe, lux_of, spread_errors, steady_light
 from scenarios.probes.waveform import every_drive, panel_light
 
@@ -50,20 +40,14 @@ SUMMED: Final = 32
 
 @dataclass(frozen=True)
 class Flicker:
-    """A row of the table; of pixels, the median of 16. display, drive, rate: see `Latency`. mean:
-    the light that was shown, packets Q a cycle (as such of a panel of frames). percent: %. index,
-    svm: 1. visibility: above 1 it is seen (elaTCSF). ieee: of the strongest component."""
+    """A row of the table; of pixels, the median of 16. display, drive, rate: see `Latency`. told:
+    mean in packets Q a cycle (of frames, what would be as bright)."""
 
     display: str
     drive: str
     rate: float
     area: Area
-    mean: float
-    percent: float
-    index: float
-    svm: float
-    visibility: float
-    ieee: Ieee1789
+    told: FlickerFigures
 
 
 @dataclass(frozen=True)
@@ -83,27 +67,24 @@ def _row(
     lit = [wave for wave in waves.T if wave.max() > 0]
     if not lit:
         none = math.nan
-        return Flicker(display, drive, rate, area, 0.0, none, none, none, none, risk_of(0.0, 0.0))
+        dark = FlickerFigures(0.0, none, none, none, none, risk_of(0.0, 0.0))
+        return Flicker(display, drive, rate, area, dark)
     field = (PATCH if area == "patch" else 1) / eye.per_degree
     white = eye.white * float(np.mean(lit)) / eye.white_rate
-    told = []
-    for wave in lit:
-        mean = float(wave.mean())
-        ieee = ieee_1789(wave, hz)
-        told.append(
-            (
-                mean, percent_flicker(wave), flicker_index(wave), svm(wave, hz),
-                tcsf_visibility(wave, hz, white, (field, field)),
-                ieee.frequency, ieee.modulation,
-            )
-        )  # fmt: skip
-    mean, percent, index, seen, visible, frequency, modulation = (
-        float(v) for v in np.median(np.array(told), axis=0)
+    told = [flicker_figures(wave, hz, white, (field, field)) for wave in lit]
+
+    def median(name: str) -> float:
+        return float(np.median([getattr(one, name) for one in told]))
+
+    ieee = risk_of(
+        float(np.median([one.ieee.frequency for one in told])),
+        float(np.median([one.ieee.modulation for one in told])),
     )
-    return Flicker(
-        display, drive, rate, area, mean, percent, index, seen, visible,
-        risk_of(frequency, modulation),
+    figures = FlickerFigures(
+        median("mean"), median("percent"), median("index"), median("svm"), median("visibility"),
+        ieee,
     )  # fmt: skip
+    return Flicker(display, drive, rate, area, figures)
 
 
 def _film(probe: Probe, rate: float, seconds: float, seed: int) -> tuple[Viform, int]:

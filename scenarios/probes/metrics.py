@@ -118,8 +118,8 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
         if steady.display != "spike" or steady.area != "patch":
             continue
         for name, value, unit in (
-            ("percent", steady.percent, "%"), ("index", steady.index, "1"),
-            ("svm", steady.svm, "1"), ("visibility", steady.visibility, "1"),
+            ("percent", steady.told.percent, "%"), ("index", steady.told.index, "1"),
+            ("svm", steady.told.svm, "1"), ("visibility", steady.told.visibility, "1"),
         ):  # fmt: skip
             if steady.rate == GREY and steady.drive == probes.drive:
                 made[f"flicker_{name}_spike"] = _known(value, unit)

@@ -245,7 +245,7 @@ def test_held_light_never_goes_dark_and_causal_light_fades_as_one_over_time(prob
 
 
 def flicker_of(rows, drive, area):
-    (found,) = (row for row in rows if (row.drive, row.area) == (drive, area))
+    (found,) = (row.told for row in rows if (row.drive, row.area) == (drive, area))
     return found
 
 
@@ -272,10 +272,10 @@ def test_white_that_is_held_is_a_sixth_too_bright(probe):
 
 
 def test_frames_hold_still_and_strobes_do_not():
-    for row in frame_flicker(FRAMES[0], 0.6, 300.0, (0.18,), 60.0):
+    for row in (row.told for row in frame_flicker(FRAMES[0], 0.6, 300.0, (0.18,), 60.0)):
         assert (row.percent, row.index, row.svm, row.visibility) == (0, pytest.approx(0), 0, 0)
     strobe = FramePanel(Clock(100), persistence=0.25)
-    row, _ = frame_flicker(strobe, 0.6, 300.0, (0.18,), 60.0)
+    row = frame_flicker(strobe, 0.6, 300.0, (0.18,), 60.0)[0].told
     assert (row.percent, row.index) == pytest.approx((100, 0.75), rel=1e-3)
     assert row.ieee.frequency == 100 and row.ieee.risk == "high risk"
     # Of a pulse of a quarter: 2 sin(pi / 4) / (pi / 4).
@@ -286,7 +286,7 @@ def test_frames_hold_still_and_strobes_do_not():
 
 def test_the_projector_flickers_at_its_own_rate_times_the_level():
     rows = frame_flicker(Projector(Clock(16_000)), 0.6, 300.0, (0.06, 0.6), 60.0)
-    pixel, full = rows[1], rows[3]
+    pixel, full = rows[1].told, rows[3].told
     assert pixel.mean == pytest.approx(0.06, rel=1e-2)
     assert (pixel.percent, pixel.ieee.frequency) == (100, pytest.approx(1600))
     assert full.percent == 0 and full.mean == pytest.approx(0.6)
