@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from display.quality.spectrum import Spectrum, Values, spectrum
 
-__all__ = ["check_svm", "svm", "svm_of", "svm_threshold"]
+__all__ = ["LEAST_RATE", "check_svm", "svm", "svm_of", "svm_threshold"]
 
 EXPONENT: Final = 3.7
 LOWEST: Final = 80.0
@@ -24,6 +24,7 @@ HIGHEST: Final = 2000.0
 """Hz of components that count."""
 LEAST_SECONDS: Final = 1.0
 LEAST_RATE: Final = 4000.0
+"""Hz, samples: twice the highest component."""
 
 
 def svm_threshold(frequency: npt.ArrayLike) -> Values:

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from display import FramePanel, Projector, SpikePanel
+from display import DRIVES, FramePanel, Projector, SpikePanel
 from display.quality import bet, blur_edge_width, cmr_like, ebet
 from scenarios.probes.film import Probe, edge_light, lux_of, spread_errors
 from scenarios.probes.waveform import every_drive
@@ -34,12 +34,14 @@ ROWS: Final = 8, 32
 """within so many rows."""
 REACH: Final = 3.5
 """Mean intervals that the profile reaches behind the edge: two pass before held light settles."""
+WIDEST: Final = 1024
+"""Columns that are filmed."""
 MARGIN: Final = 10.0
 """Pixels that it reaches on either side in any case."""
 FINE: Final = 0.05
 """Pixels, of a profile's samples for bright light."""
 PARTS: Final = 4
-"""Instants in a plane at which the eye is moved on."""
+"""Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
 PHASES: Final = 4
 """Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
 SAMPLES: Final = 40_000
@@ -103,13 +105,16 @@ def _places(interval: float) -> Values:
 
 
 def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed: int) -> list[Blur]:
-    """Every drive of a panel. edge: (ahead, behind), spikes a cycle."""
+    """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
+    `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
     hz = panel.clock.hz
     dimmest = min(rate for rate in edge if rate > 0)
     x = _places(SPEED / hz / min(dimmest, 1.0))
     # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * EXPOSURE + x[-1]) + 2
+    if width > WIDEST:
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
     setting = probe.sized(probe.setting.chip.height, width, seed)
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
@@ -120,13 +125,14 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     columns = np.broadcast_to(np.arange(width), (rows, width))
     first = math.ceil(begin / SPEED * hz)
     planes = np.arange(first, first + round(EXPOSURE * hz))
+    count = max(PARTS, math.ceil(SPEED / hz / FINE))
     found = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         shown = light_of[planes]
         lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
-        parts = (np.arange(PARTS) + 0.5) / PARTS * lit
+        parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(shown, PARTS, axis=0), times, x)
+        profile = retina(np.repeat(shown, count, axis=0), times, x)
         found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return found
 

@@ -18,7 +18,14 @@ import numpy.typing as npt
 
 from cosim import Viform
 from display import DRIVES, FramePanel, Projector, SpikePanel
-from display.quality import LEAST_SECONDS, FlickerFigures, flicker_figures, pst_lm, risk_of
+from display.quality import (
+    LEAST_RATE,
+    LEAST_SECONDS,
+    FlickerFigures,
+    flicker_figures,
+    pst_lm,
+    risk_of,
+)
 from scenarios.probes.film import Probe, lux_of, spread_errors, steady_light
 from scenarios.probes.waveform import every_drive, panel_light
 
@@ -71,7 +78,10 @@ def _row(
         return Flicker(display, drive, rate, area, dark)
     field = (PATCH if area == "patch" else 1) / eye.per_degree
     white = eye.white * float(np.mean(lit)) / eye.white_rate
-    told = [flicker_figures(wave, hz, white, (field, field)) for wave in lit]
+    finer = math.ceil(LEAST_RATE / hz)  # a slow clock's light is constant between its samples
+    told = [
+        flicker_figures(np.repeat(wave, finer), hz * finer, white, (field, field)) for wave in lit
+    ]
 
     def median(name: str) -> float:
         return float(np.median([getattr(one, name) for one in told]))

@@ -9,6 +9,7 @@ from typing import Final
 
 from cosim.opencl import Device
 from display import FramePanel, Projector, SpikePanel
+from display.quality import mprt
 from scenarios.probes.blur import Blur, frame_blur, spike_blur
 from scenarios.probes.film import Probe
 from scenarios.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
@@ -28,6 +29,8 @@ RATES: Final = (SPARSE, DIM, GREY, WHITE, BRIGHT)
 half as much again as a pixel can tell."""
 EDGES: Final = ((0.0, SPARSE), (0.0, DIM), (0.0, GREY), (GREY, 0.0), (GREY, WHITE), (0.0, BRIGHT))
 """(ahead of a moving edge, behind it)."""
+GREYS: Final = ((0.0, GREY), (GREY, 0.0), (GREY, WHITE))
+"""Those of them that MPRT is the mean of."""
 NAMES: Final = {
     SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
 }  # fmt: skip
@@ -93,7 +96,8 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
     `latency_LIGHT_us` is the median of drive impulse, dark to light, with `_hold` and `_causal` the
     others', and `_fall` light to dark. LIGHT is sparse (0.15 % density), dim, grey, white, bright.
     `ebet_ms_spike`, `flicker_*_spike` and `pst_lm_spike` are of the panel's own drive at mid grey,
-    `ebet_ms_DISPLAY` of mid grey out of the dark.
+    `ebet_ms_DISPLAY` of mid grey out of the dark. `mprt_ms_*` is the mean of BET (10 to 90 %) over
+    `GREYS`.
     """
     made: dict[str, Metric] = {}
     for told in probes.latency:
@@ -114,6 +118,14 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
                 made["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
         elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
             made[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
+    for told_of in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
+        display, drive = told_of
+        times = [
+            edge.bet for edge in probes.blur
+            if (edge.display, edge.drive) == told_of and (edge.ahead, edge.behind) in GREYS
+        ]  # fmt: skip
+        if times:
+            made[f"mprt_ms_{drive or _suffix(display)}"] = _known(mprt(times) * 1e3, "ms")
     for steady in probes.flicker:
         if steady.display != "spike" or steady.area != "patch":
             continue

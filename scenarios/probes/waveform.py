@@ -34,13 +34,17 @@ _CODE: Final[dict[str, int]] = {name: n for n, name in enumerate(DRIVES)}
 
 
 @njit(cache=True, nogil=True)
-def _relax(x, length, level, rise, decay):  # type: ignore[no-untyped-def]
-    """Light of a part of a plane under constant drive, and the level that it ends with."""
-    constant = rise if x > level else decay
-    if constant == 0:
-        return x * length, x
-    gone = -math.expm1(-length / constant)
+def _relax(x, length, level, up, down):  # type: ignore[no-untyped-def]
+    """Light of a part of a plane under constant drive, and the level that it ends with. up, down:
+    (time constant in planes, what is gone of the difference when the part ends)."""
+    constant, gone = up if x > level else down
     return x * length + (level - x) * constant * gone, level + (x - level) * gone
+
+
+@njit(cache=True, nogil=True)
+def _gone(constant, length):  # type: ignore[no-untyped-def]
+    """What is gone of a difference after a part of a plane; all of it without a time constant."""
+    return constant, -math.expm1(-length / constant) if constant > 0 else 1.0
 
 
 @njit(cache=True, nogil=True)
@@ -67,6 +71,9 @@ def _show(  # type: ignore[no-untyped-def]
     share = pulse if drive == 0 else 1.0
     reach = max(_LINE // span, 1) * span
     line = np.empty(reach)
+    slow = rise > 0 or decay > 0
+    up, down = _gone(rise, share), _gone(decay, share)
+    up_after, down_after = _gone(rise, 1.0 - share), _gone(decay, 1.0 - share)
     for pixel in range(words.shape[1]):
         row = light[group[pixel]]
         tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
@@ -91,11 +98,11 @@ def _show(  # type: ignore[no-untyped-def]
                     line[m - first] = 1.0 if drive == 0 else x
                     age, seen = 0, True
                 n = m + 1
-            if rise > 0 or decay > 0:
+            if slow:
                 for k in range(stop - first):
-                    total, level = _relax(line[k] / share, share, level, rise, decay)
+                    total, level = _relax(line[k] / share, share, level, up, down)
                     if share < 1.0:
-                        after, level = _relax(0.0, 1.0 - share, level, rise, decay)
+                        after, level = _relax(0.0, 1.0 - share, level, up_after, down_after)
                         total += after
                     line[k] = total
             slot = first // span
