@@ -9,6 +9,7 @@ from display.quality.blur import (
     mprt,
     mprt_full_width,
 )
+from display.quality.figures import FlickerFigures, flicker_figures
 from display.quality.flicker import (
     LIMITS,
     Ieee1789,
@@ -20,12 +21,13 @@ from display.quality.flicker import (
 from display.quality.latency import fallen, half_way, relaxed, risen
 from display.quality.pstlm import LEAST_SECONDS, pst_lm
 from display.quality.spectrum import Spectrum, spectrum
-from display.quality.svm import svm, svm_threshold
+from display.quality.svm import LEAST_RATE, svm, svm_threshold
 from display.quality.tcsf import critical_frequency, sensitivity, tcsf, tcsf_visibility
 
 __all__ = [
-    "LEAST_SECONDS", "LIMITS", "STEP_SHARE", "Ieee1789", "Spectrum", "bet", "blur_edge_width",
-    "cmr_like", "critical_frequency", "ebet", "fallen", "flicker_index", "half_way", "ieee_1789",
-    "mprt", "mprt_full_width", "percent_flicker", "pst_lm", "relaxed", "risen", "risk_of",
-    "sensitivity", "spectrum", "svm", "svm_threshold", "tcsf", "tcsf_visibility",
+    "LEAST_RATE", "LEAST_SECONDS", "LIMITS", "STEP_SHARE", "FlickerFigures", "Ieee1789",
+    "Spectrum", "bet", "blur_edge_width", "cmr_like", "critical_frequency", "ebet", "fallen",
+    "flicker_figures", "flicker_index", "half_way", "ieee_1789", "mprt", "mprt_full_width",
+    "percent_flicker", "pst_lm", "relaxed", "risen", "risk_of", "sensitivity", "spectrum", "svm",
+    "svm_threshold", "tcsf", "tcsf_visibility",
 ]  # fmt: skip

@@ -14,9 +14,17 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from display.quality.spectrum import spectrum, waveform
+from display.quality.spectrum import Spectrum, spectrum, waveform
 
-__all__ = ["LIMITS", "Ieee1789", "flicker_index", "ieee_1789", "percent_flicker", "risk_of"]
+__all__ = [
+    "LIMITS",
+    "Ieee1789",
+    "flicker_index",
+    "ieee_1789",
+    "ieee_1789_of",
+    "percent_flicker",
+    "risk_of",
+]
 
 Risk = Literal["no effect", "low risk", "high risk"]
 EXEMPT: Final = 3000.0
@@ -72,6 +80,11 @@ def ieee_1789(wave: npt.ArrayLike, rate: float) -> Ieee1789:
     """The class of light sampled `rate` times a second: of its strongest component, whose amplitude
     over the mean is the modulation. That of short pulses exceeds 100 %: they have harmonics beside
     it. Noise is told by what about a hertz of it holds (see `spectrum`)."""
-    frequency, contrast = spectrum(wave, rate).components()
+    return ieee_1789_of(spectrum(wave, rate))
+
+
+def ieee_1789_of(lines: Spectrum) -> Ieee1789:
+    """The class of a spectrum."""
+    frequency, contrast = lines.components()
     k = int(np.argmax(contrast))
     return risk_of(float(frequency[k]), float(100 * contrast[k]))

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from display.quality.spectrum import Values, spectrum
+from display.quality.spectrum import Spectrum, Values, spectrum
 
-__all__ = ["svm", "svm_threshold"]
+__all__ = ["LEAST_RATE", "check_svm", "svm", "svm_of", "svm_threshold"]
 
 EXPONENT: Final = 3.7
 LOWEST: Final = 80.0
@@ -24,6 +24,7 @@ HIGHEST: Final = 2000.0
 """Hz of components that count."""
 LEAST_SECONDS: Final = 1.0
 LEAST_RATE: Final = 4000.0
+"""Hz, samples: twice the highest component."""
 
 
 def svm_threshold(frequency: npt.ArrayLike) -> Values:
@@ -38,13 +39,21 @@ def svm(wave: npt.ArrayLike, rate: float) -> float:
     Raises ValueError for less than 1 s, or less than 4000 samples a second. What leaks from a line
     into bins beside it is put back before the power 3.7 is taken (see `spectrum`).
     """
-    seconds = np.size(wave) / rate
+    check_svm(np.size(wave) / rate, rate)
+    return svm_of(spectrum(wave, rate))
+
+
+def check_svm(seconds: float, rate: float) -> None:
+    """Raises ValueError for less than 1 s, or less than 4000 samples a second."""
     if seconds < LEAST_SECONDS * (1 - 1e-9) or rate < LEAST_RATE:
         raise ValueError(
             f"SVM needs at least {LEAST_SECONDS:g} s sampled at {LEAST_RATE:g} Hz or more, not "
             f"{seconds:g} s at {rate:g} Hz"
         )
-    lines = spectrum(wave, rate)
+
+
+def svm_of(lines: Spectrum) -> float:
+    """SVM of a spectrum."""
     frequency, visible = lines.components(1 / svm_threshold(lines.frequency))
     counts = (frequency >= LOWEST) & (frequency <= HIGHEST)
     return float((visible[counts] ** EXPONENT).sum() ** (1 / EXPONENT))

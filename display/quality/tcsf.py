@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from display.quality.spectrum import Values, spectrum
+from display.quality.spectrum import Spectrum, Values, spectrum
 
-__all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility"]
+__all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility", "tcsf_visibility_of"]
 
 TAU: Final = 0.00292069
 KAPPA: Final = 2.12547
@@ -96,7 +96,11 @@ def tcsf_visibility(
 ) -> float:
     """How far beyond threshold the flicker of light sampled `rate` times a second is: above 1 it is
     seen. luminance: cd/m2, mean. field: (width, height) degrees that flicker as one."""
-    lines = spectrum(wave, rate)
+    return tcsf_visibility_of(spectrum(wave, rate), luminance, field)
+
+
+def tcsf_visibility_of(lines: Spectrum, luminance: float, field: tuple[float, float]) -> float:
+    """The same of a spectrum."""
     gain = _gains(len(lines.frequency), float(lines.frequency[1]), luminance, field)
     return float(np.sqrt((lines.energy[: len(gain)] * gain**2).sum()))
 

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from display import FramePanel, Projector, SpikePanel
+from display import DRIVES, FramePanel, Projector, SpikePanel
 from display.quality import bet, blur_edge_width, cmr_like, ebet
-from scenarios.probes.film import Probe, edge_light, lux_of
+from scenarios.probes.film import Probe, edge_light, lux_of, spread_errors
 from scenarios.probes.waveform import every_drive
 
 __all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
@@ -34,13 +34,19 @@ ROWS: Final = 8, 32
 """within so many rows."""
 REACH: Final = 3.5
 """Mean intervals that the profile reaches behind the edge: two pass before held light settles."""
+WIDEST: Final = 1024
+"""Columns that are filmed."""
 MARGIN: Final = 10.0
 """Pixels that it reaches on either side in any case."""
 FINE: Final = 0.05
 """Pixels, of a profile's samples for bright light."""
 PARTS: Final = 4
-"""Instants in a plane at which the eye is moved on."""
-PROJECTED: Final = 64
+"""Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
+PHASES: Final = 4
+"""Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
+SAMPLES: Final = 40_000
+"""A second, of the light of frames."""
+PROJECTED: Final = 32
 """Rows of the projector, whose errors begin differently."""
 
 
@@ -99,13 +105,16 @@ def _places(interval: float) -> Values:
 
 
 def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed: int) -> list[Blur]:
-    """Every drive of a panel. edge: (ahead, behind), spikes a cycle."""
+    """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
+    `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
     hz = panel.clock.hz
     dimmest = min(rate for rate in edge if rate > 0)
     x = _places(SPEED / hz / min(dimmest, 1.0))
     # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * EXPOSURE + x[-1]) + 2
+    if width > WIDEST:
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
     setting = probe.sized(probe.setting.chip.height, width, seed)
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
@@ -116,13 +125,14 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     columns = np.broadcast_to(np.arange(width), (rows, width))
     first = math.ceil(begin / SPEED * hz)
     planes = np.arange(first, first + round(EXPOSURE * hz))
+    count = max(PARTS, math.ceil(SPEED / hz / FINE))
     found = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         shown = light_of[planes]
         lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
-        parts = (np.arange(PARTS) + 0.5) / PARTS * lit
+        parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(shown, PARTS, axis=0), times, x)
+        profile = retina(np.repeat(shown, count, axis=0), times, x)
         found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return found
 
@@ -155,9 +165,7 @@ def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns:
     """(instants, columns) the same of binary planes, averaged over rows."""
     rate = panel.rate.hz
     shown = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
-    row = np.arange(PROJECTED)[:, None]
-    # A low-discrepancy spread (R2, Roberts) keeps neighbours from flashing together; assumed.
-    error = (row * 0.7548776662466927 + columns[None, :] * 0.5698402909980532) % 1 - 0.5
+    error = spread_errors(np.arange(PROJECTED)[:, None], columns)
     out = np.empty((len(times), len(columns)))
     for k in range(int(shown[-1]) + 1):
         goal = edge[0] + (edge[1] - edge[0]) * np.clip(SPEED * k / rate - columns, 0, 1)
@@ -168,30 +176,42 @@ def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns:
     return out
 
 
+def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> float:
+    """BEW of an edge between two levels of such a panel, pixels."""
+    travel, late = SPEED / panel.rate.hz, panel.latency * SPEED
+    if isinstance(panel, Projector):  # a dim pixel waits for its plane
+        slow = travel / min(level for level in edge if level > 0)
+    else:
+        slow = 5 * panel.response * SPEED
+    x = np.arange(
+        -MARGIN - late - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
+    )
+    # The eye looks from an instant at which 60 Hz and its multiples begin a frame.
+    start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * 60) / 60
+    columns = np.arange(math.ceil(SPEED * (start + EXPOSURE) + x[-1]) + 3, dtype=np.float64)
+    count = round(EXPOSURE * SAMPLES)
+    times = start + (np.arange(count) + 0.5) / SAMPLES
+    if isinstance(panel, Projector):
+        return _measured(x, retina(_planes(panel, edge, times, columns), times, x), edge)
+    total = np.zeros(len(x))
+    for part in np.arange(PHASES) / PHASES:
+        light = _frames(panel, edge, times, columns - part)
+        total += retina(light, times, x + part)
+    return _measured(x, total / PHASES, edge)
+
+
 def frame_blur(
     panel: FramePanel | Projector, white_rate: float, edges: Sequence[tuple[float, float]]
 ) -> list[Blur]:
-    """A panel of frames fed the true light. white_rate: the light that it shows as white."""
-    travel = SPEED / panel.rate.hz
-    slow = 0.0 if isinstance(panel, Projector) else 5 * panel.response * SPEED
-    late = panel.latency * SPEED
+    """A panel of frames fed the true light. white_rate: the light that it shows as white.
+
+    Frames are linear in light, so all edges between two levels have one profile.
+    """
+    if not isinstance(panel, Projector):
+        width = _frame_width(panel, (0.0, 1.0))
+        return [Blur.of(panel.name, "", edge, width) for edge in edges]
     found = []
     for edge in edges:
         share = min(edge[0] / white_rate, 1.0), min(edge[1] / white_rate, 1.0)
-        if isinstance(panel, Projector):  # a dim pixel waits for its plane
-            slow = travel / min(s for s in share if s > 0)
-        step = max(FINE, (travel + slow) / 400)
-        x = np.arange(-MARGIN - late - 2 * travel - 2 * slow, MARGIN + travel, step)
-        begin = math.ceil(-x[0]) + 1
-        columns = np.arange(begin + math.ceil(SPEED * EXPOSURE + x[-1]) + 2, dtype=np.float64)
-        count = round(EXPOSURE * 40e3)
-        start = math.ceil(begin / SPEED * 60) / 60  # whole frames of 60 Hz and its multiples
-        if SPEED * (start + EXPOSURE) + x[-1] >= len(columns) - 1:
-            more = math.ceil(SPEED * (start + EXPOSURE) + x[-1]) + 2
-            columns = np.arange(more, dtype=np.float64)
-        times = start + (np.arange(count) + 0.5) / count * EXPOSURE
-        show = _planes if isinstance(panel, Projector) else _frames
-        light = show(panel, share, times, columns)  # type: ignore[arg-type]
-        profile = retina(light, times, x)
-        found.append(Blur.of(panel.name, "", edge, _measured(x, profile, edge)))
+        found.append(Blur.of(panel.name, "", edge, _frame_width(panel, share)))
     return found

@@ -11,7 +11,7 @@ from cosim import Block, Clock, Light, Piece, Viform
 from cosim.opencl import Device
 from sensor import CameraSetting, SpikeCamera
 
-__all__ = ["Probe", "edge_light", "lux_of", "phased_light", "steady_light"]
+__all__ = ["Probe", "edge_light", "lux_of", "phased_light", "spread_errors", "steady_light"]
 
 Places = npt.NDArray[np.int64]
 
@@ -28,7 +28,7 @@ class Probe:
     device: Device | None
 
     def sized(self, height: int, width: int, seed: int) -> CameraSetting:
-        """The setting on a chip of another size; its noise and its pattern are of `seed`."""
+        """The setting on a chip of another size; its noise is of `seed`."""
         chip = replace(self.setting.chip, height=height, width=width)
         return replace(self.setting, chip=chip, seed=seed)
 
@@ -97,3 +97,10 @@ def edge_light(
     if pieces[-1].stop < stop:
         pieces.append(Piece(pieces[-1].stop, stop, now, now))
     return Light(tuple(pieces))
+
+
+def spread_errors(row: npt.ArrayLike, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The errors, -1/2 to 1/2, that a projector's pixels begin with, by their place: spread evenly
+    (the sequence R2 of Roberts), so that neighbours do not flash together. Assumed."""
+    golden = 1.324717957244746  # root of g³ = g + 1
+    return (np.asarray(row) / golden + np.asarray(column) / golden**2) % 1 - 0.5

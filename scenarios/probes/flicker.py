@@ -19,17 +19,14 @@ import numpy.typing as npt
 from cosim import Viform
 from display import DRIVES, FramePanel, Projector, SpikePanel
 from display.quality import (
+    LEAST_RATE,
     LEAST_SECONDS,
-    Ieee1789,
-    flicker_index,
-    ieee_1789,
-    percent_flicker,
+    FlickerFigures,
+    flicker_figures,
     pst_lm,
     risk_of,
-    svm,
-    tcsf_visibility,
 )
-from scenarios.probes.film import Probe, lux_of, steady_light
+from scenarios.probes.film import Probe, lux_of, spread_errors, steady_light
 from scenarios.probes.waveform import every_drive, panel_light
 
 __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
@@ -50,20 +47,14 @@ SUMMED: Final = 32
 
 @dataclass(frozen=True)
 class Flicker:
-    """A row of the table; of pixels, the median of 16. display, drive, rate: see `Latency`. mean:
-    the light that was shown, packets Q a cycle (as such of a panel of frames). percent: %. index,
-    svm: 1. visibility: above 1 it is seen (elaTCSF). ieee: of the strongest component."""
+    """A row of the table; of pixels, the median of 16. display, drive, rate: see `Latency`. told:
+    mean in packets Q a cycle (of frames, what would be as bright)."""
 
     display: str
     drive: str
     rate: float
     area: Area
-    mean: float
-    percent: float
-    index: float
-    svm: float
-    visibility: float
-    ieee: Ieee1789
+    told: FlickerFigures
 
 
 @dataclass(frozen=True)
@@ -83,27 +74,27 @@ def _row(
     lit = [wave for wave in waves.T if wave.max() > 0]
     if not lit:
         none = math.nan
-        return Flicker(display, drive, rate, area, 0.0, none, none, none, none, risk_of(0.0, 0.0))
+        dark = FlickerFigures(0.0, none, none, none, none, risk_of(0.0, 0.0))
+        return Flicker(display, drive, rate, area, dark)
     field = (PATCH if area == "patch" else 1) / eye.per_degree
     white = eye.white * float(np.mean(lit)) / eye.white_rate
-    told = []
-    for wave in lit:
-        mean = float(wave.mean())
-        ieee = ieee_1789(wave, hz)
-        told.append(
-            (
-                mean, percent_flicker(wave), flicker_index(wave), svm(wave, hz),
-                tcsf_visibility(wave, hz, white, (field, field)),
-                ieee.frequency, ieee.modulation,
-            )
-        )  # fmt: skip
-    mean, percent, index, seen, visible, frequency, modulation = (
-        float(v) for v in np.median(np.array(told), axis=0)
+    finer = math.ceil(LEAST_RATE / hz)  # a slow clock's light is constant between its samples
+    told = [
+        flicker_figures(np.repeat(wave, finer), hz * finer, white, (field, field)) for wave in lit
+    ]
+
+    def median(name: str) -> float:
+        return float(np.median([getattr(one, name) for one in told]))
+
+    ieee = risk_of(
+        float(np.median([one.ieee.frequency for one in told])),
+        float(np.median([one.ieee.modulation for one in told])),
     )
-    return Flicker(
-        display, drive, rate, area, mean, percent, index, seen, visible,
-        risk_of(frequency, modulation),
+    figures = FlickerFigures(
+        median("mean"), median("percent"), median("index"), median("svm"), median("visibility"),
+        ieee,
     )  # fmt: skip
+    return Flicker(display, drive, rate, area, figures)
 
 
 def _film(probe: Probe, rate: float, seconds: float, seed: int) -> tuple[Viform, int]:
@@ -156,12 +147,14 @@ def _strobed(panel: FramePanel) -> Values:
     return (np.diff(lit) * (SAMPLES / panel.rate.hz))[:, None]
 
 
-def _planes(panel: Projector, level: float) -> Values:
-    """(planes, pixels) of a second: on wherever the carried error passes one half."""
+def _planes(panel: Projector, level: float) -> tuple[Values, Values]:
+    """(planes, 1) of a patch and (planes, 16) of pixels, a second: on wherever the carried error
+    passes one half."""
     row, column = np.indices((PATCH, PATCH))
-    begin = (row * 0.7548776662466927 + column * 0.5698402909980532).ravel() % 1
-    k = np.arange(math.ceil(SECONDS * panel.rate.hz) + 1)[:, None]
-    return np.diff(np.floor(begin + k * level), axis=0)
+    begin = spread_errors(row, column).ravel() + 0.5
+    grown = np.arange(math.ceil(SECONDS * panel.rate.hz) + 1)[:, None] * level
+    on = np.floor(begin + grown)  # planes that were on so far
+    return np.diff(on.mean(axis=1, keepdims=True), axis=0), np.diff(on[:, :: PATCH + 1], axis=0)
 
 
 def frame_flicker(
@@ -174,12 +167,10 @@ def frame_flicker(
     for rate in rates:
         level = min(rate / white_rate, 1.0)
         if isinstance(panel, Projector):
-            planes = _planes(panel, level) * white_rate
-            hz, patch = panel.rate.hz, planes.mean(axis=1, keepdims=True)
-            single = planes[:, :: PATCH + 1]
+            hz, (patch, single) = panel.rate.hz, _planes(panel, level)
         else:
-            hz, patch = float(SAMPLES), _strobed(panel) * level * white_rate
+            hz, patch = float(SAMPLES), _strobed(panel) * level
             single = patch
-        rows.append(_row(panel.name, "", rate, "patch", patch, hz, eye))
-        rows.append(_row(panel.name, "", rate, "pixel", single, hz, eye))
+        rows.append(_row(panel.name, "", rate, "patch", patch * white_rate, hz, eye))
+        rows.append(_row(panel.name, "", rate, "pixel", single * white_rate, hz, eye))
     return rows

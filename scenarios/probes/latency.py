@@ -12,7 +12,8 @@ latency:
 - transport: the panel's.
 - hold: from there until the light passes half way between its settled means, emitter and all. A
   panel that holds intervals waits for the second spike here. Light that had gone before the news
-  came counts as gone when it comes: 0.
+  came counts as gone when it comes: 0. That of packets ends with the last of them; that no
+  more will follow, an eye can only know after some intervals.
 
 What charge pixels hold at an edge is theirs: out of the dark it is the random one that a run starts
 with (or none, with `random initial charge` left out), which is what makes the first interval of

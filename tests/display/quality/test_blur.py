@@ -27,10 +27,10 @@ def pursued(weight, shift, x, aperture=0.0):
 
 @pytest.mark.parametrize(("hold", "rate"), [(1.0, 60), (1.0, 120), (0.03, 60)])
 def test_a_hold_of_t_has_bet_0_8_t_and_ebet_t(hold, rate):
-    time = (np.arange(4000) + 0.5) / 4000 * hold / rate
+    time = (np.arange(1000) + 0.5) / 1000 * hold / rate
     shift = SPEED * (time - time.mean())
-    x = np.linspace(-80, 80, 16001)
-    blur = bet(blur_edge_width(x, pursued(np.ones(4000), shift, x)), SPEED)
+    x = np.linspace(-80, 80, 8001)
+    blur = bet(blur_edge_width(x, pursued(np.ones(1000), shift, x)), SPEED)
     assert blur == pytest.approx(0.8 * hold / rate, rel=2e-3)
     assert ebet(blur) == pytest.approx(hold / rate, rel=2e-3)
 
