@@ -6,11 +6,12 @@ from display.making import AnyRenderer, make_renderer
 from display.observers import CameraPlane, FixedEye, PursuingEye
 from display.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
 from display.plain import PlainRenderer
+from display.plane_by_plane import PlaneByPlane
 from display.renderer import Renderer
 from display.views import Observer, Views, panel_views
 
 __all__ = [
     "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "Drive", "Fit", "FixedEye", "FramePanel",
-    "Observer", "PlainRenderer", "Projector", "PursuingEye", "Renderer", "SpikePanel", "Views",
-    "fit_words", "make_renderer", "panel_views", "probe_gl",
+    "Observer", "PlainRenderer", "PlaneByPlane", "Projector", "PursuingEye", "Renderer",
+    "SpikePanel", "Views", "fit_words", "make_renderer", "panel_views", "probe_gl",
 ]  # fmt: skip

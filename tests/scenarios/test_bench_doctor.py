@@ -50,13 +50,13 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
     import numpy as np
 
     words = []
-    least = scenarios.bench._least
+    least = scenarios.bench.least
 
     def spy(call, repeats=1):  # type: ignore[no-untyped-def]
         words.append(call())
         return least(call, repeats)
 
-    monkeypatch.setattr(scenarios.bench, "_least", spy)
+    monkeypatch.setattr(scenarios.bench, "least", spy)
     scenarios.bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
     assert rate == pytest.approx((scenarios.bench.DARK + scenarios.bench.BRIGHT) / 2, rel=0.02)
