@@ -17,6 +17,8 @@ from display.shader import vertex
 
 __all__ = ["PlaneByPlane"]
 
+KEEP = 1 - 2**-10
+"""Of what is seen, from plane to plane."""
 _HEAD = """#version 330
 uniform usampler2D plane, state; uniform sampler2D bytes, before;
 uniform float keep; uniform vec2 shift;
@@ -65,7 +67,7 @@ class PlaneByPlane:
         self._program = self._context.program(
             vertex_shader=vertex(), fragment_shader=f"{_HEAD}{_SHADERS[kind]}{_SEEN} }}"
         )
-        places = {"plane": 0, "bytes": 0, "before": 1, "state": 2, "keep": 0.999}
+        places = {"plane": 0, "bytes": 0, "before": 1, "state": 2, "keep": KEEP}
         for name, value in places.items():
             uniform = self._program.get(name, None)
             if isinstance(uniform, moderngl.Uniform):

@@ -60,9 +60,9 @@ def _planes_a_second(
     planes = np.stack(bits).astype(np.uint8)
     ours, plain = Renderer(panel, batch, 1), PlaneByPlane(kind, shape)
 
-    def show() -> None:
+    def show() -> npt.NDArray[np.float64]:
         ours.step(words, CYCLES, views)
-        ours.take(0)
+        return ours.take(0)
 
     try:
         spent = least_of([show, lambda: plain.show(planes, SPEED / REAL_TIME)], REPEATS)

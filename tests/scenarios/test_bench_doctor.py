@@ -95,6 +95,13 @@ def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch
     assert not check.ok and "pocl-opencl-icd" in check.mend
 
 
+def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.doctor, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = scenarios.doctor._gl()
+    assert not check.ok and not check.needed
+    assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
+
+
 def test_the_test_command_passes_arguments_to_pytest_and_reports_failure(
     tmp_path, capfd: pytest.CaptureFixture[str]
 ) -> None:  # type: ignore[no-untyped-def]
