@@ -9,9 +9,11 @@ from display.plain import PlainRenderer
 from display.plane_by_plane import PlaneByPlane
 from display.renderer import Renderer
 from display.views import Observer, Views, panel_views
+from display.window import Window, open_window
 
 __all__ = [
     "DRIVES", "GL_INSTALL", "AnyRenderer", "CameraPlane", "Drive", "Fit", "FixedEye", "FramePanel",
     "Observer", "PlainRenderer", "PlaneByPlane", "Projector", "PursuingEye", "Renderer",
-    "SpikePanel", "Views", "fit_words", "make_renderer", "panel_views", "probe_gl",
+    "SpikePanel", "Views", "Window", "fit_words", "make_renderer", "open_window", "panel_views",
+    "probe_gl",
 ]  # fmt: skip
