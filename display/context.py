@@ -30,13 +30,13 @@ _BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "
 INSTEAD = "or --set display.renderer=numpy, slower"
 _PACKAGES = f"install a driver ({GL_INSTALL}), {INSTEAD}"
 _CAUSES = (
-    ("not loaded", "the GL libraries", "libGL.so.1 and libEGL.so.1 where the loader finds them"),
-    ("found 0 devices", "the EGL vendor", "one that is installed (libegl-mesa0)"),
-    ("eglinitialize failed", "the GL driver", "one that starts (libgl1-mesa-dri)"),
-    ("eglcreatecontext failed", "OpenGL", "version 3.3 or later"),
-    ("version", "OpenGL", "version 3.3 or later"),
+    ("not loaded", "the GL libraries", "libGL.so.1 and libEGL.so.1", "missing"),
+    ("found 0 devices", "the EGL vendor", "installed (libegl-mesa0)", "missing"),
+    ("eglinitialize failed", "the GL driver", "one that starts (libgl1-mesa-dri)", "missing"),
+    ("eglcreatecontext failed", "OpenGL", "version 3.3 or later", "older"),
+    ("version", "OpenGL", "version 3.3 or later", "older"),
 )
-"""Of a failure's text in small letters: what is at fault, and what it must be."""
+"""Of a failure's text in small letters: what is at fault, what it must be, and what it is."""
 _PROBE = """
 import json
 from display.context import open_context
@@ -71,9 +71,9 @@ def open_context() -> moderngl.Context:
 
 def _refused(exc: Exception) -> InputError:
     text = " ".join(str(exc).split())
-    for words, what, must in _CAUSES:
+    for words, what, must, given in _CAUSES:
         if words in text.lower():
-            return InputError(what, must, f"what it is here ({text})", _PACKAGES)
+            return InputError(what, must, f"{given} ({text})", _PACKAGES)
     return InputError("the GL context", "one that can be made", f"refused ({text})", _PACKAGES)
 
 
@@ -102,7 +102,8 @@ def check_alive(context: moderngl.Context) -> None:
     """Raises InputError where a context was lost or released, or ran out of memory."""
     if type(context.mglo).__name__ == "InvalidObject":
         raise lost("released")
-    error = context.error
+    with context:
+        error = context.error
     if error == "GL_OUT_OF_MEMORY":
         raise InputError(
             "the panel", "small enough for the memory of the GL driver", "larger",

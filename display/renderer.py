@@ -98,13 +98,15 @@ class Renderer:
 
     @contextmanager
     def _alive(self) -> Iterator[None]:
+        """Within, the context is there and is the one that calls go to."""
         check_alive(self._context)
-        try:
-            yield
-        except moderngl.Error:
+        with self._context:
+            try:
+                yield
+            except moderngl.Error:
+                check_alive(self._context)
+                raise
             check_alive(self._context)
-            raise
-        check_alive(self._context)
 
     def step(self, words: Words, cycles: int, views: Views | None) -> None:
         """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
