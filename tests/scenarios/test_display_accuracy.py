@@ -20,7 +20,7 @@ from tests.scenarios.test_display_plan import GLASS, SPANS
 def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path: Path = tmp_path_factory.mktemp("accuracy") / "glass.toml"
     path.write_text(GLASS)
-    sets = ["duration=6.4 ms", "image.at=[128]", "display.renderer=numpy"]
+    sets = ["duration=4.8 ms", "image.at=[128]", "display.renderer=numpy"]
     _, scenario = load(str(path), sets)
     return accuracy(scenario, None, SilentProgress())
 
