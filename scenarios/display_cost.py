@@ -30,7 +30,7 @@ def golden_ns(setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> 
 
 
 def display_ns(kind: str, setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> float:
-    """The same of the renderer of this kind (`gl`, `numpy`). shown: what is shown, block by block."""
+    """The same of the renderer of this kind (`gl`, `numpy`). shown: words, block by block."""
     make: Any = getattr(display, "make_renderer", None)
     if kind == "numpy" or make is None:
         return golden_ns(setting, shown)

@@ -222,7 +222,7 @@ SHOWING: Final = (
     ),
     Case(
         23, "ages of zero and without end",
-        "a spike a plane is a packet a plane; an age beyond 2^32 never begins anew; no light without an interval",
+        "light of each plane, with a spike in each, at ages about 2^32, without an interval",
         "Python integers", "32-bit age that wraps; 1 / tau without a tau", "packets", 1e-15, ages,
         _shipped,
     ),
