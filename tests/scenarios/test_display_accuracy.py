@@ -20,7 +20,7 @@ from tests.scenarios.test_display_plan import GLASS, SPANS
 def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path: Path = tmp_path_factory.mktemp("accuracy") / "glass.toml"
     path.write_text(GLASS)
-    sets = ["duration=6.4 ms", "image.at=[128]", "display.renderer=numpy"]
+    sets = ["duration=4.8 ms", "image.at=[128]", "display.renderer=numpy"]
     _, scenario = load(str(path), sets)
     return accuracy(scenario, None, SilentProgress())
 
@@ -72,5 +72,6 @@ def test_the_display_s_cost_counts_planes_and_looks(document):
             super().step(words, cycles, views)
 
     assert cost._time(Counting, setting, shown, 300) > 0
-    assert asked == [(64, 8)] * 3
+    # Two blocks a draw, four times through.
+    assert asked == [(128, 16), (64, 8)] * 4
     assert golden_ns(setting, shown) > 0 and display_ns("numpy", setting, shown[:1]) > 0
