@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+from display.quality import FlickerFigures
 from scenarios.glass import Shown
 from scenarios.glass.finish import SPIKE, title_of
-from scenarios.probes import Blur, Flicker, Latency
+from scenarios.probes import Blur, Latency
 from scenarios.probes.metrics import GREY, NAMES
 from scenarios.report.parts import table
 
@@ -55,10 +56,10 @@ def _blur(shown: Shown, display: str, drive: str, edge: tuple[float, float]) -> 
     )  # fmt: skip
 
 
-def _flicker(shown: Shown, display: str, drive: str, rate: float) -> Flicker:
+def _flicker(shown: Shown, display: str, drive: str, rate: float) -> FlickerFigures:
     rows = shown.probes.flicker
     return next(
-        r for r in rows
+        r.told for r in rows
         if (r.display, r.drive, r.rate, r.area) == (display, drive, rate, "patch")
     )  # fmt: skip
 
