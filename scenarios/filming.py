@@ -81,6 +81,7 @@ def _film(
     try:
         seconds = run_blocks(
             stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
+            every_s=30.0 if run.glass is None else 60.0,  # what was seen so far is half a gigabyte
             mend=mend(folder),
         )  # fmt: skip
         checkpoint.save(cycles, stages)
