@@ -3,14 +3,17 @@
 Left out are those effects whose cost is the most, as long as the linear sum of their bounds stays
 within half the tolerance in every tile (the other half is for what the bounds do not see); an
 estimate counts twice. What costs nothing is kept. Effects of scope "plane" are kept or left out
-everywhere; the others tile by tile. There are few effects, so every set is tried.
+everywhere; the others tile by tile. The sets of the plane are gone through from what leaves out the
+most; one that cannot be cheaper than the best so far is not looked into.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +98,66 @@ def _total(effects: Sequence[Effect], costs: Values, out: frozenset[int]) -> Val
     return sum(groups.values(), np.zeros(costs.shape[1]))
 
 
+_TIE: Final = 1e-12
+"""Relative difference of costs below which two plans are alike: the one that keeps more is made."""
+
+
+class _Search:
+    """The cheapest set of plane effects to leave out, with the cheapest of `local` in each tile.
+
+    Branch and bound: each effect of the plane is left out first and kept second. What a branch may
+    cost at the least is what is left when all that it has not decided is left out, whether or not
+    it fits.
+    """
+
+    def __init__(
+        self, effects: Sequence[Effect], costs: Values, promise: Values, room: float,
+        plane: Sequence[int], local: Sequence[tuple[int, ...]],
+    ) -> None:  # fmt: skip
+        self._effects, self._costs, self._promise, self._room = effects, costs, promise, room
+        self._local = local
+        fitting = [n for n in plane if not (promise[n] > room).any()]
+        # Those that save the most first; the order does not change what is found.
+        self._plane = sorted(fitting, key=lambda n: (-float(costs[n].mean()), n))
+        self._place = {n: k for k, n in enumerate(plane)}
+        self._found: dict[tuple[int, ...], tuple[float, npt.NDArray[np.intp]]] = {}
+        self._best = math.inf
+
+    def best(self) -> tuple[float, tuple[int, ...], npt.NDArray[np.intp]]:
+        """Cost, effects of the plane to leave out, and the number in `local` of each tile."""
+        self._look(0, (), np.zeros(self._costs.shape[1]))
+        low = min(total for total, _ in self._found.values())
+        alike = [out for out, (total, _) in self._found.items() if total <= low * (1 + _TIE)]
+        out = min(alike, key=lambda o: (len(o), [self._place[n] for n in o]))
+        total, chosen = self._found[out]
+        return total, out, chosen
+
+    def _look(self, at: int, out: tuple[int, ...], spent: Values) -> None:
+        rest = self._plane[at:]
+        free = frozenset((*out, *rest, *(n for more in self._local for n in more)))
+        if float(_total(self._effects, self._costs, free).mean()) > self._best * (1 + _TIE):
+            return
+        if not rest:
+            total, chosen = self._tiles(out, spent)
+            self._best = min(self._best, total)
+            self._found[tuple(sorted(out, key=self._place.__getitem__))] = total, chosen
+            return
+        more = spent + self._promise[rest[0]]
+        if not (more > self._room).any():
+            self._look(at + 1, (*out, rest[0]), more)
+        self._look(at + 1, out, spent)
+
+    def _tiles(self, out: tuple[int, ...], spent: Values) -> tuple[float, npt.NDArray[np.intp]]:
+        """Mean cost of the cheapest local set of each tile, and which it is: the first of equals,
+        which keeps the most."""
+        cost = np.full((len(self._local), spent.size), np.inf)
+        for m, more in enumerate(self._local):
+            fits = spent + self._promise[np.array(more, int)].sum(axis=0) <= self._room
+            own = _total(self._effects, self._costs, frozenset(out + more))
+            cost[m] = np.where(fits, own, np.inf) if more else own
+        return float(cost.min(axis=0).mean()), cost.argmin(axis=0)
+
+
 def make_plan(
     effects: Sequence[Effect],
     scene: Summary,
@@ -129,22 +192,8 @@ def make_plan(
     ]  # fmt: skip
     plane = [n for n in able if effects[n].scope == "plane"]
     local = _subsets([n for n in able if effects[n].scope == "tile"])
-    every = np.ones(tiles, bool)
-    best: tuple[float, tuple[int, ...], npt.NDArray[np.intp]] | None = None
-    for out in _subsets(plane):  # fewer left out first: a tie keeps more
-        spent = promise[np.array(out, int)].sum(axis=0)
-        if out and (spent > room).any():
-            continue
-        cost = np.full((len(local), tiles), np.inf)
-        for m, more in enumerate(local):
-            fits = spent + promise[np.array(more, int)].sum(axis=0) <= room if more else every
-            cost[m] = np.where(fits, _total(effects, costs, frozenset(out + more)), np.inf)
-        chosen = cost.argmin(axis=0)
-        total = float(cost.min(axis=0).mean())
-        if best is None or total < best[0] * (1 - 1e-12):
-            best = (total, out, chosen)
-    assert best is not None  # nothing left out is always a plan
-    total_cost, out, chosen = best
+    search = _Search(effects, costs, promise, room, plane, local)
+    total_cost, out, chosen = search.best()
     kept = np.ones((len(effects), tiles), bool)
     kept[np.array(out, int)] = False
     for m, more in enumerate(local):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
+from cosim.effects import Effect
+from display.effects import SPANS, emission_effect, planes_effect, row_timing_effect
 from display.panel import SpikePanel
-from display.views import Observer
+from display.views import Observer, Views, panel_views
 
 __all__ = ["DisplaySetting"]
 
@@ -19,3 +23,42 @@ class DisplaySetting:
     observer: Observer
     batch: int = 1
     row_timing: bool = True
+
+    @property
+    def shown(self) -> SpikePanel:
+        """The panel with the timing of its rows that is simulated."""
+        return self.panel if self.row_timing else replace(self.panel, row_scan=0.0)
+
+    def views(self, first: int, planes: int) -> Views:
+        """Of the observer, for planes `first` to `first + planes`."""
+        return panel_views(self.observer, self.shown, first, planes, self.batch)
+
+    @property
+    def kept(self) -> tuple[Effect, ...]:
+        """Every effect that acts in this setting."""
+        made = [
+            planes_effect(self.panel, self.observer, fine, coarse)
+            for fine, coarse in pairwise(SPANS)
+            if self.batch < coarse
+        ]
+        if self.row_timing and self.panel.row_scan > 0:
+            made.append(row_timing_effect(self.panel, self.observer))
+        if max(self.panel.rise, self.panel.decay) > 0:
+            made.append(emission_effect(self.panel, self.observer))
+        return tuple(made)
+
+    def without(self, names: Collection[str]) -> DisplaySetting:
+        """The setting with these effects left out, named as in `kept`; what it has not is no
+        matter. Spans grow as far as every shorter one is left out as well."""
+        batch = self.batch
+        for span in SPANS:
+            if span > batch:
+                if f"planes within {span}" not in names:
+                    break
+                batch = span
+        panel = self.panel
+        if "emission rise and decay" in names:
+            panel = replace(panel, rise=0.0, decay=0.0)
+        return replace(
+            self, panel=panel, batch=batch, row_timing=self.row_timing and "row timing" not in names
+        )

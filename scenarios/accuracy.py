@@ -4,6 +4,10 @@ The error of a row is that of its plan against the reference on patches, over th
 windows, with the same random counters. Its time is the camera's alone: the least of consecutive
 blocks of the whole chip, in the middle of the run, after a block that is thrown away. All rows see
 the same light, which is made once; evaluating errors is not timed.
+
+Where the scenario has a display, an error is of radiance as its observer integrates it, against the
+reference camera on the golden display, and a row's time is that of the camera and of the renderer
+on the same blocks; the reference's display is the golden model.
 """
 
 from __future__ import annotations
@@ -19,12 +23,17 @@ import numpy.typing as npt
 
 from cosim import BLOCK, Block
 from cosim.opencl import Device
+from cosim.viform import Words
+from display import DisplaySetting
+from scenarios.display_cost import display_ns, golden_ns
+from scenarios.display_setting import display_of
 from scenarios.order import fit_order
 from scenarios.paired import Paired, windows, worst
 from scenarios.planning import RunPlan, plan_run
 from scenarios.progress import Progress
 from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
 from scenarios.schema import Scenario
+from scenarios.shown import TRUTH, ShownPaired, ShownPatches
 from scenarios.verifier import Planned
 from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
@@ -79,17 +88,33 @@ def _signature(plan: RunPlan) -> tuple[bytes, ...]:
 
 
 def _ladder(
-    seen: Any, setting: Any, instants: list[int], device: Device | None, tier: Tier
+    seen: Any,
+    setting: Any,
+    instants: list[int],
+    device: Device | None,
+    tier: Tier,
+    display: DisplaySetting | None,
 ) -> list[tuple[list[float], RunPlan]]:
     """Distinct plans of one tier, each with the tolerances that give it, the tightest first."""
     found: list[tuple[list[float], RunPlan]] = []
     for tolerance in LADDER:
-        plan = plan_run(seen, setting, tolerance, instants, device, tier=tier)
+        plan = plan_run(seen, setting, tolerance, instants, device, tier=tier, display=display)
         if found and _signature(plan) == _signature(found[-1][1]):
             found[-1][0].append(tolerance)
         else:
             found.append(([tolerance], plan))
     return found
+
+
+def _alike(
+    ladder: Sequence[tuple[Tier, list[float], RunPlan]], spent: list[float], others: set[str]
+) -> list[float]:
+    """Cameras that differ in nothing but these other effects take the same: the least of them."""
+    keys = [
+        (tier, *(k.tobytes() for name, k in plan.plan.kept.items() if name not in others))
+        for tier, _, plan in ladder
+    ]
+    return [min(s for k, s in zip(keys, spent, strict=True) if k == key) for key in keys]
 
 
 def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
@@ -103,16 +128,17 @@ def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
 
 def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) -> dict[str, Any]:
     """The document of `viform accuracy --json` for a synchronous camera."""
-    setting, cycles, instants, lens, _, device = prepare_camera(scenario, device_name)
+    setting, cycles, instants, lens, white, device = prepare_camera(scenario, device_name)
     progress.note("looking at the scene")
     seen = look_at(scenario, setting, lens, cycles)
+    display = display_of(scenario, setting, white, instants, cycles)
     tiers: list[Tier] = ["exact"]
     if device is not None and setting.reset == "residual":
         tiers.append("fast")
     ladder = [
         (tier, tolerances, plan)
         for tier in tiers
-        for tolerances, plan in _ladder(seen, setting, instants, device, tier)
+        for tolerances, plan in _ladder(seen, setting, instants, device, tier, display)
     ]
     plane = PatchPlane(seen.grid, _tiles([plan for *_, plan in ladder], scenario.seed))
     cameras = {"reference": PatchCamera(setting, plane, "reference")}
@@ -120,28 +146,49 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     for name, (tier, _, plan) in zip(names, ladder, strict=True):
         planned = Planned(tier, plan.setting, plan.flags)
         cameras[name] = planned.on(plane, seen.grid, device)
-    window = scenario.image.window
-    paired = Paired(plane, cameras, windows(instants, window, cycles))
-    spent = _film(scenario, setting, lens, cycles, paired, ladder, device, progress)
-    pixels, floor = setting.chip.height * setting.chip.width, seen.scene.floor
+    window, floor = scenario.image.window, seen.scene.floor
+    shown = None
+    if display is not None:
+        displays = {TRUTH: ("reference", display)}
+        displays |= {
+            name: (name, plan.display)
+            for name, (*_, plan) in zip(names, ladder, strict=True) if plan.display is not None
+        }  # fmt: skip
+        shown = ShownPatches(plane, displays, floor)
+    paired = ShownPaired(plane, cameras, windows(instants, window, cycles), shown)
+    spent, words = _film(scenario, setting, lens, cycles, paired, ladder, device, progress)
+    pixels = setting.chip.height * setting.chip.width
+    golden = 0.0
+    if display is not None and scenario.display is not None:
+        golden = golden_ns(display, words)
+        spent = _alike(ladder, spent, {effect.name for effect in display.kept})
+        settings = dict.fromkeys(p.display for *_, p in ladder if p.display is not None)
+        costs = {s: display_ns(scenario.display.renderer, s, words) for s in settings}
+        spent = [
+            ns + costs[plan.display] if plan.display is not None else ns
+            for ns, (*_, plan) in zip(spent, ladder, strict=True)
+        ]
     truth = paired.rates("reference")
     rows = []
     for name, (tier, tolerances, plan), ns in zip(names, ladder, spent, strict=True):
-        found = worst(paired.rates(name), truth, floor)
+        found = worst(paired.rates(name), truth, floor) if shown is None else shown.error(name)
         for at, tolerance in enumerate(tolerances):
             rows.append(Row(
                 tier, tolerance, found.value, (found.low, found.high),
                 ns * 1e-9 * pixels * cycles, ns, list(plan.plan.everywhere),
                 list(plan.plan.left_out), tolerances[0] if at else None,
             ))  # fmt: skip
-    ns = paired.ns("reference")
+    ns = paired.ns("reference") + golden
     own = _reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.kept]
+    if display is not None:
+        everything += [effect.name for effect in display.kept]
     seconds = ns * 1e-9 * pixels * cycles
     best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
     n = float(np.mean(truth)) * window * plane.numbers.size / len(plane.tiles)
     return {
         "scenario": scenario.title,
+        "error_of": "rate" if display is None else "radiance",
         "device": device.name if device is not None else "numba on this processor",
         "reference": {
             "tier": "reference", "error": own, "ns_per_pixel_cycle": ns,
@@ -171,8 +218,8 @@ def _reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) ->
 def _film(
     scenario: Scenario, setting: Any, lens: Any, cycles: int, paired: Paired,
     ladder: Sequence[tuple[Tier, list[float], RunPlan]], device: Device | None, progress: Progress,
-) -> list[float]:  # fmt: skip
-    """Runs the scene once; ns a pixel-cycle of every row."""
+) -> tuple[list[float], list[tuple[Block, Words]]]:  # fmt: skip
+    """Runs the scene once; ns a pixel-cycle of every row, and the words of the timed blocks."""
     wider = WiderStage(scene_source(scenario, setting, cycles), setting.reach)
     relay = lens.relay(setting.chip.pitch)
     size = BLOCK
@@ -182,6 +229,7 @@ def _film(
     pixels = setting.chip.height * setting.chip.width
     each: list[list[float]] = [[] for _ in ladder]
     whole: list[SpikeCamera] = []
+    words: list[tuple[Block, Words]] = []
     progress.start(f"{len(ladder)} rows of {cycles} cycles", cycles)
     for n in range(blocks):
         block = Block(n * size, min(size, cycles - n * size))
@@ -196,9 +244,11 @@ def _film(
             again = 2 if len(timed) == 1 else 1  # the only block: its first call warms up
             for camera, took in [*zip(whole, each, strict=True)] * again:
                 begin = time.perf_counter()
-                camera.step(light, block)
+                latched = camera.step(light, block).words
                 took.append((time.perf_counter() - begin) * 1e9 / (pixels * block.cycles))
+                if camera is whole[0]:
+                    words.append((block, latched))
         elif n > timed[-1]:
             whole = []
         progress.advance(block.stop)
-    return [min(took[1:] or took) for took in each]
+    return [min(took[1:] or took) for took in each], words

@@ -7,9 +7,8 @@ calls. The plain way is what a numpy user writes, at its best: float32, in place
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
@@ -17,9 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, Clock
+from cosim.errors import InputError
 from cosim.light import Light, Piece
 from cosim.opencl import Device
 from cosim.viform import words_for
+from display import GL_INSTALL, probe_gl
+from scenarios.bench_display import display_rows
+from scenarios.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.effects import SHOT_NOISE
 from sensor.exposure import Exposure
@@ -31,43 +34,13 @@ __all__ = ["PARTS", "Row", "bench"]
 
 CYCLES = 512
 PLAIN_CYCLES = 8
-REPEATS = 5
 THRESHOLD = 1000.0
-DARK, BRIGHT = 0.03, 0.6
-"""Spikes a cycle at the darkest and brightest pixel of the bench's picture."""
 MEAN = 0.034
 """Spikes a cycle of a drawn scene."""
 BLOCK = 64
 """Cycles of a call on such a scene."""
 BOX = (400, 500)
 """Rows and columns that change in it."""
-REAL_TIME = 40e3
-"""Latch cycles a second of SpikeTwo."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One benchmark; value in unit, realtime 1 = real time. plain_ratio: null where the plain way
-    was not measured."""
-
-    name: str
-    tier: str
-    value: float
-    unit: str
-    realtime: float | None
-    ceiling_ratio: float | None
-    plain_ratio: float | None
-
-
-def _least(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Seconds of the fastest of repeated calls, the first one discarded."""
-    call()
-    spent = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        call()
-        spent.append(time.perf_counter() - begin)
-    return min(spent)
 
 
 def _ceiling(device: Device, n: int) -> float:
@@ -84,7 +57,7 @@ def _ceiling(device: Device, n: int) -> float:
         kernel(device.queue, (padded // 16,), None, phase, add, words, np.uint32(n_words))
         device.finish()
 
-    return n * CYCLES / _least(call)
+    return n * CYCLES / least(call)
 
 
 def _rates(n: int) -> npt.NDArray[np.float64]:
@@ -99,7 +72,7 @@ def _exact(device: Device | None, n: int, *, noise: bool, ramp: bool) -> float:
     charge = to_fixed(_rates(n) * THRESHOLD)
     slope = charge // (2 * CYCLES) if ramp else None
     spans = [Span(0, CYCLES, charge, slope)]
-    return n * CYCLES / _least(lambda: pixels.expose(spans, CYCLES))
+    return n * CYCLES / least(lambda: pixels.expose(spans, CYCLES))
 
 
 def _plain(n: int, *, noise: bool, ramp: bool) -> float:
@@ -118,7 +91,7 @@ def _plain(n: int, *, noise: bool, ramp: bool) -> float:
             if ramp:
                 np.add(add, slope, out=add)
 
-    return n * PLAIN_CYCLES / _least(call, 3)
+    return n * PLAIN_CYCLES / least(call, 3)
 
 
 Call = Callable[[Light, int, int], Any]
@@ -151,7 +124,7 @@ def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
         start += cycles
         call(light, start, cycles)
 
-    return n * cycles / _least(next_call, REPEATS)
+    return n * cycles / least(next_call, REPEATS)
 
 
 def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
@@ -219,12 +192,26 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows
 
 
-PARTS = {"sensor": _sensor}
+PARTS = {"sensor": _sensor, "display": display_rows}
 """Parts that have a benchmark."""
 
 
+def _need_gl() -> None:
+    there, said = probe_gl()
+    if not there:
+        raise InputError(
+            "GL through EGL", "there for bench display", f"missing: {said}",
+            f"install it ({GL_INSTALL}) or measure another part, such as viform bench sensor",
+        )  # fmt: skip
+
+
 def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
-    """The document of `viform bench --json`; the ceiling is null without an OpenCL device."""
+    """The document of `viform bench --json`; the ceiling is null without an OpenCL device.
+
+    Raises InputError before anything is measured where `parts` need a GL that is not there.
+    """
+    if "display" in parts:
+        _need_gl()
     chip = CHIPS["spiketwo"]
     ceiling = _ceiling(device, chip.width * chip.height) if device is not None else None
     rows = [row for part in parts for row in PARTS[part](device, ceiling)]

@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
 from cosim.opencl import INSTALL, cache_folder, probe
+from display import GL_INSTALL, probe_gl
 
 __all__ = ["Check", "examine"]
 
@@ -88,6 +89,12 @@ def _opencl() -> Check:
     return Check("opencl", bool(devices), names or "no device", mend)
 
 
+def _gl() -> Check:
+    there, said = probe_gl()
+    mend = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
+    return Check("gl", there, said, mend, needed=False)
+
+
 def _kernel() -> Check:
     """The chip's kernel is built and its bits are compared with plain numpy, in a child."""
     child = subprocess.run([sys.executable, "-c", _RUN_PROBE], capture_output=True, text=True)
@@ -142,7 +149,7 @@ def _clips() -> Check:
 
 
 _EXAMINATIONS: tuple[Callable[[], Check], ...] = (
-    _python, _packages, _opencl, _kernel, _clips, _cache, _memory, _disk, _folder,
+    _python, _packages, _opencl, _kernel, _gl, _clips, _cache, _memory, _disk, _folder,
 )  # fmt: skip
 
 

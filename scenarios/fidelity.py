@@ -14,6 +14,7 @@ import numpy.typing as npt
 from cosim import Clock, Plane, SpikeStream
 from scenarios.result import Latency, Metric
 from scenarios.scenes import Source
+from scenarios.ssim import Likeness, inside
 from sensor import interval_rate, isi, tfp
 
 __all__ = [
@@ -73,18 +74,7 @@ def ssim(image: Estimate, truth: Plane) -> float:
     et al., IEEE Trans. Image Process. 13:600, 2004; peak 1. NaN for images under 11 x 11."""
     if min(image.shape) < 11:
         return math.nan
-    from skimage.metrics import structural_similarity
-
-    return float(
-        structural_similarity(
-            image,
-            truth,
-            data_range=1.0,
-            gaussian_weights=True,
-            sigma=1.5,
-            use_sample_covariance=False,
-        )
-    )
+    return float(inside(Likeness(truth).map(image)).mean(dtype=np.float64))
 
 
 def take_shots(

@@ -65,8 +65,9 @@ def begin_folder(folder: Path, scenario: str) -> None:
     """The scenario's TOML is written first; what an earlier run said of itself here goes."""
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
-    for picture in (folder / "images").glob("t*-*.png"):
-        picture.unlink()
+    for kind in ("t*", "eye", "pursuit", "camera"):
+        for picture in (folder / "images").glob(f"{kind}-*.png"):
+            picture.unlink()
     with whole(folder / "scenario.toml") as part:
         part.write_text(scenario, encoding="utf-8")
 

@@ -12,6 +12,7 @@ import numpy as np
 from cosim import BLOCK, Block, Light
 from cosim.light import PlaneMap
 from cosim.opencl import Device
+from scenarios.display_setting import display_of
 from scenarios.planning import RunPlan, plan_run
 from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
 from scenarios.schema import Scenario
@@ -69,12 +70,23 @@ def _measure(
     return _Measured(*(s * 1e9 / size for s in spent))
 
 
+def _display(scenario: Scenario, run: RunPlan) -> dict[str, Any] | None:
+    """The display as planned, in words; None where there is none."""
+    if run.display is None or scenario.display is None:
+        return None
+    return {
+        "drive": run.display.panel.drive, "observer": scenario.display.observer,
+        "planes_to_a_span": run.display.batch,
+    }  # fmt: skip
+
+
 def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str, Any]:
     """The document of `viform plan --json`."""
-    setting, cycles, instants, lens, _, device = prepare_camera(scenario, device_name)
+    setting, cycles, instants, lens, white, device = prepare_camera(scenario, device_name)
     seen = look_at(scenario, setting, lens, cycles)
-    run = plan_run(seen, setting, scenario.tolerance, instants, device)
-    everything = plan_run(seen, setting, 0.0, instants, device, tier=run.tier)
+    shown = display_of(scenario, setting, white, instants, cycles)
+    run = plan_run(seen, setting, scenario.tolerance, instants, device, display=shown)
+    everything = plan_run(seen, setting, 0.0, instants, device, tier=run.tier, display=shown)
     relay = lens.relay(setting.chip.pitch)
     took = _measure(scenario, setting, relay, run, everything, device)
     total = setting.chip.width * setting.chip.height * cycles * 1e-9
@@ -85,6 +97,7 @@ def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str
         "tier": run.tier,
         "device": device.name if device is not None else "numba on this processor",
         "tiles": seen.classes,
+        "display": _display(scenario, run),
         "kept": list(plan.everywhere),
         "left_out": [
             {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}

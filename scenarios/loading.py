@@ -13,15 +13,18 @@ import tomli_w
 from cosim import InputError
 from scenarios.schema import Scenario, validate
 
-__all__ = ["load", "shipped", "to_toml"]
+__all__ = ["FRONT", "load", "shipped", "to_toml"]
+
+FRONT = "glass"
+"""The scenario that runs when none is named."""
 
 
 def shipped() -> dict[str, str]:
-    """Text of every scenario that ships, by name."""
+    """Text of every scenario that ships, by name; the one that `viform run` alone runs is first."""
     folder = files("scenarios") / "files"
     return {
         entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
-        for entry in sorted(folder.iterdir(), key=lambda e: e.name)
+        for entry in sorted(folder.iterdir(), key=lambda e: (e.name != f"{FRONT}.toml", e.name))
         if entry.name.endswith(".toml")
     }
 

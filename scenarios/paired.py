@@ -22,6 +22,7 @@ from sensor.patches import PatchCamera, PatchPlane
 __all__ = ["CONFIDENCE", "Measured", "Paired", "compare", "windows", "worst"]
 
 CONFIDENCE = 0.999
+Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
 Span = tuple[int, int]
 """First cycle of a window and its end."""
@@ -78,15 +79,16 @@ class _Recorder:
         self.seconds, self.cycles = 0.0, 0
         self.first: tuple[float, int] | None = None
 
-    def step(self, light: Light, start: int, cycles: int) -> None:
+    def step(self, light: Light, start: int, cycles: int) -> Words:
         """Timed, but for the first call, which may compile."""
         begin = time.perf_counter()
-        self.camera.step(light, start, cycles)
+        words = self.camera.step(light, start, cycles)
         spent = time.perf_counter() - begin
         if self.first is None:
             self.first = spent, cycles
-            return
-        self.seconds, self.cycles = self.seconds + spent, self.cycles + cycles
+        else:
+            self.seconds, self.cycles = self.seconds + spent, self.cycles + cycles
+        return words
 
     def per_cycle(self) -> float:
         """Seconds a cycle; of the first call where there was no other, NaN where there was none."""
@@ -125,8 +127,8 @@ class Paired:
         if at == 0:
             self._mark(0)
         for until in [*(e for e in self._edges if at < e < block.stop), block.stop]:
-            for recorder in self._recorders.values():
-                recorder.step(cut, at, until - at)
+            for name, recorder in self._recorders.items():
+                self.filmed(name, recorder.step(cut, at, until - at), at, until - at)
             at = until
             self._mark(at)
         return light
@@ -136,6 +138,9 @@ class Paired:
             for recorder in self._recorders.values():
                 recorder.mark(self._edges.index(cycle))
             self.reached(cycle)
+
+    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
+        """Called with what a camera has latched: (words, pixels), from cycle `start` on."""
 
     def reached(self, cycle: int) -> None:
         """Called at every edge of a window."""

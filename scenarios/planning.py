@@ -11,10 +11,13 @@ import numpy.typing as npt
 from cosim import Clock, Light, Summary
 from cosim.opencl import Device
 from cosim.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
+from display import DisplaySetting
+from display.effects import SHOWN, seen_planes
 from scenarios.paired import windows
 from scenarios.scenes import Source
 from scenarios.scenes.survey import Survey, survey, through
 from scenarios.schema import Scenario
+from scenarios.shown import Shown
 from scenarios.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.effects.costs import QUIET
@@ -55,7 +58,9 @@ class Look:
 @dataclass(frozen=True, eq=False)
 class RunPlan:
     """tier: of the run. setting: the camera as it is run, with what some tile keeps. flags: of the
-    fast tier's work-items. own: bound of the tier's own error. spans: windows that are checked."""
+    fast tier's work-items. own: bound of the tier's own error. spans: windows that are checked.
+    display: what shows the stream, as it is run, and full_display with everything; None for none.
+    """
 
     plan: Plan
     look: Look
@@ -64,6 +69,8 @@ class RunPlan:
     flags: npt.NDArray[np.uint8] | None
     own: float
     spans: list[tuple[int, int]]
+    display: DisplaySetting | None = None
+    full_display: DisplaySetting | None = None
 
     def patches(self, seed: int) -> list[int]:
         """Tiles to check, the most telling first: the brightest, the darkest, the steepest, where
@@ -97,10 +104,13 @@ class RunPlan:
         self, full: CameraSetting, seed: int, device: Device | None, stop_early: bool = True
     ) -> Verifier:
         """The stage that checks this plan. full: the camera with every effect."""
+        shown = None
+        if self.display is not None and self.full_display is not None:
+            shown = Shown(self.full_display, self.display, self.look.scene.cycles)
         return Verifier(
             full, self.plan, self.look.grid, sorted(self.patches(seed)),
             Planned(self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
-            stop_early,
+            stop_early, shown,
         )  # fmt: skip
 
 
@@ -153,6 +163,13 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
     return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
 
 
+def _seen_through(scene: Summary, display: DisplaySetting) -> Summary:
+    """The scene with the window that a display's observer takes a rate over: as many planes as
+    count alike in its images, if those are fewer."""
+    planes = seen_planes(display.observer, display.panel, scene.cycles)
+    return replace(scene, window=max(1, min(scene.window, round(planes))))
+
+
 def plan_run(
     seen: Look,
     setting: CameraSetting,
@@ -162,9 +179,18 @@ def plan_run(
     *,
     forced: Sequence[str] = (),
     tier: Tier | None = None,
+    display: DisplaySetting | None = None,
 ) -> RunPlan:
-    """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given."""
-    scene = seen.scene
+    """Plans a run of this camera over this scene. tier: chosen by the tolerance unless given.
+
+    display: what shows the stream, with everything. Its bounds and the camera's share the tolerance
+    and add up: the camera's are relative changes of a pixel's rate over a window (the observer's
+    own where that is shorter), and an image of the panel is a weighted mean of its light, which
+    follows the rate. That assumes whole spikes to be as good as fractions: for packets the window
+    must hold many, for hold and causal the intervals must be short beside it. What a spike more or
+    less at the ends of the weights does, and 1 / tau over a longer interval, the check measures.
+    """
+    scene = seen.scene if display is None else _seen_through(seen.scene, display)
     own = setting.lumped_error
     if tier is None:
         tier = "exact"
@@ -176,14 +202,17 @@ def plan_run(
     effects = setting.kept
     if tier != "fast":  # it runs all tiles alike
         effects = tuple(replace(effect, scope="plane") for effect in effects)
+    if display is not None:
+        effects += display.kept
     plan = make_plan(
-        effects, scene, tolerance, certain=seen.certain, base_ns=QUIET,
-        own=own, forced=forced,
+        effects, scene, tolerance, certain=seen.certain, own=own, forced=forced,
+        base_ns=QUIET + (0.0 if display is None else SHOWN),
     )  # fmt: skip
     flags = _flags(plan, seen.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
-    spans = windows(instants, scene.window, scene.cycles)
-    return RunPlan(plan, seen, tier, setting.without(gone), flags, own, spans)
+    spans = windows(instants, seen.scene.window, scene.cycles)
+    shown = None if display is None else display.without(gone)
+    return RunPlan(plan, seen, tier, setting.without(gone), flags, own, spans, shown, display)
 
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:

@@ -37,6 +37,11 @@ _SECTIONS = {
 def refuse_leftovers(scenario: Scenario) -> None:
     """Raises InputError where a chip is given what only one of another readout has."""
     has = scenario.sensor.readout
+    if scenario.display is not None and has != "synchronous":
+        raise InputError(
+            "display", "absent unless sensor.readout = synchronous", f"given with {has}",
+            "leave it out, or set sensor.readout=synchronous",
+        )  # fmt: skip
     for name, readout in _SECTIONS.items():
         if getattr(scenario.sensor, name) is not None and has != readout:
             raise InputError(

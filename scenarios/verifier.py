@@ -14,10 +14,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim import Block, Light
 from cosim.opencl import Device
 from cosim.planner import Plan
-from scenarios.paired import Measured, Paired, Span, Values, compare, worst
+from scenarios.paired import Measured, Span, Values, compare, worst
 from scenarios.result import Error
+from scenarios.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
 from sensor import CameraSetting
 from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
@@ -87,7 +89,7 @@ class BrokenPromise(Exception):
         self.findings = findings
 
 
-class Verifier(Paired):
+class Verifier(ShownPaired):
     """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
     BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
     set."""
@@ -103,10 +105,13 @@ class Verifier(Paired):
         floor: float,
         device: Device | None,
         stop_early: bool = True,
+        shown: Shown | None = None,
     ) -> None:
         self._plan, self._floor, self._stop_early = plan, floor, stop_early
         plane = PatchPlane(grid, tiles)
-        self._left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
+        left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
+        self._unshown = {} if shown is None else left_out_of(shown, left)
+        self._left = [name for name in left if name not in self._unshown]
         cameras = {
             "reference": PatchCamera(setting, plane, "reference"),
             "run": run.on(plane, grid, device),
@@ -115,7 +120,21 @@ class Verifier(Paired):
             cameras["all"] = PatchCamera(setting, plane, "exact")
         for name in self._left:
             cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
-        super().__init__(plane, cameras, spans)
+        self._display, patches = shown, None
+        if shown is not None:
+            displays = {TRUTH: ("reference", shown.full), "run": ("run", shown.run)}
+            for name, (_, without) in self._unshown.items():
+                displays[f"without {name}"] = "reference", without
+            patches = ShownPatches(plane, displays, floor)
+        super().__init__(plane, cameras, spans, patches)
+
+    def step(self, light: Light, block: Block) -> Light:
+        out = super().step(light, block)
+        if self._display is not None and block.stop == self._display.cycles and self._stop_early:
+            found = self._dimmed()  # its images are whole
+            if found:
+                raise BrokenPromise(found)
+        return out
 
     def reached(self, cycle: int) -> None:
         done = [span for span in self.spans if span[1] == cycle]
@@ -143,18 +162,44 @@ class Verifier(Paired):
                 )
         return found
 
+    def _dimmed(self) -> list[Finding]:
+        """The same of what the display left out, from whole images."""
+        found = []
+        tiles = np.array(self.plane.tiles)
+        for name, high in self._unseen().items():
+            promised = np.broadcast_to(self._plan.promise[name][tiles], high.shape)
+            over = np.where(high > promised, high / np.maximum(promised, 1e-300), 0)
+            if over.any():
+                at = np.unravel_index(int(np.argmax(over)), over.shape)
+                found.append(Finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]])))
+        return found
+
+    def _unseen(self) -> dict[str, Values]:
+        """Upper limit of what each effect that the display left out changed, (images, patches)."""
+        if self.shown is None:
+            return {}
+        return {
+            name: self.shown.limit(f"without {name}", before)
+            for name, (before, _) in self._unshown.items()
+        }
+
     def broken(self) -> list[Finding]:
         """Promises that were not kept, over the whole run."""
-        return self._broken(self.spans)
+        return self._broken(self.spans) + self._dimmed()
 
     def error(self) -> Measured:
-        """The run against the reference."""
+        """The run against the reference: of radiance as the display's observer integrates it where
+        there is a display, else of rates."""
+        if self.shown is not None:
+            return self.shown.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
     def told(self) -> Error:
         """The error as the result has it."""
         found, patches = self.error(), len(self.plane.tiles)
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
+        if self._display is not None:
+            kind = f"radiance as {self._display.seen_by} integrates it, {kind}"
         return Error(found.value, kind, (found.low, found.high))
 
     def measured(self) -> dict[str, float]:
@@ -163,4 +208,4 @@ class Verifier(Paired):
         return {
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
             for name in self._left
-        }
+        } | {name: float(high.max()) for name, high in self._unseen().items()}

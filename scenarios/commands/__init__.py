@@ -9,6 +9,7 @@ from scenarios.commands.convert import convert as _convert
 from scenarios.commands.doctor import doctor as _doctor
 from scenarios.commands.image import image as _image
 from scenarios.commands.listing import list_scenarios as _list
+from scenarios.commands.live import live as _live
 from scenarios.commands.plan import plan as _plan
 from scenarios.commands.run import run as _run
 from scenarios.commands.stability import stability as _stability
@@ -28,6 +29,7 @@ app.command("run")(_run)
 app.command("list")(_list)
 app.command("plan")(_plan)
 app.command("accuracy")(_accuracy)
+app.command("live")(_live)
 app.command("image")(_image)
 app.command("convert")(_convert)
 app.command("bench")(_bench)

@@ -53,6 +53,14 @@ def _number(value: float | None, unit: str = "") -> str:
     return "unknown" if value is None else f"{value:.3g}{unit}"
 
 
+def _what(document: dict[str, Any]) -> str:
+    return "radiance" if document.get("display") else "rate"
+
+
+def _spans(planes: int) -> str:
+    return "each by itself" if planes == 1 else f"spans of {planes}"
+
+
 def _text(document: dict[str, Any]) -> str:
     """The document for a reader."""
     tiles = document["tiles"]
@@ -73,12 +81,19 @@ def _text(document: dict[str, Any]) -> str:
         lines.append("nothing is left out")
     elif document["promised"] is not None:
         lines.append(
-            f"error promised: at most {_number(document['promised'])} of the rate in the worst tile"
+            f"error promised: at most {_number(document['promised'])} of the {_what(document)} in "
+            "the worst tile"
         )
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
             "that is more than the tolerance: what is left out is not the cause, but the circuit's "
             "lumped form or this tier's arithmetic; the run measures it"
+        )
+    if document.get("display"):
+        shown = document["display"]
+        lines.append(
+            f"display: {shown['drive']} drive, seen by {shown['observer']}; only the planes an "
+            f"observer can resolve are rendered: {_spans(shown['planes_to_a_span'])}"
         )
     predicted = document["predicted"]
     if predicted["sensor_s"] is None:

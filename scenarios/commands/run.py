@@ -12,11 +12,14 @@ from scenarios.result import Result
 
 __all__ = ["run"]
 
+_BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
+"""Metrics that are printed below the table of a run with a display."""
+
 
 def run(
     scenario: Annotated[
         str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
-    ] = "film",
+    ] = "glass",
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
     ] = None,
@@ -29,13 +32,14 @@ def run(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run a scenario: film it, make images and a report."""
+    """Run a scenario: film it, show it where it has a display, make images and a report."""
     from scenarios.cli import BEGAN
     from scenarios.loading import load
     from scenarios.readout import refuse_leftovers
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     progress = make_progress()
+    table: list[str] = []
     try:
         refuse_leftovers(loaded)
         if loaded.sensor.readout == "asynchronous":
@@ -56,18 +60,29 @@ def run(
             )  # fmt: skip
         else:
             from scenarios.report import write_report
-            from scenarios.run import run_scenario
+            from scenarios.run import Finished, run_scenario
+
+            def report(run: Finished) -> list[str]:
+                if run.shown is not None:
+                    from scenarios.report.glass_tables import display_lines
+
+                    table.extend(display_lines(run.shown))
+                return write_report(run)
 
             result, folder = run_scenario(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_report,
+                report=report,
             )  # fmt: skip
     finally:
         progress.close()
     if json:
         print_document(result.document())
         return
-    metrics = result.metrics
+    for line in table:
+        print(line)
+    metrics = {
+        name: metric for name, metric in result.metrics.items() if not table or name in _BESIDE
+    }
     wide = max(12, *(len(key) for key in metrics))
     for key, metric in metrics.items():
         if key in ("full_physics", "camera"):

@@ -39,7 +39,7 @@ from scenarios.report.size import size_rows, size_text
 from scenarios.run import Finished
 from sensor import tau_levels
 
-__all__ = ["write_report"]
+__all__ = ["write_page_report"]
 
 _WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _CLIP_FRAMES = 75
@@ -212,6 +212,8 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
 
 
 def _size(run: Finished) -> str:
+    if run.sizes is None:
+        return ""
     head = ["form", "bits a pixel and cycle", "times smaller than raw"]
     rows = table(head, size_rows(run.sizes))
     return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
@@ -257,7 +259,7 @@ def _sheet(run: Finished) -> None:
     sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
 
 
-def write_report(run: Finished) -> list[str]:
+def write_page_report(run: Finished) -> list[str]:
     """Writes figures and report.html into the run's folder; their names."""
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)

@@ -50,13 +50,13 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
     import numpy as np
 
     words = []
-    least = scenarios.bench._least
+    least = scenarios.bench.least
 
     def spy(call, repeats=1):  # type: ignore[no-untyped-def]
         words.append(call())
         return least(call, repeats)
 
-    monkeypatch.setattr(scenarios.bench, "_least", spy)
+    monkeypatch.setattr(scenarios.bench, "least", spy)
     scenarios.bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
     assert rate == pytest.approx((scenarios.bench.DARK + scenarios.bench.BRIGHT) / 2, rel=0.02)
@@ -93,6 +93,13 @@ def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(scenarios.doctor, "probe", list)
     check = scenarios.doctor._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.mend
+
+
+def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.doctor, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = scenarios.doctor._gl()
+    assert not check.ok and not check.needed
+    assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
 
 
 def test_the_test_command_passes_arguments_to_pytest_and_reports_failure(

@@ -1,0 +1,9 @@
+"""What a display's simulation may leave out, one file each: its cost, and what it changes."""
+
+from display.effects.costs import SHOWN
+from display.effects.emission import emission_effect
+from display.effects.rows import row_timing_effect
+from display.effects.spans import SPANS, planes_effect
+from display.effects.weighing import seen_planes
+
+__all__ = ["SHOWN", "SPANS", "emission_effect", "planes_effect", "row_timing_effect", "seen_planes"]

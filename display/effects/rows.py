@@ -1,0 +1,26 @@
+"""Row timing: rows are shown one after another."""
+
+from __future__ import annotations
+
+from cosim.effects import Bound, Effect, Summary
+from cosim.streams import Stream
+from display.effects.costs import ROWS
+from display.effects.promise import promise
+from display.effects.weighing import late_change
+from display.panel import SpikePanel
+from display.views import Observer
+
+__all__ = ["row_timing_effect"]
+
+
+def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
+    """Left out, every row is shown with the first: weights are those of light up to `row_delay`
+    later, in the last row, and a moving eye is off by its speed times that. As the weights of
+    neighbouring planes change alike, light that moves counts over the whole response at once."""
+
+    def bound(scene: Summary) -> Bound:
+        change = late_change(observer, panel, scene.cycles, round(panel.row_delay))
+        return promise(scene, panel, observer, change, float("inf"))
+
+    source = "rows that a matrix drives one after another (SpikePanel.row_scan)"
+    return Effect("row timing", source, Stream.NONE, "", str, bound, lambda scene: ROWS)

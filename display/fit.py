@@ -1,0 +1,59 @@
+"""A stream on a panel of another size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Fit", "fit_words"]
+
+Fit = Literal["exact", "nearest", "centre"]
+Words = npt.NDArray[np.uint32]
+
+
+def _nearest(panel: int, stream: int) -> npt.NDArray[np.intp]:
+    """Of each panel pixel, the stream's pixel that holds its middle; both span the same picture."""
+    return ((2 * np.arange(panel) + 1) * stream // (2 * panel)).astype(np.intp)
+
+
+def _centred(panel: int, stream: int) -> tuple[slice, slice]:
+    """Where on the panel the stream's middle lies, and which part of the stream; an odd rest is
+    to the right and below."""
+    shown = min(panel, stream)
+    on, of = (panel - shown) // 2, (stream - shown) // 2
+    return slice(on, on + shown), slice(of, of + shown)
+
+
+def fit_words(
+    fit: Fit, stream: tuple[int, int], panel: tuple[int, int]
+) -> Callable[[Words], Words]:
+    """What makes words of a stream, (words, *stream) uint32, those of a panel, (words, *panel).
+
+    exact: both must be one size, ValueError where not. nearest: each panel pixel shows the spikes
+    of the pixel of the stream that is nearest to it. centre: the middle is cut, or framed by dark.
+    The words themselves come back where both are one size.
+    """
+    if stream == panel:
+        return lambda words: words
+    if fit == "exact":
+        raise ValueError(f"the panel must be of the stream's {stream} pixels, not {panel}")
+    if fit == "nearest":
+        rows, columns = (_nearest(*sizes) for sizes in zip(panel, stream, strict=True))
+
+        def nearest(words: Words) -> Words:
+            return np.ascontiguousarray(words[:, rows[:, None], columns])
+
+        return nearest
+    (on_y, of_y), (on_x, of_x) = (_centred(*s) for s in zip(panel, stream, strict=True))
+
+    def centre(words: Words) -> Words:
+        if (on_y, on_x) == (slice(0, panel[0]), slice(0, panel[1])):
+            return np.ascontiguousarray(words[:, of_y, of_x])
+        framed = np.zeros((len(words), *panel), np.uint32)
+        framed[:, on_y, on_x] = words[:, of_y, of_x]
+        return framed
+
+    return centre

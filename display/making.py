@@ -1,0 +1,22 @@
+"""Which renderer shows a panel."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from display.panel import SpikePanel
+from display.plain import PlainRenderer
+from display.renderer import Renderer
+
+__all__ = ["AnyRenderer", "make_renderer"]
+
+
+AnyRenderer = Renderer | PlainRenderer
+
+
+def make_renderer(
+    kind: Literal["gl", "numpy"], panel: SpikePanel, batch: int, images: int
+) -> AnyRenderer:
+    """gl: shaders, where this machine has GL 3.3 (InputError where not); numpy: the golden
+    model, slow. Close it after use."""
+    return Renderer(panel, batch, images) if kind == "gl" else PlainRenderer(panel, batch, images)

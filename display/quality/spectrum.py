@@ -1,0 +1,83 @@
+"""The spectrum of a light waveform as components: lines with what leaks from them put back.
+
+A Hann window is used, and bins are taken together from one local minimum of the spectrum to the
+next: by Parseval's theorem the energy of such a group is that of the line in it, wherever between
+two bins its frequency lies (the main lobe of a Hann window has all but 0.05 % of it). Longer
+waveforms are cut into pieces of about a second whose spectra are averaged in power, so that noise,
+which has no lines, is told per hertz or so however long it was looked at. Lines less than about
+4 Hz apart count as one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Spectrum", "spectrum", "waveform"]
+
+Values = npt.NDArray[np.float64]
+WINDOW: Final = 1.0
+"""Seconds of a piece of a long waveform."""
+STEADY: Final = 1e-12
+"""Contrast below which a bin holds nothing but rounding."""
+LEAST: Final = 16
+"""Samples that a waveform must have."""
+
+
+def waveform(wave: npt.ArrayLike) -> Values:
+    """The samples of light as (n,) float64. Raises ValueError unless they are finite, enough and
+    light: not negative, and not dark all the time."""
+    light = np.asarray(wave, np.float64)
+    if light.ndim != 1 or len(light) < LEAST:
+        raise ValueError(f"a waveform must be {LEAST} or more samples, not {light.shape}")
+    if not np.isfinite(light).all() or light.min() < 0 or light.max() == 0:
+        raise ValueError("a waveform must be light: finite, never negative, not always 0")
+    return light
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """frequency: Hz of the bins. energy: (bins,) of each, as squared contrast: a sine of contrast c
+    (amplitude over mean) has c² over its bins. group: (bins,) which component a bin belongs to."""
+
+    frequency: Values
+    energy: Values
+    group: npt.NDArray[np.int64]
+
+    def components(self, gain: npt.ArrayLike = 1.0) -> tuple[Values, Values]:
+        """(frequency of the strongest bin in Hz, contrast) of each component. gain: (bins,) that
+        contrasts are multiplied with before they are put together."""
+        energy = self.energy * np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape) ** 2
+        total = np.bincount(self.group, energy)
+        starts = np.flatnonzero(np.diff(self.group, prepend=-1))
+        most = np.maximum.reduceat(self.energy, starts)
+        peaks = np.flatnonzero(self.energy == most[self.group])
+        # Of equals, the first.
+        first = peaks[np.flatnonzero(np.diff(self.group[peaks], prepend=-1))]
+        return self.frequency[first], np.sqrt(total)
+
+
+def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
+    """Of light sampled `rate` times a second, relative to its mean."""
+    if not rate > 0:
+        raise ValueError(f"sampling rate must be positive, not {rate:g} Hz")
+    light = waveform(wave)
+    pieces = max(int(len(light) / (rate * WINDOW) + 1e-9), 1)
+    length = len(light) // pieces
+    parts = light[: pieces * length].reshape(pieces, length)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    # The mean under the window is taken off, or it would leak into the lowest bins.
+    level = (parts * window).sum(axis=1) / window.sum()
+    power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2
+    scale = 4 / (length * (window**2).sum()) / light.mean() ** 2
+    energy = power.mean(axis=0) * scale
+    energy[energy < STEADY**2] = 0.0
+    energy[0] = 0.0
+    lows = np.flatnonzero((energy[1:-1] < energy[:-2]) & (energy[1:-1] <= energy[2:])) + 1
+    group = np.zeros(len(energy), np.int64)
+    group[lows] = 1
+    frequency = np.arange(len(energy), dtype=np.float64) * (rate / length)
+    return Spectrum(frequency, energy, np.cumsum(group))

@@ -1,0 +1,148 @@
+"""The chain of a run: scene, lens, check, chip, recorder and display, gone through until every
+promise holds."""
+
+from __future__ import annotations
+
+import errno
+import json
+import shlex
+from dataclasses import asdict
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from cosim import Block, Checkpoint, InputError, Light, run_blocks
+from cosim.files import Recorder
+from cosim.files.whole import whole
+from cosim.lens import Lens
+from scenarios.checked import shortfall
+from scenarios.folder import begin_folder
+from scenarios.loading import to_toml
+from scenarios.prepare import Prepared, again, identity
+from scenarios.progress import Progress
+from scenarios.result import Throughput, dumps
+from scenarios.scenes import Source
+from scenarios.verifier import BrokenPromise, Finding
+
+__all__ = ["CHECKPOINT", "PUT_BACK", "WiderStage", "film_as_promised", "mend"]
+
+CHECKPOINT = "checkpoint.npz"
+"""In a run's folder while it is not finished."""
+PUT_BACK = "put_back.json"
+"""Beside it where a promise was broken."""
+
+
+class WiderStage:
+    """The scene, asked for a little more than the block: a camera whose rows are sampled before or
+    after the clock's edge needs the light around it."""
+
+    def __init__(self, source: Source, reach: tuple[int, int]) -> None:
+        self._source, self._reach = source, reach
+
+    def step(self, given: None, block: Block) -> Light:
+        before, after = self._reach
+        start = max(block.start - before, 0)
+        return self._source.step(given, Block(start, block.stop + after - start))
+
+
+class RelayStage:
+    """The lens as a stage."""
+
+    def __init__(self, lens: Lens, pitch_um: float) -> None:
+        self._relay = lens.relay(pitch_um)
+
+    def step(self, given: Light, block: Block) -> Light:
+        return self._relay(given)
+
+
+def _film(
+    run: Prepared, folder: Path, resume: bool, progress: Progress
+) -> tuple[dict[str, float], list[Throughput]]:
+    """Runs the chain; seconds of every stage, and throughput unless only a part was run now."""
+    chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
+    store = folder / "stream.zarr"
+    recorder = Recorder(store, run.camera.shape, cycles, clock)
+    stages: dict[str, Any] = {
+        "scene": WiderStage(run.source, run.setting.reach),
+        "lens": RelayStage(run.lens, chip.pitch),
+        "check": run.verifier,
+        "sensor": run.camera,
+        "recorder": recorder,
+    }
+    if run.glass is not None:
+        stages = run.glass.stages(stages)
+    checkpoint = Checkpoint(folder / CHECKPOINT, identity(run.scenario, run.plan, run.glass))
+    if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
+        raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
+    begin_folder(folder, to_toml(run.scenario))
+    for note in [*run.notes, *run.source.notes]:
+        progress.note(note)
+    progress.start(f"{run.name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
+    try:
+        seconds = run_blocks(
+            stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
+            every_s=30.0 if run.glass is None else 60.0,  # what was seen so far is half a gigabyte
+            mend=mend(folder),
+        )  # fmt: skip
+        checkpoint.save(cycles, stages)
+    except OSError as exc:
+        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        raise InputError(
+            "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
+            f"make room, then {mend(folder)}",
+        ) from exc  # fmt: skip
+    if resume:
+        return seconds, []
+    rate = cycles * chip.width * chip.height / seconds["sensor"]
+    bits = recorder.bytes_written * 8 / seconds["recorder"]
+    throughput = [
+        Throughput("sensor", rate, "pixel-cycles/s"),
+        Throughput("recorder", bits, "bit/s"),
+    ]
+    if run.glass is not None:
+        throughput.append(Throughput("display", cycles / seconds["display"], "planes/s"))
+    return seconds, throughput
+
+
+def _put_back_before(path: Path) -> list[Finding]:
+    """What the run that is gone on with has put back so far."""
+    if not path.exists():
+        return []
+    try:
+        return [Finding(**found) for found in json.loads(path.read_text(encoding="utf-8"))]
+    except (OSError, ValueError, TypeError) as exc:
+        raise InputError(
+            PUT_BACK, "the one that this run wrote", "a damaged file",
+            f"remove {path.parent} and run it afresh",
+        ) from exc  # fmt: skip
+
+
+def film_as_promised(
+    run: Prepared, folder: Path, resume: bool, progress: Progress
+) -> tuple[Prepared, dict[str, float], list[Throughput], list[Finding]]:
+    """Films, and films again with an effect put back as long as a promise is broken."""
+    kept = folder / PUT_BACK
+    found = _put_back_before(kept) if resume and (folder / CHECKPOINT).exists() else []
+    if found:
+        run = again(run, [f.effect for f in found])
+    while True:
+        try:
+            seconds, throughput = _film(run, folder, resume, progress)
+            new = shortfall(run.plan, run.verifier)
+        except BrokenPromise as exc:
+            new = exc.findings
+        if not new:
+            return run, seconds, throughput, found
+        found += new
+        for finding in new:
+            progress.note(finding.told)
+        (folder / CHECKPOINT).unlink(missing_ok=True)
+        rmtree(folder / "stream.zarr", ignore_errors=True)
+        with whole(kept) as part:
+            part.write_text(dumps([asdict(f) for f in found]), encoding="utf-8")
+        run, resume = again(run, [f.effect for f in found]), False
+
+
+def mend(folder: Path) -> str:
+    return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"

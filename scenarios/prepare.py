@@ -1,0 +1,166 @@
+"""A run made ready: everything that can be refused is, before anything is written."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cosim import InputError, seconds_to_ps
+from cosim.lens import Lens
+from cosim.opencl import Device, open_device
+from scenarios.display_setting import display_of
+from scenarios.exposure import camera_setting, choose_lens, lens_notes
+from scenarios.glass import Glass, follow, make_glass
+from scenarios.loading import to_toml
+from scenarios.planning import Look, RunPlan, look, plan_run
+from scenarios.result import viform_version
+from scenarios.scenes import Source, make_source
+from scenarios.schema import Scenario
+from scenarios.verifier import ARITHMETIC, Verifier
+from sensor import CameraSetting, SpikeCamera
+
+__all__ = [
+    "Prepared", "again", "choose_device", "identity", "look_at", "prepare", "prepare_camera",
+    "scene_source",
+]  # fmt: skip
+
+
+def identity(scenario: Scenario, plan: RunPlan, glass: Glass | None) -> str:
+    """Text that names a run's inputs: the scenario, what is left out of it, the program's version,
+    what draws its display, and the clip's content."""
+    text = to_toml(scenario.model_copy(update={"title": ""})) + viform_version() + plan.tier
+    text += "" if glass is None else glass.identity()
+    for name, tiles in plan.plan.kept.items():
+        text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
+    path = getattr(scenario.scene, "path", None)
+    if path is not None and Path(path).is_file():
+        with open(path, "rb") as file:
+            text += hashlib.file_digest(file, "sha256").hexdigest()
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _instants(scenario: Scenario, cycles: int) -> list[int]:
+    """Cycles whose images are made and judged; five evenly spaced ones unless given."""
+    window = scenario.image.window
+    if window % 2 == 0:
+        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
+    if cycles < window:
+        raise InputError(
+            "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
+            "lengthen it or shorten image.window",
+        )  # fmt: skip
+    at = scenario.image.at or tuple(cycles * (2 * i + 1) // 10 for i in range(5))
+    late = [n for n in at if n >= cycles]
+    if late:
+        raise InputError(
+            "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
+        )
+    return list(at)
+
+
+def choose_device(wanted: str | None) -> Device | None:
+    """The OpenCL device asked for; None for "numba", the compiled form on this processor."""
+    return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A checked run: everything that can be refused has been."""
+
+    name: str
+    scenario: Scenario
+    setting: CameraSetting
+    cycles: int
+    instants: list[int]
+    lens: Lens
+    white_rate: float
+    source: Source
+    device: Device | None
+    plan: RunPlan
+    camera: SpikeCamera
+    verifier: Verifier
+    glass: Glass | None
+    notes: list[str]
+
+
+def prepare_camera(
+    scenario: Scenario, device: str | None
+) -> tuple[CameraSetting, int, list[int], Lens, float, Device | None]:
+    """Setting, cycles, instants, lens, rate of white and device of a checked scenario."""
+    setting = camera_setting(scenario)
+    cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    instants = _instants(scenario, cycles)
+    lens = choose_lens(scenario, setting)
+    # A chosen f-number's rounding must not show in the white that was asked for.
+    white_rate = (
+        setting.rate(scenario.scene.illuminance * lens.gain)
+        if scenario.sensor.lens.f_number is not None
+        else scenario.sensor.lens.white_rate
+    )
+    return setting, cycles, instants, lens, white_rate, choose_device(device)
+
+
+def scene_source(scenario: Scenario, setting: CameraSetting, cycles: int) -> Source:
+    """The scene on the chip's pixels."""
+    chip = setting.chip
+    return make_source(
+        scenario.scene, (chip.height, chip.width), setting.clock, cycles, setting.reach == (0, 0)
+    )
+
+
+def look_at(scenario: Scenario, setting: CameraSetting, lens: Lens, cycles: int) -> Look:
+    """What the plan reads of the scene."""
+    source = scene_source(scenario, setting, cycles)
+    return look(scenario, setting, source, lens.relay(setting.chip.pitch), cycles)
+
+
+def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
+    """Everything of the run, checked."""
+    setting, cycles, instants, lens, white_rate, opened = prepare_camera(scenario, device)
+    source = scene_source(scenario, setting, cycles)
+    seen = look_at(scenario, setting, lens, cycles)
+    notes, pursuit, points = lens_notes(scenario, lens, white_rate), (0.0, ""), []
+    if scenario.display is not None:
+        once_more = scene_source(scenario, setting, cycles)
+        pursuit = follow(scenario, once_more, setting.clock.edge(cycles))
+        notes, points = [*notes, pursuit[1]], once_more.points()
+    plan = plan_run(
+        seen, setting, scenario.tolerance, instants, opened,
+        display=display_of(scenario, setting, white_rate, instants, cycles, pursuit[0]),
+    )  # fmt: skip
+    glass = None
+    if plan.display is not None:
+        glass = make_glass(scenario, setting, cycles, instants, plan.display, pursuit, points)
+    return Prepared(
+        name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
+        *_planned(plan, setting, scenario, opened), glass, notes,
+    )  # fmt: skip
+
+
+def _planned(
+    plan: RunPlan, setting: CameraSetting, scenario: Scenario, device: Device | None
+) -> tuple[SpikeCamera, Verifier]:
+    """The camera as planned and the stage that checks it."""
+    camera = SpikeCamera(plan.setting, device, tier=plan.tier, flags=plan.flags)
+    return camera, plan.verifier(setting, scenario.seed, device)
+
+
+def again(run: Prepared, forced: list[str]) -> Prepared:
+    """The run with these effects kept."""
+    scenario, setting = run.scenario, run.setting
+    plan = plan_run(
+        run.plan.look, setting, scenario.tolerance, run.instants, run.device,
+        forced=[name for name in forced if name != ARITHMETIC],
+        tier="exact" if ARITHMETIC in forced else None, display=run.plan.full_display,
+    )  # fmt: skip
+    camera, verifier = _planned(plan, setting, scenario, run.device)
+    source = scene_source(scenario, setting, run.cycles)
+    glass = run.glass
+    if glass is not None and plan.display is not None:
+        glass.close()
+        glass = make_glass(
+            scenario, setting, run.cycles, run.instants, plan.display,
+            (glass.velocity, glass.told), glass.points,
+        )  # fmt: skip
+    return replace(run, plan=plan, camera=camera, verifier=verifier, source=source, glass=glass)

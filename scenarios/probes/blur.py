@@ -1,0 +1,217 @@
+"""How far a moving edge is smeared on the retina of an eye that follows it.
+
+An edge moves along the rows at `SPEED`; the eye moves with it and takes all light alike for
+`EXPOSURE`, in which 60 Hz and its multiples have whole frames. What lands at retina place u is the
+mean over that time of the light at u + v t, of rows averaged. The areas of the sensor's and the
+panel's pixels are in the profile: together they alone give an edge of about 1.1 pixels (0.28 ms).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from display import DRIVES, FramePanel, Projector, SpikePanel
+from display.quality import bet, blur_edge_width, cmr_like, ebet
+from scenarios.probes.film import Probe, edge_light, lux_of, spread_errors
+from scenarios.probes.waveform import every_drive
+
+__all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
+
+Values = npt.NDArray[np.float64]
+SPEED: Final = 4000.0
+"""Pixels a second."""
+EXPOSURE: Final = 0.05
+"""Seconds that the eye takes together: 3 frames at 60 Hz."""
+SPIKES: Final = 3000
+"""That a place of the profile is to be made of, which is 2 % of it,"""
+ROWS: Final = 8, 32
+"""within so many rows."""
+REACH: Final = 3.5
+"""Mean intervals that the profile reaches behind the edge: two pass before held light settles."""
+WIDEST: Final = 1024
+"""Columns that are filmed."""
+MARGIN: Final = 10.0
+"""Pixels that it reaches on either side in any case."""
+FINE: Final = 0.05
+"""Pixels, of a profile's samples for bright light."""
+PARTS: Final = 4
+"""Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
+PHASES: Final = 4
+"""Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
+SAMPLES: Final = 40_000
+"""A second, of the light of frames."""
+PROJECTED: Final = 32
+"""Rows of the projector, whose errors begin differently."""
+
+
+@dataclass(frozen=True)
+class Blur:
+    """A row of the table. display, drive: see `Latency`. ahead, behind: the light in front of the
+    edge and after it, spikes a cycle. width: BEW, pixels. bet, ebet: seconds; NaN where the light
+    does not settle within what was filmed (held light never goes dark). cmr: CMR-like, %."""
+
+    display: str
+    drive: str
+    ahead: float
+    behind: float
+    width: float
+    bet: float
+    ebet: float
+    cmr: float
+
+    @classmethod
+    def of(cls, display: str, drive: str, edge: tuple[float, float], width: float) -> Blur:
+        time = bet(width, SPEED)
+        clear = cmr_like(ebet(time)) if time > 0 else math.nan
+        return cls(display, drive, *edge, width, time, ebet(time), clear)
+
+
+def retina(light: Values, times: Values, at: Values) -> Values:
+    """What an eye that moves at SPEED takes together: mean over `times` of light at at + v t.
+
+    light: (instants, columns), of square pixels, column j being [j, j + 1). times: (instants,) s.
+    at: (n,) pixels, places on the retina, which must stay within the columns.
+    """
+    total = np.zeros(len(at))
+    for first in range(0, len(times), 512):  # so many that they stay in a cache
+        part = slice(first, first + 512)
+        column = (at + SPEED * times[part, None]).astype(np.int32)
+        total += np.take_along_axis(light[part], column, axis=1).sum(axis=0)
+    return total / len(times)
+
+
+def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:
+    """BEW of a profile whose left is `behind` the edge; NaN where it does not settle."""
+    end = max(len(x) // 8, 1)
+    low = 0.0 if edge[1] == 0 else float(profile[:end].mean())
+    high = 0.0 if edge[0] == 0 else float(profile[-end:].mean())
+    try:
+        return blur_edge_width(x, profile, low, high)
+    except ValueError:
+        return math.nan
+
+
+def _places(interval: float) -> Values:
+    """Places of a profile relative to the edge, pixels. interval: pixels that the edge moves in a
+    mean interval of the brighter light; the profile has two hundred places to it."""
+    step = max(FINE, interval / 200)
+    return np.arange(-MARGIN - REACH * interval, MARGIN + interval, step)
+
+
+def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed: int) -> list[Blur]:
+    """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
+    `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
+    hz = panel.clock.hz
+    dimmest = min(rate for rate in edge if rate > 0)
+    x = _places(SPEED / hz / min(dimmest, 1.0))
+    # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
+    begin = math.ceil(-x[0]) + 1
+    width = begin + math.ceil(SPEED * EXPOSURE + x[-1]) + 2
+    if width > WIDEST:
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
+    cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
+    setting = probe.sized(probe.setting.chip.height, width, seed)
+    wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
+    rows = min(max(wanted, ROWS[0]), ROWS[1], setting.chip.height)
+    ahead, behind = (lux_of(setting, rate) for rate in edge)
+    light = edge_light((rows, width), ahead, behind, SPEED, setting.clock, cycles + 2)
+    stream = probe.film(light, cycles, setting, (0, rows))
+    columns = np.broadcast_to(np.arange(width), (rows, width))
+    first = math.ceil(begin / SPEED * hz)
+    planes = np.arange(first, first + round(EXPOSURE * hz))
+    count = max(PARTS, math.ceil(SPEED / hz / FINE))
+    found = []
+    for drive, light_of in every_drive(stream, panel, group=columns).items():
+        shown = light_of[planes]
+        lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
+        parts = (np.arange(count) + 0.5) / count * lit
+        times = ((planes[:, None] + parts) / hz).ravel()
+        profile = retina(np.repeat(shown, count, axis=0), times, x)
+        found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
+    return found
+
+
+def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns: Values) -> Values:
+    """(instants, columns) light of frames fed the true edge, as a share of the pixel's own."""
+    rate, ahead, behind = panel.rate.hz, *edge
+    shown = times - panel.latency
+    frame = np.floor(shown * rate + 1e-9).astype(np.int64)
+    numbers = np.arange(frame[0], frame[-1] + 1)
+
+    def target(k: int) -> Values:
+        return ahead + (behind - ahead) * np.clip(SPEED * k / rate - columns, 0, 1)
+
+    out = np.empty((len(times), len(columns)))
+    level = target(int(numbers[0]) - 1)
+    for k in numbers:
+        inside = frame == k
+        age = shown[inside] - k / rate
+        goal = target(int(k))
+        left = np.exp(-age / panel.response) if panel.response > 0 else np.zeros(len(age))
+        on = (age * rate < panel.persistence) / panel.persistence
+        out[inside] = (goal + (level - goal) * left[:, None]) * on[:, None]
+        whole = math.exp(-1 / rate / panel.response) if panel.response > 0 else 0.0
+        level = goal + (level - goal) * whole
+    return out
+
+
+def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns: Values) -> Values:
+    """(instants, columns) the same of binary planes, averaged over rows."""
+    rate = panel.rate.hz
+    shown = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
+    error = spread_errors(np.arange(PROJECTED)[:, None], columns)
+    out = np.empty((len(times), len(columns)))
+    for k in range(int(shown[-1]) + 1):
+        goal = edge[0] + (edge[1] - edge[0]) * np.clip(SPEED * k / rate - columns, 0, 1)
+        error += goal
+        lit = error >= 0.5
+        error -= lit
+        out[shown == k] = lit.mean(axis=0)
+    return out
+
+
+def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> float:
+    """BEW of an edge between two levels of such a panel, pixels."""
+    travel, late = SPEED / panel.rate.hz, panel.latency * SPEED
+    if isinstance(panel, Projector):  # a dim pixel waits for its plane
+        slow = travel / min(level for level in edge if level > 0)
+    else:
+        slow = 5 * panel.response * SPEED
+    x = np.arange(
+        -MARGIN - late - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
+    )
+    # The eye looks from an instant at which 60 Hz and its multiples begin a frame.
+    start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * 60) / 60
+    columns = np.arange(math.ceil(SPEED * (start + EXPOSURE) + x[-1]) + 3, dtype=np.float64)
+    count = round(EXPOSURE * SAMPLES)
+    times = start + (np.arange(count) + 0.5) / SAMPLES
+    if isinstance(panel, Projector):
+        return _measured(x, retina(_planes(panel, edge, times, columns), times, x), edge)
+    total = np.zeros(len(x))
+    for part in np.arange(PHASES) / PHASES:
+        light = _frames(panel, edge, times, columns - part)
+        total += retina(light, times, x + part)
+    return _measured(x, total / PHASES, edge)
+
+
+def frame_blur(
+    panel: FramePanel | Projector, white_rate: float, edges: Sequence[tuple[float, float]]
+) -> list[Blur]:
+    """A panel of frames fed the true light. white_rate: the light that it shows as white.
+
+    Frames are linear in light, so all edges between two levels have one profile.
+    """
+    if not isinstance(panel, Projector):
+        width = _frame_width(panel, (0.0, 1.0))
+        return [Blur.of(panel.name, "", edge, width) for edge in edges]
+    found = []
+    for edge in edges:
+        share = min(edge[0] / white_rate, 1.0), min(edge[1] / white_rate, 1.0)
+        found.append(Blur.of(panel.name, "", edge, _frame_width(panel, share)))
+    return found

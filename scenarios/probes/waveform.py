@@ -1,0 +1,152 @@
+"""What a spike-continuous panel makes of spikes, pixel by pixel in time: compiled.
+
+The same drives and the same emitter as `display.PlainRenderer`, to which a test holds it; only the
+order is another: a pixel's planes one after another, so that long waveforms of few pixels and the
+sum over a patch cost little.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim import Viform
+from display import DRIVES, SpikePanel
+
+__all__ = ["every_drive", "panel_light"]
+
+_LINE: Final = 4096
+"""Planes of a pixel that are laid out at a time."""
+_DE_BRUIJN: Final = np.uint32(0x077CB531)
+_PLACES: Final = np.array(
+    [0, 1, 28, 2, 29, 14, 24, 3, 30, 22, 20, 15, 25, 17, 4, 8,
+     31, 27, 13, 23, 21, 19, 16, 7, 26, 12, 18, 6, 11, 5, 10, 9]
+)  # fmt: skip
+"""Of the one bit in a word: where it is, by the top five bits of its product with a de Bruijn
+sequence (Leiserson, Prokop and Randall, 1998)."""
+Values = npt.NDArray[np.float64]
+_CODE: Final[dict[str, int]] = {name: n for n, name in enumerate(DRIVES)}
+
+
+@njit(cache=True, nogil=True)
+def _relax(x, length, level, up, down):  # type: ignore[no-untyped-def]
+    """Light of a part of a plane under constant drive, and the level that it ends with. up, down:
+    (time constant in planes, what is gone of the difference when the part ends)."""
+    constant, gone = up if x > level else down
+    return x * length + (level - x) * constant * gone, level + (x - level) * gone
+
+
+@njit(cache=True, nogil=True)
+def _gone(constant, length):  # type: ignore[no-untyped-def]
+    """What is gone of a difference after a part of a plane; all of it without a time constant."""
+    return constant, -math.expm1(-length / constant) if constant > 0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
+    """The first plane from n on in which the pixel spikes, or stop."""
+    while n < stop:
+        word = words[n >> 5, pixel] >> np.uint32(n & 31)
+        if word:
+            lowest = word & (~word + np.uint32(1))
+            return min(n + _PLACES[np.uint32(lowest * _DE_BRUIJN) >> np.uint32(27)], stop)
+        n = (n | 31) + 1
+    return stop
+
+
+@njit(cache=True, nogil=True)
+def _show(  # type: ignore[no-untyped-def]
+    words, cycles, drive, pulse, rise, decay, span, group, light,
+):  # fmt: skip
+    """Adds the light of each plane of each pixel to light[group[pixel], plane // span].
+
+    rise, decay: the time constants in planes, 0 for none. A pixel's drive is laid out from spike to
+    spike in a line that stays in the cache.
+    """
+    share = pulse if drive == 0 else 1.0
+    reach = max(_LINE // span, 1) * span
+    line = np.empty(reach)
+    slow = rise > 0 or decay > 0
+    up, down = _gone(rise, share), _gone(decay, share)
+    up_after, down_after = _gone(rise, 1.0 - share), _gone(decay, 1.0 - share)
+    for pixel in range(words.shape[1]):
+        row = light[group[pixel]]
+        tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
+        for first in range(0, cycles, reach):
+            stop = min(first + reach, cycles)
+            n = first
+            while n < stop:
+                m = _next_spike(words, pixel, n, stop)
+                held = m
+                if drive == 2 and tau > 0:
+                    held = min(max(n + tau - age, n), m)  # until age is tau
+                for k in range(n - first, held - first):
+                    line[k] = x
+                for k in range(held, m):
+                    line[k - first] = 1.0 / (age + 1 + k - n)
+                age += m - n
+                if m < stop:
+                    age += 1
+                    if seen:
+                        tau = age
+                        x = 1.0 / tau if drive > 0 else 0.0
+                    line[m - first] = 1.0 if drive == 0 else x
+                    age, seen = 0, True
+                n = m + 1
+            if slow:
+                for k in range(stop - first):
+                    total, level = _relax(line[k] / share, share, level, up, down)
+                    if share < 1.0:
+                        after, level = _relax(0.0, 1.0 - share, level, up_after, down_after)
+                        total += after
+                    line[k] = total
+            slot = first // span
+            if span == 1:
+                for k in range(stop - first):
+                    row[slot + k] += line[k]
+            else:
+                for k in range(0, stop - first, span):
+                    row[slot + k // span] += line[k : k + span].sum()
+
+
+def panel_light(
+    stream: Viform,
+    panel: SpikePanel,
+    drive: str,
+    span: int = 1,
+    group: npt.NDArray[np.int64] | None = None,
+) -> Values:
+    """Light of a panel with this drive, packets Q a cycle, mean over each span and group.
+
+    stream: from where the panel was dark. span: planes that are taken together; those beyond the
+    last whole span are left out. group: (height, width) int, which pixels are taken together (0 to
+    the largest); every pixel alone unless given. Gives (cycles // span, groups).
+    """
+    height, width = stream.shape
+    groups = np.arange(height * width) if group is None else group.ravel()
+    if groups.size != height * width:
+        raise ValueError(f"groups must be of {height} x {width} pixels, not {groups.size}")
+    cycles = stream.cycles // span * span
+    light = np.zeros((int(groups.max()) + 1, cycles // span))
+    words = stream.words.reshape(len(stream.words), -1)
+    hz = panel.clock.hz
+    _show(
+        words, cycles, _CODE[drive], panel.pulse, panel.rise * hz, panel.decay * hz, span, groups,
+        light,
+    )  # fmt: skip
+    light /= (span * np.bincount(groups))[:, None]
+    return light.T
+
+
+def every_drive(
+    stream: Viform, panel: SpikePanel, span: int = 1, group: npt.NDArray[np.int64] | None = None
+) -> dict[str, Values]:
+    """`panel_light` of each drive by its name, side by side on the processor's cores."""
+    with ThreadPoolExecutor() as pool:
+        made = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
+        return dict(zip(DRIVES, made, strict=True))

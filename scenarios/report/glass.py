@@ -1,0 +1,221 @@
+"""The page of a run with a display: what eyes see on it and on others, before all else."""
+
+from __future__ import annotations
+
+import html
+import shlex
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Box
+from scenarios.glass import Shown
+from scenarios.glass.clip import RATE, chosen_tiles, write_glass_clip
+from scenarios.glass.finish import TRUTH, title_of
+from scenarios.loading import to_toml
+from scenarios.png import for_display
+from scenarios.report.figures import sheet_figure
+from scenarios.report.glass_figures import latency_figure, wave_figure
+from scenarios.report.glass_tables import band_tables, display_table, light_table
+from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
+from scenarios.report.machine import machine
+from scenarios.report.parts import cards, data, figure, opening, plot, run_time, write_page
+from scenarios.report.pictures import busiest_box, crop, enlarge
+from scenarios.run import Finished
+
+__all__ = ["write_glass_report"]
+
+Images = npt.NDArray[np.float32]
+_SEES = {
+    "eye": "What the still eye sees",
+    "pursuit": "What the pursuing eye sees",
+    "camera": "What a camera sees",
+}
+_OVERVIEW = 7
+"""Displays side by side in the overview, at most."""
+
+
+def _middle(images: Images) -> Images:
+    return images[len(images) // 2]
+
+
+def _worst_box(shown: Shown, observer: str) -> Box:
+    """The square in which the displays differ most from the light itself."""
+    truth = _middle(shown.seen[TRUTH][observer])
+    away = np.zeros_like(truth)
+    for display in shown.displays:
+        np.maximum(away, np.abs(_middle(shown.seen[display][observer]) - truth), out=away)
+    return busiest_box(away, max(64, min(truth.shape) // 4))
+
+
+def _cards(run: Finished, shown: Shown) -> str:
+    result = run.result
+
+    def told(name: str, digits: str, unit: str = "") -> str:
+        metric = result.metrics.get(name)
+        if metric is None or metric.value is None or not np.isfinite(metric.value):
+            return "unknown"
+        return f"{metric.value:{digits}}{unit}"
+
+    spent = time.perf_counter() - run.began
+    rows = [
+        ("first", told("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET; 120 Hz: "
+         + told("ebet_ms_120hz", ".2f", " ms")),
+        ("first", told("latency_bright_us", ".0f", " µs"), "from photon to photon: over full, "
+         "impulse, median"),
+        ("first", told("flicker_svm_spike", ".2f"), "SVM of the spike display; 1 is just visible"),
+        ("first", told("psnr_spike", ".1f", " dB"), "the still eye's image against the light's; "
+         "60 Hz: " + told("psnr_60hz", ".1f", " dB")),
+        ("", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
+        ("", *error_card(run)),
+        ("", *full_physics_card(run)),
+        ("", *left_out_card(run)),
+    ]  # fmt: skip
+    return cards(rows)
+
+
+def _views(run: Finished, shown: Shown, observer: str) -> str:
+    """The middle instant on every display: where they differ most, and the whole."""
+    views = {name: _middle(seen[observer]) for name, seen in shown.seen.items()}
+    box = _worst_box(shown, observer)
+    parts = "".join(
+        figure(enlarge(crop(for_display(image), box)), title_of(shown, name), exact=True)
+        for name, image in views.items()
+    )
+    wholes = "".join(
+        figure(for_display(views[name]), title_of(shown, name))
+        for name in list(views)[:3]
+    )  # fmt: skip
+    instant = run.setting.clock.middle(run.instants[len(run.instants) // 2]) / 1e9
+    moving = (
+        f" It follows {shown.glass.velocity:.4g} pixels/s: what moves so is sharp where the display"
+        " keeps up, and what keeps still smears." if observer == "pursuit" else ""
+    )  # fmt: skip
+    return (
+        f"<h2>{_SEES[observer]}</h2><p>Around {instant:.2f} ms, white of the panel as white, rows "
+        f"{box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in which the "
+        f"displays differ most.{moving} Linear pictures are in <code>images/</code>.</p>"
+        f'<div class="grid by4">{parts}</div><div class="grid by3">{wholes}</div>'
+    )
+
+
+def _overview(run: Finished, shown: Shown) -> None:
+    """figures/overview.png: a row an eye, a column a display."""
+    names = [TRUTH, *chosen_tiles(shown.displays, _OVERVIEW - 1)]
+    rows = []
+    for observer in ("eye", "pursuit"):
+        box = _worst_box(shown, observer)
+        images = [crop(for_display(_middle(shown.seen[n][observer])), box) for n in names]
+        rows.append(("still eye" if observer == "eye" else "pursuing eye", images))
+    sheet_figure([title_of(shown, n) for n in names], rows, run.folder / "figures/overview.png")
+
+
+def _clip(run: Finished, shown: Shown) -> str:
+    path = run.folder / "glass.mp4"
+    names = chosen_tiles(list(shown.seen))
+    motion = shown.glass.motion
+    frames = {name: shown.frames[name] for name in names}
+    write_glass_clip(path, frames, {name: title_of(shown, name) for name in names}, motion)
+    slower = 1e12 / motion.exposure / RATE
+    return (
+        f"<h2>Slow motion</h2><p>What a camera sees of each display, {slower:.0f} times slower "
+        f"than life, {motion.exposure / 1e9:.3g} ms exposed a frame (<code>glass.mp4</code>).</p>"
+        '<figure><video controls loop muted autoplay playsinline style="max-width:1000px" '
+        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
+    )
+
+
+def _table(shown: Shown) -> str:
+    luminance, degree = shown.glass.panel.luminance, shown.glass.section.distance
+    return (
+        "<h2>The displays</h2>" + display_table(shown) +
+        "<p>Blur: the time in which an edge at 4 000 pixels/s from dark to mid grey (0.18 spikes a "
+        "cycle) goes from 10 to 90 % on a pursuing eye's retina, over 0.8. Flicker: of a patch of "
+        "16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
+        f"{luminance:g} cd/m² white and {degree:g} pixels a degree) are seen above 1. PSNR: the "
+        "eye's image of the scene against the same eye's of the light itself, white = 1; of the "
+        "drive that this run showed. Delay: median from a step of light, dark to mid grey, to half "
+        "of it on the display. Frame displays and the projector are fed the true light, without a "
+        "camera.</p>"
+    )  # fmt: skip
+
+
+def _bands(shown: Shown) -> str:
+    return (
+        "<h2>By luminance and drive</h2><p>Dim pixels fire seldom: as pulses they flicker, held "
+        "they wait for the next spike. Steady patches and edges at each light; "
+        "<i>never</i>: light that does not come to half while it is watched. Frame displays are "
+        "the same at every light, as in the table above.</p>"
+        + light_table(shown)
+        + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
+        " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the "
+        "error's mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(shown))
+    )
+
+
+def _waves(run: Finished, shown: Shown) -> str:
+    path = run.folder / "figures" / "waves.png"
+    said = wave_figure(run, shown, path)
+    return (
+        f"<h2>Light of single pixels</h2><p>{html.escape(said)}</p>"
+        + plot(path, "light of single pixels on every display")
+    )  # fmt: skip
+
+
+def _delays(run: Finished, shown: Shown) -> str:
+    path = run.folder / "figures" / "latency.png"
+    latency_figure(shown, path)
+    return (
+        "<h2>From photon to photon</h2><p>How long after a step of light a display's light passes "
+        "half of it, over all phases of the clock and all rows: mean of each part (bars), median "
+        "and 5 to 95 % of the whole (lines); what runs out of the frame has its median beside it. "
+        "Interval: until the pixel fires, or for a frame until the next one. Readout: until its "
+        "row is driven. Hold: until the light passes half; a panel that holds intervals waits for "
+        "a second spike.</p>" + plot(path, "latency by stage")
+    )
+
+
+def _again(run: Finished) -> str:
+    line = f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"
+    return (
+        f"<h2>Make it again</h2><pre>{html.escape(line)}</pre>"
+        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+    )
+
+
+def _head(run: Finished, shown: Shown) -> str:
+    panel = shown.glass.panel
+    camera = (
+        f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles;"
+        f" {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, {panel.drive}, "
+        f"{panel.luminance:g} cd/m², drawn by {run.result.renderer}"
+    )
+    return opening(run.scenario.title, camera, run.result, run.notes)
+
+
+def write_glass_report(run: Finished) -> list[str]:
+    """Writes figures, glass.mp4 and report.html into the run's folder; their names."""
+    shown: Any = run.shown
+    begin = time.perf_counter()
+    (run.folder / "figures").mkdir(exist_ok=True)
+    _overview(run, shown)
+    body = [
+        _table(shown),
+        _clip(run, shown),
+        *(_views(run, shown, observer) for observer in shown.glass.observers),
+        _bands(shown),
+        _waves(run, shown),
+        _delays(run, shown),
+        kept(run),
+        machine(run),
+    ]
+    run.seconds["report"] = time.perf_counter() - begin
+    page = [_head(run, shown), _cards(run, shown), *body]
+    page += [run_time(run.result, run.seconds), _again(run)]
+    write_page(run.folder, run.scenario.title, "".join(page))
+    return [
+        "figures/overview.png", "figures/waves.png", "figures/latency.png", "figures/plan.png",
+        "glass.mp4", "report.html",
+    ]  # fmt: skip
