@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from scenarios.checked import full_physics_s, left_out, too_far
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.filming import CHECKPOINT, PUT_BACK, WiderStage, film_as_promised, mend
 from scenarios.folder import check_room, claimed, output_folder, write_images
-from scenarios.glass import Shown, finish_glass, write_eye_images
+from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.planning import RunPlan
 from scenarios.prepare import (
     Prepared,
@@ -94,15 +95,18 @@ def _make_views(run: Prepared, folder: Path, seconds: dict[str, float]) -> _Made
     """Of a run with a display: what eyes see of it."""
     assert run.glass is not None
     begin = time.perf_counter()
-    probes = run.glass.probes(run.setting, run.device)
-    seconds["probes"] = time.perf_counter() - begin
+    with ThreadPoolExecutor(1) as pool:  # each of the two leaves much of two cores idle
+        probing = pool.submit(run.glass.probes, run.setting, run.device)
+        judged = judge_seen(run.glass)
+        seconds["images"] = time.perf_counter() - begin
+        shown = finish_glass(run.glass, judged, probing.result())
+    seconds["probes"] = time.perf_counter() - begin - seconds["images"]
     begin = time.perf_counter()
-    shown = finish_glass(run.glass, probes)
     files = write_eye_images(folder, shown)
     pixels = run.camera.shape[0] * run.camera.shape[1]
     rate = run.glass.shown.fired / (run.cycles * pixels)
     metrics = shown.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
-    seconds["images"] = time.perf_counter() - begin
+    seconds["images"] += time.perf_counter() - begin
     return _Made([], None, shown, metrics, shown.latency(), files)
 
 

@@ -17,7 +17,7 @@ from scenarios.probes.latency import PARTS
 from scenarios.probes.metrics import GREY
 from scenarios.result import Latency, Metric
 
-__all__ = ["SPIKE", "TRUTH", "Shown", "finish_glass", "title_of", "write_eye_images"]
+__all__ = ["SPIKE", "TRUTH", "Shown", "finish_glass", "judge_seen", "title_of", "write_eye_images"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +71,16 @@ def title_of(shown: Shown, display: str) -> str:
     return f"spikes, {shown.glass.panel.drive}" if display == SPIKE else display
 
 
-def finish_glass(glass: Glass, probes: Probes) -> Shown:
-    """After the last block. probes: of its panels."""
-    shown = glass.shown
-    seen = glass.seen()
-    observers = [name for name in glass.observers if all(name in views for views in seen.values())]
-    judged = judge_glass(seen, observers)
-    emitted = shown.emitted
-    total = emitted / shown.spikes if emitted is not None and shown.spikes else None
-    return Shown(glass, seen, judged, glass.frames(), total, probes)
+def judge_seen(glass: Glass) -> list[Judged]:
+    """Fidelity of every display to every observer; after the last block."""
+    return judge_glass(glass.seen(), list(glass.observers))
+
+
+def finish_glass(glass: Glass, judged: list[Judged], probes: Probes) -> Shown:
+    """Everything together. judged: as `judge_seen` tells it. probes: of its panels."""
+    emitted, spikes = glass.shown.emitted, glass.shown.spikes
+    total = emitted / spikes if emitted is not None and spikes else None
+    return Shown(glass, glass.seen(), judged, glass.frames(), total, probes)
 
 
 def write_eye_images(folder: Path, shown: Shown) -> list[str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 import shlex
 import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -112,12 +114,17 @@ def _overview(run: Finished, shown: Shown) -> None:
     sheet_figure([title_of(shown, n) for n in names], rows, run.folder / "figures/overview.png")
 
 
-def _clip(run: Finished, shown: Shown) -> str:
+def _write_clip(run: Finished, shown: Shown) -> Path:
     path = run.folder / "glass.mp4"
     names = chosen_tiles(list(shown.seen))
     motion = shown.glass.motion
     frames = {name: shown.frames[name] for name in names}
     write_glass_clip(path, frames, {name: title_of(shown, name) for name in names}, motion)
+    return path
+
+
+def _clip(shown: Shown, path: Path) -> str:
+    motion = shown.glass.motion
     slower = 1e12 / motion.exposure / RATE
     return (
         f"<h2>Slow motion</h2><p>What a camera sees of each display, {slower:.0f} times slower "
@@ -200,17 +207,18 @@ def write_glass_report(run: Finished) -> list[str]:
     shown: Any = run.shown
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
-    _overview(run, shown)
-    body = [
-        _table(shown),
-        _clip(run, shown),
-        *(_views(run, shown, observer) for observer in shown.glass.observers),
-        _bands(shown),
-        _waves(run, shown),
-        _delays(run, shown),
-        kept(run),
-        machine(run),
-    ]
+    with ThreadPoolExecutor(1) as pool:  # figures are drawn while the clip is coded
+        coding = pool.submit(_write_clip, run, shown)
+        _overview(run, shown)
+        body = [
+            *(_views(run, shown, observer) for observer in shown.glass.observers),
+            _bands(shown),
+            _waves(run, shown),
+            _delays(run, shown),
+            kept(run),
+            machine(run),
+        ]
+        body = [_table(shown), _clip(shown, coding.result()), *body]
     run.seconds["report"] = time.perf_counter() - begin
     page = [_head(run, shown), _cards(run, shown), *body]
     page += [run_time(run.result, run.seconds), _again(run)]

@@ -22,11 +22,12 @@ WINDOW = 25 * 10**9
 SAMPLES = 2000
 
 
-def _places(levels: Any) -> list[int]:
-    """Of the pixels whose light was kept: the one that changes most, and the dimmest that is lit
-    and still."""
+def _places(levels: Any, waves: Any) -> list[int]:
+    """Of the pixels whose light was kept: the one that changes most on all displays together, and
+    the dimmest that is lit and still. levels: the light itself. waves: of each display."""
     change = np.ptp(levels, axis=0)
-    moving = int(np.argmax(change))
+    shown = sum(np.minimum(np.ptp(wave, axis=0), 1.0) for wave in waves)
+    moving = int(np.argmax(np.where(change > 1e-3, shown, 0.0)))
     still = [n for n in np.argsort(levels.mean(axis=0)) if change[n] < 1e-3 and levels[0, n] > 0]
     return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
 
@@ -40,7 +41,6 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
     at = np.linspace(first, min(first + WINDOW, end) - 1, SAMPLES).astype(np.int64)
     ms, light = at / 1e9, glass.tap.light()
     truth = np.array([light.at(int(t))[0] for t in at])
-    places = _places(truth)
     starts, spikes = spike_waves(
         run.stream, glass.panel, [p[:2] for p in glass.points], int(at[-1])
     )
@@ -48,6 +48,7 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
     waves = {SPIKE: np.where(at[:, None] >= starts[0], spikes[plane], 0.0)}
     for panel in beside_of(glass.section):
         waves[panel.name] = wave_of(panel, light, at)
+    places = _places(truth, waves.values())
     plt = pyplot()
     figure, axes = plt.subplots(
         len(waves), len(places), sharex=True, squeeze=False,
