@@ -26,12 +26,12 @@ from cosim.opencl import Device
 from cosim.viform import Words
 from display import DisplaySetting
 from scenarios.display_cost import display_ns, golden_ns
-from scenarios.display_setting import display_of
 from scenarios.order import fit_order
 from scenarios.paired import Paired, windows, worst
 from scenarios.planning import RunPlan, plan_run
+from scenarios.prepare import look_at, look_through, prepare_camera, scene_source
 from scenarios.progress import Progress
-from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
+from scenarios.run import WiderStage
 from scenarios.schema import Scenario
 from scenarios.shown import TRUTH, ShownPaired, ShownPatches
 from scenarios.verifier import Planned
@@ -131,7 +131,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     setting, cycles, instants, lens, white, device = prepare_camera(scenario, device_name)
     progress.note("looking at the scene")
     seen = look_at(scenario, setting, lens, cycles)
-    display = display_of(scenario, setting, white, instants, cycles)
+    display = look_through(scenario, setting, white, instants, cycles)[0]
     tiers: list[Tier] = ["exact"]
     if device is not None and setting.reset == "residual":
         tiers.append("fast")

@@ -6,14 +6,13 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-import display
 from cosim import Block
 from cosim.viform import WORD, Words
-from display import DisplaySetting, PlainRenderer
+from display import DisplaySetting, PlainRenderer, make_renderer
 
 __all__ = ["display_ns", "golden_ns"]
 
@@ -29,12 +28,13 @@ def golden_ns(setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> 
     return _time(PlainRenderer, setting, shown, PIECE)
 
 
-def display_ns(kind: str, setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> float:
+def display_ns(
+    kind: Literal["gl", "numpy"], setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]
+) -> float:
     """The same of the renderer of this kind (`gl`, `numpy`). shown: words, block by block."""
-    make: Any = getattr(display, "make_renderer", None)
-    if kind == "numpy" or make is None:
+    if kind == "numpy":
         return golden_ns(setting, shown)
-    return _time(lambda *given: make(kind, *given), setting, shown, math.inf)
+    return _time(lambda *given: make_renderer(kind, *given), setting, shown, math.inf)
 
 
 def _draws(shown: Sequence[tuple[Block, Words]]) -> list[tuple[Block, Words]]:

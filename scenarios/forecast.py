@@ -12,9 +12,9 @@ import numpy as np
 from cosim import BLOCK, Block, Light
 from cosim.light import PlaneMap
 from cosim.opencl import Device
-from scenarios.display_setting import display_of
 from scenarios.planning import RunPlan, plan_run
-from scenarios.run import WiderStage, look_at, prepare_camera, scene_source
+from scenarios.prepare import look_at, look_through, prepare_camera, scene_source
+from scenarios.run import WiderStage
 from scenarios.schema import Scenario
 from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
@@ -84,7 +84,7 @@ def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str
     """The document of `viform plan --json`."""
     setting, cycles, instants, lens, white, device = prepare_camera(scenario, device_name)
     seen = look_at(scenario, setting, lens, cycles)
-    shown = display_of(scenario, setting, white, instants, cycles)
+    shown = look_through(scenario, setting, white, instants, cycles)[0]
     run = plan_run(seen, setting, scenario.tolerance, instants, device, display=shown)
     everything = plan_run(seen, setting, 0.0, instants, device, tier=run.tier, display=shown)
     relay = lens.relay(setting.chip.pitch)

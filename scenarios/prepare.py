@@ -9,6 +9,7 @@ from pathlib import Path
 from cosim import InputError, seconds_to_ps
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
+from display import DisplaySetting
 from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.glass import Glass, follow, make_glass
@@ -21,7 +22,8 @@ from scenarios.verifier import ARITHMETIC, Verifier
 from sensor import CameraSetting, SpikeCamera
 
 __all__ = [
-    "Prepared", "again", "choose_device", "identity", "look_at", "prepare", "prepare_camera",
+    "Prepared", "again", "choose_device", "identity", "look_at", "look_through", "prepare",
+    "prepare_camera",
     "scene_source",
 ]  # fmt: skip
 
@@ -115,22 +117,30 @@ def look_at(scenario: Scenario, setting: CameraSetting, lens: Lens, cycles: int)
     return look(scenario, setting, source, lens.relay(setting.chip.pitch), cycles)
 
 
+def look_through(
+    scenario: Scenario, setting: CameraSetting, white_rate: float, instants: list[int], cycles: int
+) -> tuple[DisplaySetting | None, tuple[float, str]]:
+    """The display with everything, None where there is none; what the pursuing eye follows, pixels
+    a second, and where that is from."""
+    if scenario.display is None:
+        return None, (0.0, "")
+    source = scene_source(scenario, setting, cycles)
+    pursuit = follow(scenario, source, setting.clock.edge(cycles))
+    return display_of(scenario, setting, white_rate, instants, cycles, pursuit[0]), pursuit
+
+
 def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
     """Everything of the run, checked."""
     setting, cycles, instants, lens, white_rate, opened = prepare_camera(scenario, device)
     source = scene_source(scenario, setting, cycles)
     seen = look_at(scenario, setting, lens, cycles)
-    notes, pursuit, points = lens_notes(scenario, lens, white_rate), (0.0, ""), []
-    if scenario.display is not None:
-        once_more = scene_source(scenario, setting, cycles)
-        pursuit = follow(scenario, once_more, setting.clock.edge(cycles))
-        notes, points = [*notes, pursuit[1]], once_more.points()
-    plan = plan_run(
-        seen, setting, scenario.tolerance, instants, opened,
-        display=display_of(scenario, setting, white_rate, instants, cycles, pursuit[0]),
-    )  # fmt: skip
+    notes = lens_notes(scenario, lens, white_rate)
+    display, pursuit = look_through(scenario, setting, white_rate, instants, cycles)
+    plan = plan_run(seen, setting, scenario.tolerance, instants, opened, display=display)
     glass = None
     if plan.display is not None:
+        notes.append(pursuit[1])
+        points = scene_source(scenario, setting, cycles).points()
         glass = make_glass(scenario, setting, cycles, instants, plan.display, pursuit, points)
     return Prepared(
         name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,

@@ -21,10 +21,7 @@ from scenarios.planning import RunPlan
 from scenarios.prepare import (
     Prepared,
     choose_device,
-    look_at,
     prepare,
-    prepare_camera,
-    scene_source,
 )
 from scenarios.progress import Progress
 from scenarios.result import Latency, Metric, Result, Throughput, write_result
@@ -35,8 +32,7 @@ from scenarios.verifier import Finding
 from sensor import CameraSetting
 
 __all__ = [
-    "Finished", "Progress", "WiderStage", "choose_device", "look_at", "prepare_camera",
-    "run_scenario", "scene_source",
+    "Finished", "Progress", "WiderStage", "choose_device", "run_scenario",
 ]  # fmt: skip
 
 

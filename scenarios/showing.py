@@ -23,6 +23,13 @@ def panel_of(section: DisplaySection, setting: CameraSetting, white_rate: float)
             f"{shape[1]} x {shape[0]}",
             "leave them out, or set display.fit=nearest or centre",
         )
+    if section.row_scan < setting.row_skew:
+        raise InputError(
+            "display.row_scan",
+            f"at least sensor.row_skew, {setting.row_skew:g}",
+            f"{section.row_scan:g}: rows would be shown before they are sampled",
+            "raise it",
+        )
     return SpikePanel(
         shape, setting.clock, white_rate, section.drive, section.pulse, section.rise,
         section.decay, section.row_scan, seconds_to_ps(section.transport), section.fill,

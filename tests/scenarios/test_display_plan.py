@@ -17,7 +17,7 @@ from display.effects.costs import SHOWN, SPAN_COST
 from scenarios.display_setting import display_of
 from scenarios.loading import load
 from scenarios.planning import RunPlan, plan_run
-from scenarios.run import look_at, prepare_camera, scene_source
+from scenarios.prepare import look_at, prepare_camera, scene_source
 from scenarios.shown import TRUTH
 from scenarios.verifier import BrokenPromise, Verifier
 

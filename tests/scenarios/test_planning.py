@@ -12,7 +12,7 @@ from cosim import Block
 from cosim.opencl import Device
 from scenarios.loading import load
 from scenarios.planning import RunPlan, plan_run
-from scenarios.run import look_at, prepare_camera
+from scenarios.prepare import look_at, prepare_camera
 from scenarios.scenes import make_source
 from scenarios.scenes.survey import Sketched, survey
 from sensor.tiles import TileGrid

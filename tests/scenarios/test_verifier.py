@@ -15,8 +15,8 @@ from cosim.opencl import Device
 from scenarios.loading import load
 from scenarios.paired import compare, windows, worst
 from scenarios.planning import plan_run
+from scenarios.prepare import look_at, prepare_camera, scene_source
 from scenarios.report import write_report
-from scenarios.run import look_at, prepare_camera, scene_source
 from scenarios.verifier import BrokenPromise, Planned, Verifier
 
 LIES = {
