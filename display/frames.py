@@ -16,8 +16,9 @@ from display.panel import FramePanel
 __all__ = ["FrameShow"]
 
 Instants = npt.NDArray[np.int64]
-PARTS = 16
-"""Parts of a time constant in which a pixel that approaches its level is looked at."""
+PARTS, MOST = 16, 1024
+"""Parts of a time constant in which a pixel that approaches its level is looked at, and of a frame
+at most: what a faster pixel does in a part is still its true mean."""
 
 
 def _approach(begin: int, constant: float) -> Gain:
@@ -70,13 +71,13 @@ class FrameShow:
         panel = self.panel
         start = panel.rate.edge(self._next) + self._late
         stop = panel.rate.edge(self._next + 1) + self._late
-        dark = start + round((stop - start) * panel.persistence)
-        bright = 1 / panel.persistence
+        dark = start + max(round((stop - start) * panel.persistence), 1)
+        bright = (stop - start) / (dark - start)
         spans = [Span(0, start, dark, _times(None, bright))]
         if panel.response == 0:
             return Lit(level[None], spans)
         behind = self._level - level
-        parts = min(math.ceil((dark - start) / (panel.response * PS) * PARTS), 64 * PARTS)
+        parts = min(math.ceil((dark - start) / (panel.response * PS) * PARTS), MOST)
         spans.append(Span(1, start, dark, _times(_approach(start, panel.response), bright), parts))
         left = np.float32(math.exp(-(stop - start) / (panel.response * PS)))
         self._level = level + behind * left

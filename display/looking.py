@@ -1,7 +1,7 @@
 """Planes of light added to images, each through a small kernel of shifts, compiled.
 
 Rows are shared out to threads, each of which runs a compiled function without the interpreter's
-lock: compiled with numba's own threads (parallel=True) these took five times as long to compile.
+lock: compiled with numba's own threads (parallel=True) these took three times as long to compile.
 """
 
 from __future__ import annotations

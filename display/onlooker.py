@@ -79,7 +79,8 @@ def _split(span: Span, observer: Observer) -> Instants:
     """Edges of a span's parts."""
     ends = np.array([span.start, span.stop], np.int64)
     travel = max(float(np.abs(np.diff(s, axis=1)).max()) for s in observer.shifts(ends))
-    parts = max(span.parts, math.ceil(travel / MOTION_STEP - 1e-9), 1)
+    parts = max(span.parts, math.ceil(travel / MOTION_STEP - 1e-9))
+    parts = max(min(parts, span.stop - span.start), 1)
     part = (span.stop - span.start) * np.arange(parts + 1) / parts
     return span.start + np.rint(part).astype(np.int64)
 

@@ -127,6 +127,26 @@ def test_slow_pixels_approach_their_level_exponentially():
     assert np.ptp(images) > 0.6
 
 
+@pytest.mark.parametrize(
+    "panel",
+    [
+        FramePanel(Clock(10**11), 0.01, 1e-3),  # a frame of 10 ps, a strobe of 0.1
+        FramePanel(SIXTY, 1e-15),
+        FramePanel(SIXTY, 1.0, 1e-12),
+        FramePanel(Clock(3), 1.0, 1e6),
+    ],
+)
+def test_extremes_stay_numbers(panel):
+    light = steady((2, 4), 1.0)
+    until = min(panel.rate.edge(40), SIXTY.edge(3))  # whole frames
+    camera = CameraPlane((until // 2,), until)
+    image = seen(FrameShow(panel, (2, 4), 500.0), light, until, camera)[0, :, -1]
+    # The slowest has shown nothing yet, all others all.
+    slow = panel.response / (until / PS)
+    expected = 1 if slow < 1e-6 else 0
+    np.testing.assert_allclose(image, expected, atol=1e-4)
+
+
 def test_latency_is_when_a_frame_comes():
     light = steady((2, 4), 1.0)
     times = (MS, 3 * MS, 30 * MS)
