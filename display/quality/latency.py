@@ -31,13 +31,23 @@ def relaxed(
     """
     if rise == 0 and decay == 0:
         return drive, drive
-    first, last = np.empty_like(drive), np.empty_like(drive)
+    first, last = np.empty(drive.shape), np.empty(drive.shape)
+    drive = np.ascontiguousarray(drive)  # it is gone through piece by piece
     level = np.zeros(drive.shape[1:])
-    for n, (x, length) in enumerate(zip(drive, np.diff(edges), strict=True)):
-        constant = np.where(x > level, rise, decay)
-        first[n] = np.where(constant > 0, level, x)
-        gone = np.exp(-length / np.where(constant > 0, constant, 1.0))
-        level = last[n] = x + (first[n] - x) * gone
+    length = np.diff(edges)
+    # What is left of a difference at the end of each piece: nothing without a time constant.
+    left_up, left_down = (
+        np.exp(-length / constant) if constant > 0 else np.zeros(len(length))
+        for constant in (rise, decay)
+    )
+    for n, x in enumerate(drive):
+        up = x > level
+        first[n] = level
+        if rise == 0:
+            first[n][up] = x[up]
+        elif decay == 0:
+            first[n][~up] = x[~up]
+        level = last[n] = x + (first[n] - x) * np.where(up, left_up[n], left_down[n])
     return first, last
 
 

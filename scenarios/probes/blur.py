@@ -112,7 +112,7 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     x = _places(SPEED / hz / min(dimmest, 1.0))
     # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
     begin = math.ceil(-x[0]) + 1
-    width = begin + math.ceil(SPEED * EXPOSURE + x[-1]) + 2
+    width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
     if width > WIDEST:
         return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2

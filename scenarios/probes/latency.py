@@ -48,6 +48,9 @@ Parts = Sequence[Values | float]
 Way = Literal["rise", "fall"]
 SIDE: Final = 64
 """Rows and columns (phases) of the chip that is filmed."""
+SPARSE: Final = 0.01
+"""Spikes a cycle below which the phase within one hardly matters, and so many columns do:"""
+FEW: Final = 16
 DARK: Final = 6
 """Cycles of darkness before an edge."""
 SETTLING: Final = 4
@@ -130,20 +133,21 @@ class _Edges:
 
 
 def _film(probe: Probe, rate: float, way: Way, seed: int) -> _Edges:
-    setting = probe.sized(SIDE, SIDE, seed)
+    phases = SIDE if rate >= SPARSE else FEW
+    setting = probe.sized(SIDE, phases, seed)
     clock, lux = setting.clock, lux_of(setting, rate)
     lit = math.ceil(SETTLING / min(rate, 1.0)) + SPARE
     cycle = DARK if way == "rise" else lit
     after = lit if way == "rise" else math.ceil(FADING / min(rate, 1.0)) + SPARE
     first, stop = clock.edge(cycle), clock.edge(cycle + 1)
-    at = first + (2 * np.arange(SIDE) + 1) * (stop - first) // (2 * SIDE)
+    at = first + (2 * np.arange(phases) + 1) * (stop - first) // (2 * phases)
     cycles = cycle + 1 + after
     levels = (0.0, lux) if way == "rise" else (lux, 0.0)
-    light = phased_light((SIDE, SIDE), *levels, at, clock.edge(cycles + 2))
+    light = phased_light((SIDE, phases), *levels, at, clock.edge(cycles + 2))
     late = row_offsets(clock, SIDE, setting.row_skew, 0.0, (0, SIDE))
     return _Edges(
         setting, probe.film(light, cycles, setting), rate, way,
-        np.tile(at, SIDE).astype(np.float64), np.repeat(late, SIDE).astype(np.float64), cycle,
+        np.tile(at, SIDE).astype(np.float64), np.repeat(late, phases).astype(np.float64), cycle,
     )  # fmt: skip
 
 

@@ -307,9 +307,8 @@ def test_the_whole_table_has_its_metrics(device):
     assert metrics["latency_grey_fall_us_hold"].value is None
     assert metrics["blur_120hz_over_spike"].value >= 10
     assert metrics["ebet_ms_spike"] == metrics["ebet_ms_causal"]
-    again = probe_display(own, panel(), [], device, 1, rates=(0.18, 1.5), edges=((0.0, 0.18),))
-    count = len(again.latency)
-    assert again.latency == probes.latency[:count] and again.blur == probes.blur[: len(again.blur)]
+    again = probe_display(own, panel(), [], device, 1, rates=(0.18,), edges=())
+    assert again.latency == probes.latency[: len(again.latency)] and len(again.latency) == 6
 
 
 @pytest.mark.slow
