@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+import moderngl
+
 from display.panel import SpikePanel
 from display.plain import PlainRenderer
 from display.renderer import Renderer
@@ -15,8 +17,16 @@ AnyRenderer = Renderer | PlainRenderer
 
 
 def make_renderer(
-    kind: Literal["gl", "numpy"], panel: SpikePanel, batch: int, images: int
+    kind: Literal["gl", "numpy"],
+    panel: SpikePanel,
+    batch: int,
+    images: int,
+    context: moderngl.Context | None = None,
 ) -> AnyRenderer:
     """gl: shaders, where this machine has GL 3.3 (InputError where not); numpy: the golden
-    model, slow. Close it after use."""
-    return Renderer(panel, batch, images) if kind == "gl" else PlainRenderer(panel, batch, images)
+    model, slow. Close it after use. context: that shaders run in, instead of one of their own."""
+    return (
+        Renderer(panel, batch, images, context)
+        if kind == "gl"
+        else PlainRenderer(panel, batch, images)
+    )

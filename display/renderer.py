@@ -39,7 +39,8 @@ Values = npt.NDArray[np.float64]
 
 
 class Renderer:
-    """The interface of `PlainRenderer`, on a GL context of its own (`open_context`).
+    """The interface of `PlainRenderer`, on a GL context of its own (`open_context`), or on one that
+    is given and stays its giver's, such as a window's.
 
     panel: what is shown. batch: planes to a span of light. images: how many the observers make.
     State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),
@@ -48,7 +49,9 @@ class Renderer:
     lost or was closed, or its memory does not suffice.
     """
 
-    def __init__(self, panel: SpikePanel, batch: int, images: int) -> None:
+    def __init__(
+        self, panel: SpikePanel, batch: int, images: int, context: moderngl.Context | None = None
+    ) -> None:
         if batch < 1:
             raise ValueError(f"batch must be 1 or more, not {batch}")
         self.panel, self.batch = panel, batch
@@ -60,7 +63,8 @@ class Renderer:
             "the panel", height * 4 * self._quads * (4 * (3 * states + 8 + GROUPS) + 12 * images),
             "make it smaller (display.width, display.height)",
         )  # fmt: skip
-        self._context = open_context()
+        self._own = context is None
+        self._context = open_context() if context is None else context
         self.name: str = self._context.info["GL_RENDERER"]
         self._check_size()
         with self._alive():
@@ -85,7 +89,7 @@ class Renderer:
         most = int(self._context.info["GL_MAX_TEXTURE_SIZE"])
         height, width = self.panel.shape
         if height > most or self._quads > most:
-            self._context.release()
+            self.close()
             raise InputError(
                 "the panel", f"at most {4 * most} x {most} pixels ({self.name})",
                 f"{width} x {height}", "make it smaller (display.width, display.height)",
@@ -334,8 +338,9 @@ class Renderer:
         self._last, self._lit = None, np.zeros((0, *self.panel.shape))
 
     def close(self) -> None:
-        """Gives the context back; what was not taken is gone."""
-        self._context.release()
+        """Gives its own context back; what was not taken is gone."""
+        if self._own:
+            self._context.release()
 
 
 def _set(program: moderngl.Program, name: str, value: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import moderngl
 import numpy as np
 import numpy.typing as npt
 
@@ -25,8 +26,11 @@ LARGEST = 1000
 
 
 class Window(Protocol):
-    """What `viform live` draws on. show: a picture, (height, width) uint8 of screen codes; False
-    once the user has closed it."""
+    """What `viform live` draws on. context: of its GL, in which a renderer must work as well: a
+    thread cannot hold a window system's context and one of EGL; None where it has none. show: a
+    picture, (height, width) uint8 of screen codes; False once the user has closed it."""
+
+    context: moderngl.Context | None
 
     def show(self, picture: npt.NDArray[np.uint8]) -> bool: ...
     def close(self) -> None: ...
@@ -34,7 +38,9 @@ class Window(Protocol):
 
 class _ScreenWindow:
     def __init__(self, window: Any, shape: tuple[int, int]) -> None:
-        self._window, context = window, window.ctx
+        self._window = window
+        self.context: moderngl.Context | None = window.ctx
+        context = window.ctx
         self._picture = context.texture((shape[1], shape[0]), 1, alignment=1)
         program = context.program(vertex_shader=vertex(), fragment_shader=_FRAGMENT)
         program["size"].value = tuple(map(float, window.buffer_size))
@@ -47,6 +53,7 @@ class _ScreenWindow:
             self._picture.write(np.ascontiguousarray(picture))
             self._picture.use(0)
             self._window.use()
+            self._window.ctx.enable_only(moderngl.NOTHING)
             self._triangle.render(vertices=3)
             self._window.swap_buffers()
         return not self._window.is_closing

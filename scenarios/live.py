@@ -44,24 +44,21 @@ def show_live(
     scene, relay = WiderStage(source, setting.reach), lens.relay(setting.chip.pitch)
     camera = SpikeCamera(setting, found)
     fit = fit_words(section.fit, (setting.chip.height, setting.chip.width), panel.shape)
-    renderer = make_renderer(section.renderer, panel, BATCH, 1)
-    shown = 0
+    window, shown = opened(scenario.title, panel.shape), 0
     try:
-        window = opened(scenario.title, panel.shape)
-        try:
-            progress.start(f"{cycles} cycles on {renderer.name}", cycles)
-            for block in blocks(cycles, FRAME):
-                spikes = camera.step(relay(scene.step(None, block)), block)
-                begin, end = (panel.start(n) for n in (block.start, block.stop))
-                eye = CameraPlane(((begin + end) // 2,), end - begin)
-                views = panel_views(eye, panel, block.start, block.cycles, BATCH)
-                renderer.step(fit(spikes.words), block.cycles, views)
-                if not window.show(for_display(renderer.take(0))):
-                    break
-                shown += 1
-                progress.advance(block.stop)
-        finally:
-            window.close()
-    finally:
+        renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)
+        progress.start(f"{cycles} cycles on {renderer.name}", cycles)
+        for block in blocks(cycles, FRAME):
+            spikes = camera.step(relay(scene.step(None, block)), block)
+            begin, end = (panel.start(n) for n in (block.start, block.stop))
+            eye = CameraPlane(((begin + end) // 2,), end - begin)
+            views = panel_views(eye, panel, block.start, block.cycles, BATCH)
+            renderer.step(fit(spikes.words), block.cycles, views)
+            if not window.show(for_display(renderer.take(0))):
+                break
+            shown += 1
+            progress.advance(block.stop)
         renderer.close()
+    finally:
+        window.close()
     return shown

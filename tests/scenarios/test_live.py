@@ -25,6 +25,8 @@ SMALL = [
 class Screen:
     """Keeps what it is shown; is closed by its user after `most` pictures."""
 
+    context = None
+
     def __init__(self, most: int = 1000) -> None:
         self.pictures: list[npt.NDArray[np.uint8]] = []
         self.most, self.closed = most, False
