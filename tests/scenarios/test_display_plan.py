@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +38,10 @@ at = [200, 210]
 """
 
 
-@pytest.fixture
-def glass(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def glass(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A scenario with a display."""
-    path = tmp_path / "glass.toml"
+    path = tmp_path_factory.mktemp("glass") / "glass.toml"
     path.write_text(GLASS)
     return path
 
@@ -77,10 +78,16 @@ class Made:
         return check
 
 
+@cache
+def looked(path: Path) -> Made:
+    """The same scenario serves all."""
+    return Made(path)
+
+
 def test_only_the_planes_an_observer_resolves_are_rendered(glass):
     """An eye that keeps still lets single planes go; one that pursues fast, or a camera of 100 us,
     keeps them. The coarser spans go only with the finer."""
-    made = Made(glass)
+    made = looked(glass)
     still, observer = made.plan(1e-3), made.display.observer
     assert still.display is not None and still.display.batch == 8
     assert set(SPANS) & set(still.plan.left_out) == {SPANS[0]}
@@ -102,7 +109,7 @@ def test_only_the_planes_an_observer_resolves_are_rendered(glass):
 
 def test_camera_and_display_share_one_tolerance(glass):
     """The sum of the bounds of both stays within half of it, and a pixel-cycle costs both."""
-    made = Made(glass)
+    made = looked(glass)
     for tolerance in (1e-3, 3e-2, 0.3):
         plan = made.plan(tolerance)
         total = sum(plan.plan.promise[n] for n in plan.plan.left_out)
@@ -120,7 +127,7 @@ def test_camera_and_display_share_one_tolerance(glass):
 
 
 def test_the_check_is_of_radiance_and_its_promises_hold(glass):
-    made = Made(glass)
+    made = looked(glass)
     plan = made.plan(0.03)
     assert plan.display.batch == 64
     check = made.check(plan)
@@ -140,7 +147,7 @@ def test_the_check_is_of_radiance_and_its_promises_hold(glass):
 
 
 def test_a_false_bound_of_the_display_is_found_at_the_end(glass, monkeypatch):
-    made = Made(glass)
+    made = looked(glass)
 
     def lie(self):
         true = kept(self)
@@ -177,7 +184,7 @@ def test_a_plan_says_which_planes_are_rendered(viform, glass):
 
 
 def test_a_check_goes_on_from_its_state(glass):
-    made = Made(glass)
+    made = looked(glass)
     plan = made.plan(1e-3)
     source, relay = (
         scene_source(made.scenario, made.setting, made.cycles),
