@@ -100,7 +100,7 @@ class Glass:
         """Latency, blur and flicker of its panels, with this camera before them."""
         return probe_display(
             camera, self.panel, beside_of(self.section), device, camera.seed,
-            per_degree=self.section.distance,
+            per_degree=self.section.distance, pst_lm=True,
         )  # fmt: skip
 
     def close(self) -> None:

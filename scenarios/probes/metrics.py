@@ -31,6 +31,8 @@ EDGES: Final = ((0.0, SPARSE), (0.0, DIM), (0.0, GREY), (GREY, 0.0), (GREY, WHIT
 """(ahead of a moving edge, behind it)."""
 GREYS: Final = ((0.0, GREY), (GREY, 0.0), (GREY, WHITE))
 """Those of them that MPRT is the mean of."""
+PST_CLOCK: Final = 100e3
+"""Hz: more than a minute of a faster clock would be long to film."""
 NAMES: Final = {
     SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
 }  # fmt: skip
@@ -65,7 +67,7 @@ def probe_display(
 
     rates, edges: of `RATES` and `EDGES`, which are all that the metrics know. seed: of the probes'
     noise. per_degree: pixels to a degree of the eye's view. pst_lm: whether to measure PstLM as
-    well, which takes as long as all else.
+    well, which takes as long as all else; not at clocks above `PST_CLOCK`.
     """
     probe, white = Probe(setting, device), panel.white_rate
     latency = spike_latency(probe, panel, rates, seed)
@@ -75,6 +77,7 @@ def probe_display(
         latency += frame_latency(other, white, rates)
         blur += frame_blur(other, white, edges)
         flicker += frame_flicker(other, white, panel.luminance, rates, per_degree)
+    pst_lm = pst_lm and panel.clock.hz <= PST_CLOCK
     pst = spike_pst_lm(probe, panel, GREY, panel.drive, seed) if pst_lm else None
     return Probes(panel.drive, tuple(latency), tuple(blur), tuple(flicker), pst)
 
@@ -127,7 +130,12 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
         if times:
             made[f"mprt_ms_{drive or _suffix(display)}"] = _known(mprt(times) * 1e3, "ms")
     for steady in probes.flicker:
-        if steady.display != "spike" or steady.area != "patch":
+        if steady.display != "spike":
+            continue
+        if steady.area == "pixel":
+            if steady.rate == SPARSE:
+                name = f"flicker_svm_{steady.drive}_sparse_pixel"
+                made[name] = _known(steady.told.svm, "1")
             continue
         for name, value, unit in (
             ("percent", steady.told.percent, "%"), ("index", steady.told.index, "1"),

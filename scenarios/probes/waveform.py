@@ -22,6 +22,8 @@ __all__ = ["every_drive", "panel_light"]
 
 _LINE: Final = 4096
 """Planes of a pixel that are laid out at a time."""
+_LONG: Final = 10**8
+"""Pixel-planes from which on two threads share the pixels."""
 _DE_BRUIJN: Final = np.uint32(0x077CB531)
 _PLACES: Final = np.array(
     [0, 1, 28, 2, 29, 14, 24, 3, 30, 22, 20, 15, 25, 17, 4, 8,
@@ -51,7 +53,7 @@ def _gone(constant, length):  # type: ignore[no-untyped-def]
 def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
     """The first plane from n on in which the pixel spikes, or stop."""
     while n < stop:
-        word = words[n >> 5, pixel] >> np.uint32(n & 31)
+        word = words[pixel, n >> 5] >> np.uint32(n & 31)
         if word:
             lowest = word & (~word + np.uint32(1))
             return min(n + _PLACES[np.uint32(lowest * _DE_BRUIJN) >> np.uint32(27)], stop)
@@ -65,6 +67,7 @@ def _show(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Adds the light of each plane of each pixel to light[group[pixel], plane // span].
 
+    words: (pixels, words), so that a pixel's lie side by side.
     rise, decay: the time constants in planes, 0 for none. A pixel's drive is laid out from spike to
     spike in a line that stays in the cache.
     """
@@ -74,7 +77,7 @@ def _show(  # type: ignore[no-untyped-def]
     slow = rise > 0 or decay > 0
     up, down = _gone(rise, share), _gone(decay, share)
     up_after, down_after = _gone(rise, 1.0 - share), _gone(decay, 1.0 - share)
-    for pixel in range(words.shape[1]):
+    for pixel in range(words.shape[0]):
         row = light[group[pixel]]
         tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
         for first in range(0, cycles, reach):
@@ -132,13 +135,24 @@ def panel_light(
     if groups.size != height * width:
         raise ValueError(f"groups must be of {height} x {width} pixels, not {groups.size}")
     cycles = stream.cycles // span * span
-    light = np.zeros((int(groups.max()) + 1, cycles // span))
-    words = stream.words.reshape(len(stream.words), -1)
+    words = np.ascontiguousarray(stream.words.reshape(len(stream.words), -1).T)
     hz = panel.clock.hz
-    _show(
-        words, cycles, _CODE[drive], panel.pulse, panel.rise * hz, panel.decay * hz, span, groups,
-        light,
-    )  # fmt: skip
+
+    def some(pixels: slice) -> Values:
+        light = np.zeros((int(groups.max()) + 1, cycles // span))
+        _show(
+            words[pixels], cycles, _CODE[drive], panel.pulse, panel.rise * hz, panel.decay * hz,
+            span, groups[pixels], light,
+        )  # fmt: skip
+        return light
+
+    if cycles * groups.size < _LONG:
+        light = some(slice(None))
+    else:
+        half = groups.size // 2
+        with ThreadPoolExecutor() as pool:
+            light, more = pool.map(some, (slice(half), slice(half, None)))
+        light += more
     light /= (span * np.bincount(groups))[:, None]
     return light.T
 

@@ -150,11 +150,19 @@ def _table(shown: Shown) -> str:
 
 
 def _bands(shown: Shown) -> str:
+    pst = ""
+    if shown.probes.pst_lm is not None:
+        pst = (
+            f" PstLM of a patch of mid grey, over a minute: {shown.probes.pst_lm:.2g} "
+            "(1 is what the EU allows lamps)."
+        )
     return (
         "<h2>By luminance and drive</h2><p>Dim pixels fire seldom: as pulses they flicker, held "
-        "they wait for the next spike. Steady patches and edges at each light; "
-        "<i>never</i>: light that does not come to half while it is watched. Frame displays are "
-        "the same at every light, as in the table above.</p>"
+        "they wait for the next spike. Steady patches of 16 x 16 pixels, the median of single "
+        "ones, and edges at each light; <i>never</i>: light that does not come to half while it is "
+        "watched. Frame displays are the same at every light, as in the table above."
+        + pst
+        + "</p>"
         + light_table(shown)
         + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
         " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the "

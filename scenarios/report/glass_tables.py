@@ -56,11 +56,13 @@ def _blur(shown: Shown, display: str, drive: str, edge: tuple[float, float]) -> 
     )  # fmt: skip
 
 
-def _flicker(shown: Shown, display: str, drive: str, rate: float) -> FlickerFigures:
+def _flicker(
+    shown: Shown, display: str, drive: str, rate: float, area: str = "patch"
+) -> FlickerFigures:
     rows = shown.probes.flicker
     return next(
         r.told for r in rows
-        if (r.display, r.drive, r.rate, r.area) == (display, drive, rate, "patch")
+        if (r.display, r.drive, r.rate, r.area) == (display, drive, rate, area)
     )  # fmt: skip
 
 
@@ -125,7 +127,8 @@ def light_table(shown: Shown) -> str:
     """By luminance and drive: what pulses, holds and decays cost where light is scarce."""
     head = [
         "light, spikes a cycle", "display", "flicker (SVM)", "percent flicker", "visibility",
-        "IEEE 1789", "blur out of the dark", "delay on", "delay off",
+        "IEEE 1789", "single pixel (SVM)", "its IEEE 1789", "blur out of the dark", "delay on",
+        "delay off",
     ]  # fmt: skip
     rows = []
     edges = {(r.ahead, r.behind) for r in shown.probes.blur}
@@ -134,6 +137,7 @@ def light_table(shown: Shown) -> str:
         kinds = [kind for kind in _kinds(shown) if not kind[0].endswith(" Hz")]
         for n, (display, drive, title) in enumerate(kinds):
             flicker = _flicker(shown, display, drive, rate)
+            single = _flicker(shown, display, drive, rate, "pixel")
             blur = math.nan
             if (0.0, rate) in edges:
                 blur = _blur(shown, display, drive, (0.0, rate)).ebet
@@ -141,7 +145,8 @@ def light_table(shown: Shown) -> str:
             rows.append([
                 "" if n else name, title, number(flicker.svm, ".2g"),
                 percent(flicker.percent), number(flicker.visibility, ".2g"),
-                flicker.ieee.risk, number(blur * 1e3, ".3g", " ms"), _time(on.total.median),
+                flicker.ieee.risk, number(single.svm, ".2g"), single.ieee.risk,
+                number(blur * 1e3, ".3g", " ms"), _time(on.total.median),
                 _time(off.total.median),
             ])  # fmt: skip
     return table(head, rows)
