@@ -159,7 +159,7 @@ def run_blocks(
                     raise
                 spent[name] += time.perf_counter() - begin
             progress(block.stop)
-            stopping = asked.is_set() and block.stop < cycles
+            stopping = asked.is_set()
             if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):
                 checkpoint.save(block.stop, stages)
                 saved = time.monotonic()

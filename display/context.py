@@ -7,6 +7,7 @@ driver may abort.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from typing import Any
@@ -57,6 +58,8 @@ def open_context() -> moderngl.Context:
     Raises InputError: no GL or EGL library, no EGL vendor, no driver, GL below 3.3, limits below
     what the shaders need.
     """
+    # Mesa says on standard error what the one line below says better.
+    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
     try:
         context = moderngl.create_context(require=GL, standalone=True, **_BACKEND)
     except Exception as exc:  # glcontext raises bare Exception

@@ -55,7 +55,8 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     bvec4 more = greaterThan(to, from); \
     part += to * mix(vec4(down.x), vec4(up.x), more) + from * mix(vec4(down.y), vec4(up.y), more); \
     vec4 gone = (to - from) * mix(vec4(down.z), vec4(up.z), more); \
-    level += uvec4(ivec4(floor(gone / unit + 0.5))); }
+    /* from rounds: what is gone may be a unit more than there is */ \
+    level = uvec4(max(ivec4(level) + ivec4(floor(gone / unit + 0.5)), 0)); }
 #if PULSED
 #define EMIT(x) RELAX((x * peak), rise, fall) RELAX(vec4(0.0), rest, rest)
 #else

@@ -6,31 +6,23 @@ the nerves, the same for every display, is taken off: the image of instant T is 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
+from display.temporal import STAGE_TIME, STAGES, frequency_scale
 from display.views import Values
 
 __all__ = ["CameraPlane", "FixedEye", "PursuingEye", "eye_time"]
 
 Instants = npt.NDArray[np.int64]
-STAGES = 15
-"""Of the cascade that low-passes light: the first term of elaTCSF's temporal response."""
-STAGE_TIME = 2.92069e-3
-"""Seconds, of each stage at the luminance where its frequency scale is 1 (elaTCSF's tau)."""
 
 
 def eye_time(luminance: float) -> float:
-    """Seconds of a stage of the eye's temporal response at this luminance (cd/m2), in the fovea.
-
-    elaTCSF has f' = f / (0.6678 + 0.222269 log10 L) there, so its tau is divided by the same.
-    """
-    scale = 0.6678 + 0.222269 * math.log10(max(luminance, 1e-2))
-    return STAGE_TIME / scale
+    """Seconds of a stage of the eye's temporal response at this luminance (cd/m2), in the fovea."""
+    return STAGE_TIME / frequency_scale(luminance)
 
 
 @dataclass(frozen=True)
@@ -63,6 +55,10 @@ class FixedEye:
     def weights(self, start: Instants, stop: Instants) -> Values:
         low, high = (np.array([t], np.int64) for t in (self.begin, self.end))
         whole = self._before(high) - self._before(low)
+        if not (whole > 0).all():
+            raise ValueError(
+                f"instants must be near {self.begin} to {self.end} ps, not {self.instants}"
+            )
         inside = [np.clip(t, self.begin, self.end) for t in (start, stop)]
         return (self._before(inside[1]) - self._before(inside[0])) / whole
 

@@ -50,7 +50,7 @@ class PlaneByPlane:
     """kind: a drive, or impulse seen by an eye that moves. shape: (height, width)."""
 
     def __init__(self, kind: Kind, shape: tuple[int, int]) -> None:
-        self._kind = kind
+        self._kind, self._shown = kind, 0
         self._context = open_context()
         size = shape[1], shape[0]
         moves, holds = kind == "pursuit", kind in ("hold", "causal")
@@ -80,7 +80,7 @@ class PlaneByPlane:
         with self._context:
             self._context.enable(moderngl.BLEND)
             self._context.blend_func = moderngl.ONE_MINUS_SRC_ALPHA, moderngl.SRC_ALPHA
-            for n, plane in enumerate(planes):
+            for n, plane in enumerate(planes, self._shown):
                 self._plane.write(plane)
                 self._plane.use(0)
                 if self._state:
@@ -90,6 +90,7 @@ class PlaneByPlane:
                     moved.value = n * shift, 0.0
                 self._targets[1 - n % 2].use()
                 self._triangle.render(moderngl.TRIANGLES, vertices=3)
+            self._shown += len(planes)
             size = self._seen.height, self._seen.width
             return np.frombuffer(self._seen.read(), np.float32).reshape(size)
 

@@ -12,12 +12,18 @@ from cosim import Light, Piece, seconds_to_ps
 from display.onlooker import Lit, Span
 from display.panel import Projector
 
-__all__ = ["ProjectorShow"]
+__all__ = ["ProjectorShow", "spread_errors"]
 
 BATCH = 32
 """Planes shown at a time: few enough to stay small, many enough that images are passed seldom."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the low-discrepancy sequence R2: 1/g and 1/g^2 with g^3 = g + 1."""
+
+
+def spread_errors(row: npt.ArrayLike, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The errors, -1/2 to 1/2, that a projector's pixels begin with, by their place: spread evenly
+    (the sequence R2 of Roberts), so that neighbours do not flash together. Assumed."""
+    return (np.asarray(row) * SPREAD[0] + np.asarray(column) * SPREAD[1]) % 1 - 0.5
 
 
 class ProjectorShow:
@@ -34,9 +40,7 @@ class ProjectorShow:
         self._scale = np.float32(1 / white)
         self._late = seconds_to_ps(panel.latency)
         self._next = 0
-        row, column = np.indices(shape)
-        spread = (row * SPREAD[0] + column * SPREAD[1]) % 1 - 0.5
-        self._error = np.ascontiguousarray(spread, np.float32)
+        self._error = np.ascontiguousarray(spread_errors(*np.indices(shape)), np.float32)
         self._planes = np.empty((BATCH, *shape), np.uint8)
 
     def step(self, light: Light, until: int) -> Iterator[Lit]:

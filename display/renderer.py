@@ -44,7 +44,7 @@ class Renderer:
 
     panel: what is shown. batch: planes to a span of light. images: how many the observers make.
     State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),
-    in textures. Ages stop at 2^32 - 1; a tau beyond 4e6 cycles is kept to 1e-7 of itself.
+    in textures. Ages stop at 2^32 - 1; a tau beyond 4e6 cycles is kept to 1e-5 of itself.
     Must be used by the thread that made it. Every method raises InputError where the context is
     lost or was closed, or its memory does not suffice.
     """

@@ -46,6 +46,7 @@ def show_live(
     camera = SpikeCamera(setting, found)
     fit = fit_words(section.fit, (setting.chip.height, setting.chip.width), panel.shape)
     window, shown = opened(scenario.title, panel.shape), 0
+    renderer = None
     try:
         renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)
         progress.start(f"{cycles} cycles on {renderer.name}", cycles)
@@ -59,7 +60,8 @@ def show_live(
                 break
             shown += 1
             progress.advance(block.stop)
-        renderer.close()
     finally:
+        if renderer is not None:
+            renderer.close()
         window.close()
     return shown

@@ -12,7 +12,7 @@ from cosim.opencl import Device, open_device
 from display import DisplaySetting
 from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
-from scenarios.glass import Glass, follow, make_glass
+from scenarios.glass import Glass, follow, make_glass, short_of
 from scenarios.loading import to_toml
 from scenarios.planning import Look, RunPlan, look, plan_run
 from scenarios.result import viform_version
@@ -139,7 +139,7 @@ def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
     plan = plan_run(seen, setting, scenario.tolerance, instants, opened, display=display)
     glass = None
     if plan.display is not None:
-        notes.append(pursuit[1])
+        notes += [pursuit[1], *short_of(plan.display.panel.luminance, cycles / setting.clock.hz)]
         points = scene_source(scenario, setting, cycles).points()
         glass = make_glass(scenario, setting, cycles, instants, plan.display, pursuit, points)
     return Prepared(

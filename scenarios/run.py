@@ -156,36 +156,40 @@ def run_scenario(
     place = output_folder(name, out, resume)
     run = prepare(name, scenario, device)
     pixels = run.camera.shape[0] * run.camera.shape[1]
-    check_room(place, run.cycles * pixels)
-    with claimed(name, out, resume) as folder:
-        run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
-        try:
-            progress.start("images and report", 2)
-            stream = ZarrStream(folder / "stream.zarr")
-            made = (
-                _make_images(run, stream, folder, seconds) if run.glass is None
-                else _make_views(run, folder, seconds)
-            )  # fmt: skip
-            result = _result(run, made, seconds, throughput)
-            progress.advance(1)
-            short = too_far(run.plan, run.verifier)
-            if short:
-                result.outcome = "degraded"
-            for note in [*run.source.degraded, *short]:
-                progress.note(note)
-            told = [f.told for f in put_back]
-            result.files += report(Finished(
-                result, scenario, folder, run.source, run.setting, run.plan, put_back,
-                run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes, made.shown,
-                seconds, began,
-                [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
-            ))  # fmt: skip
-            result.files.append("result.json")
-            progress.advance(2)
-            result.run_time_s = time.perf_counter() - began
-            write_result(folder, result)
-            for name_of in (CHECKPOINT, PUT_BACK):
-                (folder / name_of).unlink(missing_ok=True)
-        except KeyboardInterrupt:
-            raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
+    try:
+        check_room(place, run.cycles * pixels)
+        with claimed(name, out, resume) as folder:
+            run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
+            try:
+                progress.start("images and report", 2)
+                stream = ZarrStream(folder / "stream.zarr")
+                made = (
+                    _make_images(run, stream, folder, seconds) if run.glass is None
+                    else _make_views(run, folder, seconds)
+                )  # fmt: skip
+                result = _result(run, made, seconds, throughput)
+                progress.advance(1)
+                short = too_far(run.plan, run.verifier)
+                if short:
+                    result.outcome = "degraded"
+                for note in [*run.source.degraded, *short]:
+                    progress.note(note)
+                told = [f.told for f in put_back]
+                result.files += report(Finished(
+                    result, scenario, folder, run.source, run.setting, run.plan, put_back,
+                    run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes,
+                    made.shown, seconds, began,
+                    [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
+                ))  # fmt: skip
+                result.files.append("result.json")
+                progress.advance(2)
+                result.run_time_s = time.perf_counter() - began
+                write_result(folder, result)
+                for name_of in (CHECKPOINT, PUT_BACK):
+                    (folder / name_of).unlink(missing_ok=True)
+            except KeyboardInterrupt:
+                raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
+    finally:
+        if run.glass is not None:
+            run.glass.close()
     return result, folder

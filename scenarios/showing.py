@@ -9,7 +9,7 @@ from display import CameraPlane, FixedEye, FramePanel, Projector, PursuingEye, S
 from scenarios.schema.display import DisplaySection
 from sensor import CameraSetting
 
-__all__ = ["beside_of", "observers_of", "panel_of"]
+__all__ = ["beside_of", "key_of", "observers_of", "panel_of"]
 
 
 def panel_of(section: DisplaySection, setting: CameraSetting, white_rate: float) -> SpikePanel:
@@ -43,9 +43,16 @@ def beside_of(section: DisplaySection) -> list[FramePanel | Projector]:
         FramePanel(Clock.from_hz(rate), section.persistence, section.response)
         for rate in section.beside
     ]
-    if section.projector is not None:
+    if section.projector > 0:
         panels.append(Projector(Clock.from_hz(section.projector)))
     return panels
+
+
+def key_of(display: str) -> str:
+    """A display's name within the name of a metric: "60 Hz" is 60hz, "16 kHz binary" projector."""
+    if display.endswith(" binary"):
+        return "projector"
+    return display.replace(" ", "").replace(".", "_").lower()
 
 
 def observers_of(

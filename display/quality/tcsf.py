@@ -16,27 +16,24 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from display.quality.spectrum import Spectrum, Values, spectrum
+from display.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
 
 __all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility", "tcsf_visibility_of"]
 
-TAU: Final = 0.00292069
 KAPPA: Final = 2.12547
 GAIN: Final = 154.133
 ZETA: Final = 0.721095
-STAGES: Final = 15, 16
-"""The response in time: two cascades, their stages' time in seconds and its ratio."""
+FASTER: Final = 16
+"""The response in time: stages of the second cascade, and their time over that of the first."""
 FADING: Final = 0.0330933
 PEAK: Final = 1.76801
 DIMMING: Final = 1.62402, 0.533781
 """Sensitivity by eccentricity (decades a degree) and by luminance (cd/m2, exponent)."""
 STRETCH: Final = 0.0341811, 2.0
-SPEED: Final = 0.6678, 0.222269
-"""How frequencies scale with eccentricity and with luminance."""
+"""How frequencies scale with eccentricity."""
 BETA: Final = 3.80022
 AREA: Final = 6.52801
 """Pooling over area, square degrees."""
-DIMMEST: Final = 0.1
-"""cd/m2, below which light is taken as of this: the scale of frequencies ends in 0 at 0.001."""
 HIGHEST: Final = 300.0
 """Hz beyond which sensitivity is taken as 0."""
 NODES: Final = 4, 24
@@ -55,9 +52,8 @@ def tcsf(frequency: npt.ArrayLike, eccentricity: npt.ArrayLike, luminance: float
     lit = max(luminance, DIMMEST)
     per, offset = STRETCH
     scaled = (f + offset) / (1 + per * e) - offset
-    scaled = scaled / (SPEED[0] + SPEED[1] * np.log10(lit))
-    turn = 2 * np.pi * scaled * TAU
-    response = np.abs(_cascade(turn, STAGES[0]) - ZETA * _cascade(KAPPA * turn, STAGES[1]))
+    turn = 2 * np.pi * scaled / frequency_scale(lit) * STAGE_TIME
+    response = np.abs(_cascade(turn, STAGES) - ZETA * _cascade(KAPPA * turn, FASTER))
     bright = PEAK * (1 + DIMMING[0] / lit) ** -DIMMING[1]
     return np.asarray(10 ** (-FADING * e) * bright * GAIN * response)
 

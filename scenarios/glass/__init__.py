@@ -2,8 +2,9 @@
 and of other displays beside it."""
 
 from scenarios.glass.finish import Shown, finish_glass, judge_seen, write_eye_images
-from scenarios.glass.glass import Glass, follow, make_glass
+from scenarios.glass.glass import Glass, follow, make_glass, short_of
 
 __all__ = [
-    "Glass", "Shown", "finish_glass", "follow", "judge_seen", "make_glass", "write_eye_images",
+    "Glass", "Shown", "finish_glass", "follow", "judge_seen", "make_glass", "short_of",
+    "write_eye_images",
 ]  # fmt: skip

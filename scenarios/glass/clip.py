@@ -18,8 +18,8 @@ __all__ = ["RATE", "chosen_tiles", "write_glass_clip"]
 
 RATE = 25
 """Frames a second of the clip."""
-TILES = 6
-COLUMNS = 3
+TILES = 8
+COLUMNS = 4
 GAP = 6
 """Pixels between pictures."""
 TEXT = 26

@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from scenarios.beside import TRUTH
 from scenarios.glass.glass import SPIKE, Glass
-from scenarios.glass.judge import Judged, Seen, judge_glass, key_of
+from scenarios.glass.judge import Judged, Seen, judge_glass
 from scenarios.png import write_linear_png
 from scenarios.probes import Probes, display_metrics
 from scenarios.probes.latency import PARTS
 from scenarios.probes.metrics import GREY
 from scenarios.result import Latency, Metric
+from scenarios.showing import key_of
 
 __all__ = ["SPIKE", "TRUTH", "Shown", "finish_glass", "judge_seen", "title_of", "write_eye_images"]
 

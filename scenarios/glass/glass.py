@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from cosim import Clock
 from cosim.opencl import Device
-from display import DisplaySetting, Observer, SpikePanel, fit_words, make_renderer
+from display import STAGES, DisplaySetting, Observer, SpikePanel, eye_time, fit_words, make_renderer
 from scenarios.beside import TRUTH, BesideStage
 from scenarios.glass.stage import DisplayStage
 from scenarios.glass.tap import LightTap
@@ -33,7 +34,7 @@ MOTION = 1.0
 PSNR of `glass` is the same to 0.1 dB."""
 FRAMES = 160
 """Of the slow motion, at most."""
-TILE = 480
+TILE = 400
 """Pixels of the longer side of a display's picture in it, at most."""
 
 
@@ -125,6 +126,18 @@ def follow(scenario: Scenario, source: Source, end: int) -> tuple[float, str]:
         speed = scenario.display.pursuit
         return speed, f"the pursuing eye follows {speed:g} pixels/s"
     return pursuit_speed(source, end)
+
+
+def short_of(luminance: float, seconds: float) -> list[str]:
+    """What a user must know of a run that is shorter than the eye's response (two standard
+    deviations of it on either side)."""
+    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
+    if seconds >= whole:
+        return []
+    return [
+        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye takes together: what eyes "
+        "see is the light there was"
+    ]
 
 
 def _spans(setting: DisplaySetting, velocity: float, every: int) -> DisplaySetting:

@@ -9,22 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarios.result import Metric
+from scenarios.showing import key_of
 from scenarios.ssim import Likeness, inside
 
-__all__ = ["BANDS", "Band", "Judged", "Seen", "judge_glass", "key_of"]
+__all__ = ["BANDS", "Band", "Judged", "Seen", "judge_glass"]
 
 BANDS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Edges of the luminances, white = 1, at which fidelity is told apart."""
 Images = npt.NDArray[np.float32]
 Seen = Mapping[str, Mapping[str, Images]]
 """By display and observer: (images, height, width), white = 1. "truth" is the light itself."""
-
-
-def key_of(display: str) -> str:
-    """A display's name within the name of a metric: "60 Hz" is 60hz, "16 kHz binary" projector."""
-    if display.endswith(" binary"):
-        return "projector"
-    return display.replace(" ", "").replace(".", "_").lower()
 
 
 def _decibel(error: float) -> float:

@@ -100,7 +100,11 @@ class DisplayStage:
             over = motion.begin + (film.done + 1) * motion.exposure
             if until is not None and over > until:
                 break
-            film.keep(film.done, self.renderer.take(self._place(film.done)))
+            dark = over <= self._panel.start(0)  # no light has fallen on it: it has no image
+            image = (
+                np.zeros(self._panel.shape) if dark else self.renderer.take(self._place(film.done))
+            )
+            film.keep(film.done, image)
             film.done += 1
 
     def _lit(self, first: int, planes: int) -> range:

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from display import DRIVES, FramePanel, Projector, SpikePanel
+from display import DRIVES, FramePanel, Projector, SpikePanel, spread_errors
 from display.quality import bet, blur_edge_width, cmr_like, ebet
-from scenarios.probes.film import Probe, edge_light, lux_of, spread_errors
+from scenarios.probes.film import Probe, edge_light, lux_of, settling_cycles
 from scenarios.probes.waveform import every_drive
 
 __all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
@@ -44,8 +44,12 @@ PARTS: Final = 4
 """Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
 PHASES: Final = 4
 """Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
-SAMPLES: Final = 40_000
-"""A second, of the light of frames."""
+SAMPLES: Final = 20
+"""Of a frame's light, at least, and of its flash."""
+SETTLED: Final = 20.0
+"""Time constants after which a pixel has settled."""
+MOST: Final = 5 * 10**7
+"""Samples of light that are laid out at once; a panel slow enough to need more has no figure."""
 PROJECTED: Final = 32
 """Rows of the projector, whose errors begin differently."""
 
@@ -72,17 +76,22 @@ class Blur:
         return cls(display, drive, *edge, width, time, ebet(time), clear)
 
 
-def retina(light: Values, times: Values, at: Values) -> Values:
+def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Values:
     """What an eye that moves at SPEED takes together: mean over `times` of light at at + v t.
 
-    light: (instants, columns), of square pixels, column j being [j, j + 1). times: (instants,) s.
-    at: (n,) pixels, places on the retina, which must stay within the columns.
+    light: (instants, columns), mean over square pixels, column j being [j, j + 1). times:
+    (instants,) s. at: (n,) pixels, places on the retina, which must stay within the columns. side:
+    of the square in a pixel's middle that emits all of its light.
     """
     total = np.zeros(len(at))
     for first in range(0, len(times), 512):  # so many that they stay in a cache
         part = slice(first, first + 512)
-        column = (at + SPEED * times[part, None]).astype(np.int32)
-        total += np.take_along_axis(light[part], column, axis=1).sum(axis=0)
+        place = at + SPEED * times[part, None]
+        column = place.astype(np.int32)
+        seen = np.take_along_axis(light[part], column, axis=1)
+        if side < 1:
+            seen = np.where(np.abs(place - column - 0.5) < side / 2, seen / side, 0.0)
+        total += seen.sum(axis=0)
     return total / len(times)
 
 
@@ -97,11 +106,12 @@ def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:
         return math.nan
 
 
-def _places(interval: float) -> Values:
+def _places(interval: float, slow: float) -> Values:
     """Places of a profile relative to the edge, pixels. interval: pixels that the edge moves in a
-    mean interval of the brighter light; the profile has two hundred places to it."""
+    mean interval of the brighter light; the profile has two hundred places to it. slow: that it
+    moves while the emitter settles."""
     step = max(FINE, interval / 200)
-    return np.arange(-MARGIN - REACH * interval, MARGIN + interval, step)
+    return np.arange(-MARGIN - REACH * interval - slow, MARGIN + interval, step)
 
 
 def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed: int) -> list[Blur]:
@@ -109,7 +119,7 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
     hz = panel.clock.hz
     dimmest = min(rate for rate in edge if rate > 0)
-    x = _places(SPEED / hz / min(dimmest, 1.0))
+    x = _places(SPEED / hz / min(dimmest, 1.0), SPEED / hz * settling_cycles(panel))
     # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
@@ -125,14 +135,15 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     columns = np.broadcast_to(np.arange(width), (rows, width))
     first = math.ceil(begin / SPEED * hz)
     planes = np.arange(first, first + round(EXPOSURE * hz))
-    count = max(PARTS, math.ceil(SPEED / hz / FINE))
+    side = math.sqrt(panel.fill)
+    count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
     found = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         shown = light_of[planes]
         lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(shown, count, axis=0), times, x)
+        profile = retina(np.repeat(shown, count, axis=0), times, x, side)
         found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return found
 
@@ -142,7 +153,8 @@ def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns
     rate, ahead, behind = panel.rate.hz, *edge
     shown = times - panel.latency
     frame = np.floor(shown * rate + 1e-9).astype(np.int64)
-    numbers = np.arange(frame[0], frame[-1] + 1)
+    settling = math.ceil(SETTLED * panel.response * rate)
+    numbers = np.arange(frame[0] - settling, frame[-1] + 1)
 
     def target(k: int) -> Values:
         return ahead + (behind - ahead) * np.clip(SPEED * k / rate - columns, 0, 1)
@@ -186,11 +198,22 @@ def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> fl
     x = np.arange(
         -MARGIN - late - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
     )
-    # The eye looks from an instant at which 60 Hz and its multiples begin a frame.
-    start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * 60) / 60
-    columns = np.arange(math.ceil(SPEED * (start + EXPOSURE) + x[-1]) + 3, dtype=np.float64)
-    count = round(EXPOSURE * SAMPLES)
-    times = start + (np.arange(count) + 0.5) / SAMPLES
+    # The eye looks at whole frames, from the beginning of one on.
+    rate, persistence = panel.rate.hz, getattr(panel, "persistence", 1.0)
+    frames = max(1, math.ceil(EXPOSURE * rate - 1e-9))
+    start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * rate) / rate + panel.latency
+    each = max(
+        SAMPLES,
+        math.ceil(SAMPLES / persistence),
+        math.ceil(travel / max(0.1, (travel + slow) / 400)),
+    )
+    if isinstance(panel, Projector):
+        each = math.ceil(travel / 0.1)
+    count, wide = frames * each, math.ceil(SPEED * (start + frames / rate) + x[-1]) + 3
+    if count * wide > MOST:
+        return math.nan
+    columns = np.arange(wide, dtype=np.float64)
+    times = start + (np.arange(count) + 0.5) / (each * rate)
     if isinstance(panel, Projector):
         return _measured(x, retina(_planes(panel, edge, times, columns), times, x), edge)
     total = np.zeros(len(x))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy.typing as npt
 
 from cosim import Block, Clock, Light, Piece, Viform
 from cosim.opencl import Device
+from display import SpikePanel
 from sensor import CameraSetting, SpikeCamera
 
-__all__ = ["Probe", "edge_light", "lux_of", "phased_light", "spread_errors", "steady_light"]
+__all__ = ["Probe", "edge_light", "lux_of", "phased_light", "settling_cycles", "steady_light"]
 
 Places = npt.NDArray[np.int64]
 
@@ -99,8 +101,6 @@ def edge_light(
     return Light(tuple(pieces))
 
 
-def spread_errors(row: npt.ArrayLike, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """The errors, -1/2 to 1/2, that a projector's pixels begin with, by their place: spread evenly
-    (the sequence R2 of Roberts), so that neighbours do not flash together. Assumed."""
-    golden = 1.324717957244746  # root of g³ = g + 1
-    return (np.asarray(row) / golden + np.asarray(column) / golden**2) % 1 - 0.5
+def settling_cycles(panel: SpikePanel) -> int:
+    """Cycles after which an emitter's light is its drive's to 5e-5."""
+    return math.ceil(10 * max(panel.rise, panel.decay) * panel.clock.hz)

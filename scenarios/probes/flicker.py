@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Viform
-from display import DRIVES, FramePanel, Projector, SpikePanel
+from display import DRIVES, FramePanel, Projector, SpikePanel, spread_errors
 from display.quality import (
     LEAST_RATE,
     LEAST_SECONDS,
@@ -26,7 +26,7 @@ from display.quality import (
     pst_lm,
     risk_of,
 )
-from scenarios.probes.film import Probe, lux_of, spread_errors, steady_light
+from scenarios.probes.film import Probe, lux_of, settling_cycles, steady_light
 from scenarios.probes.waveform import every_drive, panel_light
 
 __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
@@ -97,10 +97,13 @@ def _row(
     return Flicker(display, drive, rate, area, figures)
 
 
-def _film(probe: Probe, rate: float, seconds: float, seed: int) -> tuple[Viform, int]:
+def _film(
+    probe: Probe, panel: SpikePanel, rate: float, seconds: float, seed: int
+) -> tuple[Viform, int]:
     """A patch under steady light, and the planes that it takes to settle."""
     clock = probe.setting.clock
-    before = math.ceil(SETTLING / min(rate, 1.0) / SUMMED) * SUMMED
+    settling = SETTLING / min(rate, 1.0) + settling_cycles(panel)
+    before = math.ceil(settling / SUMMED) * SUMMED
     cycles = before + math.ceil(seconds * clock.hz)
     setting = probe.sized(max(probe.setting.chip.height, PATCH), PATCH, seed)
     light = steady_light((PATCH, PATCH), lux_of(setting, rate), clock.edge(cycles + 2))
@@ -115,7 +118,7 @@ def spike_flicker(
     eye = Eye(panel.luminance, panel.white_rate, per_degree)
     rows = []
     for rate in rates:
-        stream, before = _film(probe, rate, SECONDS, seed)
+        stream, before = _film(probe, panel, rate, SECONDS, seed)
         few = Viform(
             np.ascontiguousarray(stream.words[:, np.arange(PATCH), np.arange(PATCH)][:, None]),
             stream.cycles, stream.clock,
@@ -132,7 +135,7 @@ def spike_flicker(
 def spike_pst_lm(probe: Probe, panel: SpikePanel, rate: float, drive: str, seed: int) -> float:
     """PstLM of a patch, over the least time that its levels need: about a minute of light, and
     therefore as many pixel-cycles as 16 ms of a megapixel."""
-    stream, before = _film(probe, rate, LEAST_SECONDS + 1, seed)
+    stream, before = _film(probe, panel, rate, LEAST_SECONDS + 1, seed)
     light = panel_light(stream, panel, drive, SUMMED, np.zeros(stream.shape, np.int64))[:, 0]
     return pst_lm(light[before // SUMMED :], panel.clock.hz / SUMMED)
 

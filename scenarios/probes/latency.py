@@ -36,7 +36,7 @@ from cosim import PS, Viform
 from cosim.viform import unpack_planes
 from display import DRIVES, FramePanel, Projector, SpikePanel
 from display.quality import fallen, half_way, risen
-from scenarios.probes.film import Probe, lux_of, phased_light
+from scenarios.probes.film import Probe, lux_of, phased_light, settling_cycles
 from scenarios.probes.waveform import panel_light
 from sensor import CameraSetting
 from sensor.sampling import row_offsets
@@ -132,13 +132,15 @@ class _Edges:
         return np.where(news[first, np.arange(len(first))], ends[first], np.nan)
 
 
-def _film(probe: Probe, rate: float, way: Way, seed: int) -> _Edges:
+def _film(probe: Probe, rate: float, way: Way, seed: int, settling: int) -> _Edges:
+    """settling: cycles that the emitter takes."""
     phases = SIDE if rate >= SPARSE else FEW
     setting = probe.sized(SIDE, phases, seed)
     clock, lux = setting.clock, lux_of(setting, rate)
-    lit = math.ceil(SETTLING / min(rate, 1.0)) + SPARE
+    spare = SPARE + settling
+    lit = math.ceil(SETTLING / min(rate, 1.0)) + spare
     cycle = DARK if way == "rise" else lit
-    after = lit if way == "rise" else math.ceil(FADING / min(rate, 1.0)) + SPARE
+    after = lit if way == "rise" else math.ceil(FADING / min(rate, 1.0)) + spare
     first, stop = clock.edge(cycle), clock.edge(cycle + 1)
     at = first + (2 * np.arange(phases) + 1) * (stop - first) // (2 * phases)
     cycles = cycle + 1 + after
@@ -185,7 +187,7 @@ def spike_latency(
     rows: list[Latency] = []
     for rate in rates:
         for way in WAYS:
-            edges = _film(probe, rate, way, seed)
+            edges = _film(probe, rate, way, seed, settling_cycles(panel))
             end = edges.news()
             with ThreadPoolExecutor() as pool:
                 rows += pool.map(partial(_one, edges, end, panel), DRIVES)

@@ -15,6 +15,7 @@ from scenarios.probes.film import Probe
 from scenarios.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
 from scenarios.probes.latency import Latency, frame_latency, spike_latency
 from scenarios.result import Metric
+from scenarios.showing import key_of
 from sensor import CameraSetting
 
 __all__ = ["EDGES", "RATES", "Probes", "display_metrics", "probe_display"]
@@ -86,13 +87,6 @@ def _known(value: float, unit: str) -> Metric:
     return Metric(value if math.isfinite(value) else None, unit)
 
 
-def _suffix(display: str) -> str:
-    """ "60 Hz" -> "60hz", "16 kHz binary" -> "projector"."""
-    if display.endswith("binary"):
-        return "projector"
-    return display.replace(" ", "").lower()
-
-
 def display_metrics(probes: Probes) -> dict[str, Metric]:
     """By name; null where there is no such figure, as of held light that never goes dark.
 
@@ -107,14 +101,14 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
         name = f"latency_{NAMES[told.rate]}{'_fall' if told.way == 'fall' else ''}_us"
         if told.display != "spike":
             if told.rate == GREY:
-                made[f"{name}_{_suffix(told.display)}"] = _known(told.total.median, "us")
+                made[f"{name}_{key_of(told.display)}"] = _known(told.total.median, "us")
             continue
         name += "" if told.drive == "impulse" else f"_{told.drive}"
         made[name] = _known(told.total.median, "us")
     for edge in probes.blur:
         if (edge.ahead, edge.behind) == (0.0, GREY):
             if edge.display != "spike":
-                made[f"ebet_ms_{_suffix(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                made[f"ebet_ms_{key_of(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
                 continue
             made[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
             if edge.drive == probes.drive:
@@ -128,7 +122,7 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
             if (edge.display, edge.drive) == told_of and (edge.ahead, edge.behind) in GREYS
         ]  # fmt: skip
         if times:
-            made[f"mprt_ms_{drive or _suffix(display)}"] = _known(mprt(times) * 1e3, "ms")
+            made[f"mprt_ms_{drive or key_of(display)}"] = _known(mprt(times) * 1e3, "ms")
     for steady in probes.flicker:
         if steady.display != "spike":
             continue

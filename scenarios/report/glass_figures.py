@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,8 @@ def latency_figure(shown: Shown, path: Path) -> None:
     figure, axes = plt.subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
     for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):
         rows = [row for row in told if row.rate == rate][::-1]
-        most = 1.1 * max(row.total.high for row in rows if row.drive) / 1e3
+        highs = [row.total.high for row in rows if row.drive and math.isfinite(row.total.high)]
+        most = 1.1 * max(highs, default=1e3) / 1e3
         for y, row in enumerate(rows):
             left = 0.0
             for part, colour in zip(row.parts, _COLOURS, strict=True):

@@ -50,7 +50,9 @@ def left_out_card(run: Finished) -> tuple[str, str]:
 
 
 def _rows(run: Finished) -> list[list[str]]:
-    sources = {effect.name: effect.source for effect in run.setting.kept}
+    shown = run.plan.full_display
+    effects = [*run.setting.kept, *(shown.kept if shown is not None else ())]
+    sources = {effect.name: effect.source for effect in effects}
     measured = {row["effect"]: row["measured"] for row in run.result.left_out}
     back = {finding.effect for finding in run.put_back}
     rows = []

@@ -7,12 +7,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from display import DRIVES
-from scenarios.schema.quantity import Frequency, Quantity, Section, Share, Time
+from scenarios.schema.quantity import Quantity, Section, Share, Time
 
 __all__ = ["OBSERVERS", "DisplaySection"]
 
 OBSERVERS = ("eye", "pursuit", "camera")
 """Who looks at a display."""
+# The renderer keeps 1e-6 of white up to this.
+Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
+FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]
+PlaneRate = Annotated[float, Quantity("frequency", least=100, most=100e3, none=True)]
 Size = Annotated[int, Field(ge=1, le=8192)]
 
 
@@ -38,8 +42,8 @@ class DisplaySection(Section):
     pulse: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a cycle in which impulse emits a packet"
     )
-    rise: Time = Field(default=0.0, description="time constant of the emitter")
-    decay: Time = Field(default=0.0, description="time constant of the emitter")
+    rise: Slow = Field(default=0.0, description="time constant of the emitter")
+    decay: Slow = Field(default=0.0, description="time constant of the emitter")
     row_scan: Share = Field(
         default=1.0, description="share of a cycle in which the rows are driven one after another"
     )
@@ -56,15 +60,18 @@ class DisplaySection(Section):
     exposure: Annotated[float, Quantity("time", above=0, most=86_400)] = Field(
         default=1e-3, description="of the camera that films the display"
     )
-    beside: tuple[Frequency, ...] = Field(
+    beside: tuple[FrameRate, ...] = Field(
         default=(60.0, 120.0, 240.0, 1000.0), max_length=8, description="frame displays beside it"
     )
     persistence: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a frame in which the frame displays emit"
     )
-    response: Time = Field(default=0.0, description="time constant of the frame displays' pixels")
-    projector: Frequency | None = Field(
-        default=16e3, description="binary planes a second of the projector beside it"
+    response: Annotated[float, Quantity("time", least=0, most=1)] = Field(
+        default=0.0, description="time constant of the frame displays' pixels"
+    )
+    projector: PlaneRate = Field(
+        default=16e3,
+        description="binary planes a second of the projector beside it; none for no projector",
     )
     renderer: Literal["gl", "numpy"] = Field(
         default="gl", description="numpy: the golden model, exact and slow"

@@ -137,6 +137,8 @@ def _one_line(error: Any) -> InputError:
         wanted, tag = error["ctx"]["expected_tags"], _shown(error["ctx"]["tag"])
         return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
     must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
+    if kind == "tuple_type" and place.name == "display.beside":
+        must = 'a list such as ["60 Hz", "120 Hz"]'
     return InputError(place.name, must, given, _example(place.name))
 
 

@@ -32,12 +32,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Quantity:
-    """Makes a float field one that is written as text of one kind, with optional limits."""
+    """Makes a float field one that is written as text of one kind, with optional limits. none: the
+    text none is taken as well, as 0."""
 
     kind_name: str
     above: float | None = None
     least: float | None = None
     most: float | None = None
+    none: bool = False
 
     @property
     def kind(self) -> Kind:
@@ -45,13 +47,15 @@ class Quantity:
 
     def read(self, value: object) -> float:
         """The number in the kind's unit; ValueError "must be ..." for anything else."""
-        must = f"must be {self.kind}"
+        must, other = f"must be {self.kind}", ", or none" if self.none else ""
+        if self.none and value == "none":
+            return 0.0
         if not isinstance(value, str):
-            raise ValueError(must)
+            raise ValueError(must + other)
         try:
             number = parse_quantity(value, self.kind)
         except ValueError:
-            raise ValueError(must) from None
+            raise ValueError(must + other) from None
         for limit in (self.least, self.most):
             if limit is not None and math.isclose(number, limit, rel_tol=1e-12):
                 number = limit  # 0.38 um is 380 nm but for a rounding
@@ -61,12 +65,12 @@ class Quantity:
             ("at most", self.most, self.most is None or number <= self.most),
         ):
             if not fine:
-                raise ValueError(f"{must} and {word} {limit:g} {self.kind.unit}")
+                raise ValueError(f"{must} and {word} {limit:g} {self.kind.unit}{other}")
         return number
 
     def write(self, value: float) -> str:
         """Text that `read` reads back to the same float."""
-        return format_quantity(value, self.kind)
+        return "none" if self.none and value == 0 else format_quantity(value, self.kind)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(

@@ -17,7 +17,7 @@ __all__ = ["ImageSection", "Scenario", "export"]
 class ImageSection(Section):
     """Which images a run makes, and from how many cycles."""
 
-    # An instant's images take 40 MB of memory and 1 MB of the report.
+    # An instant's images take 40 MB of memory and 1 MB of the report; with a display, 100 MB.
     at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
         default=(),
         max_length=25,

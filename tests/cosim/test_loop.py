@@ -161,10 +161,11 @@ def test_an_interruption_inside_a_block_waits_for_its_end() -> None:
     assert stages["mixer"].seen == list(range(128))
 
 
-def test_an_interruption_in_the_last_block_comes_too_late() -> None:
+def test_an_interruption_in_the_last_block_is_one_as_well() -> None:
     stages = chain()
     ask = {CYCLES: lambda: os.kill(os.getpid(), signal.SIGINT)}
-    run_blocks(stages, CYCLES, progress=lambda done: ask.get(done, int)())
+    with pytest.raises(Interrupted):
+        run_blocks(stages, CYCLES, progress=lambda done: ask.get(done, int)())
     assert stages["mixer"].seen == list(range(CYCLES))
 
 

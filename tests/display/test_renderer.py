@@ -19,7 +19,10 @@ CLOCK = Clock.from_hz(40e3)
 WITHIN = 1e-6
 """Of white, or of itself where brighter."""
 SHAPE = (13, 18)
-EMITTERS = {"quick": (1.0, 0.0, 0.0), "short": (0.3, 20e-6, 1e-3), "slow": (1.0, 0.0, 10e-3)}
+EMITTERS = {
+    "quick": (1.0, 0.0, 0.0), "short": (0.3, 20e-6, 1e-3), "slow": (1.0, 0.0, 10e-3),
+    "falling at once": (1.0, 1e-5, 0.0), "falling fast": (1.0, 1e-5, 1e-6),
+}  # fmt: skip
 Words = npt.NDArray[np.uint32]
 
 

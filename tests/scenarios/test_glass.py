@@ -16,15 +16,19 @@ import numpy as np
 import pytest
 from skimage.metrics import structural_similarity
 
-from cosim import Block, Clock, Interrupted, Light, Piece
-from display import FramePanel, SpikePanel
+from cosim import Block, Clock, Interrupted, Light, Piece, Viform
+from cosim.viform import pack_planes
+from display import CameraPlane, DisplaySetting, FramePanel, PlainRenderer, SpikePanel
 from scenarios.commands.output import SilentProgress
 from scenarios.glass.clip import chosen_tiles
 from scenarios.glass.glass import Glass
-from scenarios.glass.judge import BANDS, judge_glass, key_of
+from scenarios.glass.judge import BANDS, judge_glass
+from scenarios.glass.stage import DisplayStage
 from scenarios.glass.tap import LightTap, spike_waves, wave_of
 from scenarios.probes import Probes, metrics
 from scenarios.report import write_report
+from scenarios.showing import key_of
+from scenarios.slow_motion import SlowMotion
 from scenarios.ssim import Likeness, inside
 
 CLOCK = Clock(40_000)
@@ -240,11 +244,19 @@ def test_names_of_displays_in_metrics():
     assert [key_of(name) for name in names] == ["spike", "59_94hz", "1000hz", "projector"]
 
 
-def test_the_clip_has_at_most_six_tiles():
+def test_the_clip_has_so_many_tiles():
     frames = [f"{n} Hz" for n in (60, 120, 240, 1000)]
     names = ["truth", "spike", *frames, "16 kHz binary"]
-    assert chosen_tiles(names) == ["truth", "spike", "60 Hz", "120 Hz", "1000 Hz", "16 kHz binary"]
-    assert chosen_tiles(names[:4]) == names[:4]
+    assert chosen_tiles(names) == names
+    assert chosen_tiles(names, 6) == [
+        "truth",
+        "spike",
+        "60 Hz",
+        "120 Hz",
+        "1000 Hz",
+        "16 kHz binary",
+    ]
+    assert chosen_tiles(names[:4], 6) == names[:4]
 
 
 def test_the_slow_motion_plays_in_browsers(drawn):
@@ -267,6 +279,29 @@ def test_the_page_needs_no_network_and_shows_every_display(drawn):
     for title in ("clear glass", "spikes, causal", "spikes, impulse", "120 Hz", "16 kHz binary"):
         assert title in page
     assert not re.search(r"\b(?:nan|inf)\b", re.sub(r"base64,[^\"]*", "", page).lower())
+
+
+@pytest.mark.parametrize(("cycles", "late"), [(320, 0), (320, 40), (320, 400), (1, 0)])
+def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
+    """late: cycles of transport. Every pixel spikes in every cycle."""
+    panel = SpikePanel((4, 6), CLOCK, 1.0, "impulse", row_scan=0.0, transport=CLOCK.edge(late))
+    every = min(8, cycles)
+    motion = SlowMotion((4, 6), 0, CLOCK.edge(cycles), CLOCK.edge(every), 1)
+    still = CameraPlane((CLOCK.edge(cycles),), CLOCK.edge(cycles))
+    setting = DisplaySetting(panel, still, 1)
+    stage = DisplayStage(
+        setting, {"camera": still}, motion, cycles, lambda n: PlainRenderer(panel, 1, n)
+    )
+    for first in range(0, cycles, 64):
+        block = Block(first, min(64, cycles - first))
+        words = pack_planes(np.ones((block.cycles, 4, 6), np.uint8))
+        stage.step(Viform(words, block.cycles, CLOCK), block)
+    frames = stage.film.frames[:, 0, 0].astype(int)
+    starts = np.arange(len(frames)) * every
+    whole = starts >= late + 1  # the first plane is shown when its cycle is over
+    assert len(frames) == cycles // every
+    assert (frames[whole] == 255).all()
+    assert (frames[starts + every <= late + 1] == 0).all()
 
 
 def test_the_table_on_a_terminal(drawn):

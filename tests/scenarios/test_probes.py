@@ -220,6 +220,33 @@ def drawn(x, *widths):
     return profile
 
 
+@pytest.mark.parametrize("rate", [1, 24, 30, 75, 144])
+def test_any_frame_rate_has_the_blur_of_its_hold(rate):
+    (row,) = frame_blur(FramePanel(Clock(rate)), 0.6, ((0.0, 0.18),))
+    assert row.ebet == pytest.approx(1 / rate, rel=0.02)
+
+
+@pytest.mark.parametrize(("rate", "response"), [(60, 10e-3), (60, 50e-3), (120, 5e-3)])
+def test_slow_pixels_have_the_blur_of_a_hold_and_an_exponential(rate, response):
+    time = np.arange(0, 1 / rate + 12 * response, 2e-5)
+    box = np.clip(time * rate, 0, 1)  # the edge through the hold
+    kernel = np.exp(-time / response)
+    seen = np.convolve(box, kernel / kernel.sum())[: len(time)]
+    low, high = (np.interp(level, seen, time) for level in (0.1, 0.9))
+    (row,) = frame_blur(FramePanel(Clock(rate), response=response), 0.6, ((0.0, 0.18),))
+    assert row.bet == pytest.approx(high - low, rel=0.02)
+
+
+def test_slow_emitters_settle_while_they_are_watched(probe):
+    slow = panel(rise=2e-3, decay=2e-3)
+    for row in spike_latency(probe, slow, (1.5,), 3):
+        if row.way == "rise":
+            assert row.lost == 0 and row.total.median > 2e3 * math.log(2)
+    assert spike_blur(probe, slow, (0.0, 0.18), 8)[0].ebet == pytest.approx(
+        2e-3 * math.log(9) / 0.8, rel=0.05
+    )
+
+
 def test_a_strobe_of_half_a_millisecond_has_its_blur():
     (row,) = frame_blur(FramePanel(Clock(60), persistence=0.03), 0.6, ((0.0, 0.18),))
     x = np.linspace(-6, 6, 8001)

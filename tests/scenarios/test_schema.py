@@ -140,6 +140,11 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
              "sensor.lens.f_number?"),
         ("dispaly", {},
          "dispaly must be a key that is known, not an unknown key; did you mean display?"),
+        ("display", {"beside": 60},
+         'display.beside must be a list such as ["60 Hz", "120 Hz"], not 60; ' + SCHEMA),
+        ("display", {"projector": "off"},
+         "display.projector must be a frequency such as '40 kHz', or none, not 'off'; write --set "
+         "display.projector='40 kHz'"),
         ("receiver", {},
          "receiver must be one of title, duration, tolerance, seed, scene, sensor, display, image, "
          "not an unknown key; remove it"),
