@@ -6,10 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from display import DRIVES
 from scenarios.schema.quantity import Quantity, Section, Share, Time
 
-__all__ = ["OBSERVERS", "DisplaySection"]
+__all__ = ["DRIVES", "OBSERVERS", "DisplaySection"]
+
+DRIVES = ("impulse", "hold", "causal")
+"""Those of the display, which need not be loaded to read a scenario."""
 
 OBSERVERS = ("eye", "pursuit", "camera")
 """Who looks at a display."""
@@ -23,7 +25,7 @@ Size = Annotated[int, Field(ge=1, le=8192)]
 class DisplaySection(Section):
     """A spike-continuous panel, the panels beside it, and their observer."""
 
-    drive: Literal[DRIVES] = Field(  # type: ignore[valid-type]  # the names of display.DRIVES
+    drive: Literal[DRIVES] = Field(  # type: ignore[valid-type]
         default="causal", description="how a pixel makes light of its spikes"
     )
     observer: Literal[OBSERVERS] = Field(  # type: ignore[valid-type]

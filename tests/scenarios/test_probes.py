@@ -247,6 +247,15 @@ def test_slow_emitters_settle_while_they_are_watched(probe):
     )
 
 
+def test_a_pixel_that_fills_less_emits_from_its_middle(probe):
+    at = np.array([2.1, 2.3, 2.5, 2.7, 2.9, 3.5])
+    light = np.array([[0.0, 0.0, 1.0, 0.0, 0.0]])
+    np.testing.assert_allclose(retina(light, np.zeros(1), at, 0.5), [0, 2, 2, 2, 0, 0])
+    (row, *_) = spike_blur(probe, panel(fill=0.25), (0.0, 0.18), 8)
+    # A sensor's pixel of 1 and half a panel's one: a trapezoid of sides 1.5 and 0.5, from its 10 %.
+    assert row.width == pytest.approx(2 * (0.75 - math.sqrt(0.1)), rel=0.03)
+
+
 def test_a_strobe_of_half_a_millisecond_has_its_blur():
     (row,) = frame_blur(FramePanel(Clock(60), persistence=0.03), 0.6, ((0.0, 0.18),))
     x = np.linspace(-6, 6, 8001)

@@ -14,8 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import InputError
+from display import DRIVES
 from scenarios.loading import shipped, to_toml
 from scenarios.schema import Scenario, export, validate
+from scenarios.schema.display import DRIVES as schema_drives
 
 GOOD: dict[str, Any] = {
     "title": "A clip",
@@ -235,6 +237,10 @@ def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_a_shipped_scenario_fits_the_exported_json_schema(name):
     assert [*faults(export(), tomllib.loads(shipped()[name]))] == []
+
+
+def test_drives_are_those_of_the_display() -> None:
+    assert schema_drives == DRIVES
 
 
 @pytest.mark.parametrize(
