@@ -25,8 +25,22 @@ def eye_time(luminance: float) -> float:
     return STAGE_TIME / frequency_scale(luminance)
 
 
+class _Still:
+    """What keeps still makes an image around each of its instants, unshifted."""
+
+    instants: tuple[int, ...]
+
+    @property
+    def images(self) -> int:
+        return len(self.instants)
+
+    def shifts(self, at: Instants) -> tuple[Values, Values]:
+        still = np.zeros((self.images, len(at)))
+        return still, still.copy()
+
+
 @dataclass(frozen=True)
-class FixedEye:
+class FixedEye(_Still):
     """An eye that keeps still: light weighted by the sustained channel of its temporal response, a
     cascade of 15 equal stages, centred on each instant.
 
@@ -38,10 +52,6 @@ class FixedEye:
     luminance: float
     begin: int
     end: int
-
-    @property
-    def images(self) -> int:
-        return len(self.instants)
 
     def _before(self, at: Instants) -> Values:
         """(images, n) share of the response that falls on light before instants `at`."""
@@ -62,30 +72,18 @@ class FixedEye:
         inside = [np.clip(t, self.begin, self.end) for t in (start, stop)]
         return (self._before(inside[1]) - self._before(inside[0])) / whole
 
-    def shifts(self, at: Instants) -> tuple[Values, Values]:
-        still = np.zeros((self.images, len(at)))
-        return still, still.copy()
-
 
 @dataclass(frozen=True)
-class CameraPlane:
+class CameraPlane(_Still):
     """A camera's exposures: all light alike for `exposure` ps centred on each instant (ps)."""
 
     instants: tuple[int, ...]
     exposure: int
 
-    @property
-    def images(self) -> int:
-        return len(self.instants)
-
     def weights(self, start: Instants, stop: Instants) -> Values:
         first = np.array(self.instants, np.int64)[:, None] - self.exposure // 2
         lit = np.minimum(stop, first + self.exposure) - np.maximum(start, first)
         return np.maximum(lit, 0) / self.exposure
-
-    def shifts(self, at: Instants) -> tuple[Values, Values]:
-        still = np.zeros((self.images, len(at)))
-        return still, still.copy()
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.viform import WORD
+from display.emitter import gone_in, relax
 from display.panel import DRIVES, SpikePanel
 from display.plain import FOREVER
 from display.setting import DisplaySetting
@@ -29,24 +30,14 @@ Words = npt.NDArray[np.uint32]
 
 
 @njit(cache=True)
-def _relax(drive, level, part, rise, decay, gone):  # type: ignore[no-untyped-def]
-    """Light and level at the end of a part of a plane. rise, decay: time constants in planes; gone:
-    share of the way that is gone in the part, rising and falling."""
-    up = drive > level
-    constant = rise if up else decay
-    if constant == 0.0:
-        return drive * part, drive
-    share = gone[0] if up else gone[1]
-    light = drive * part + (level - drive) * constant * share
-    return light, level + (drive - level) * share
-
-
-@njit(cache=True)
 def _show(  # type: ignore[no-untyped-def]
-    words, cycles, batch, drive, pulse, rise, decay, gone, tau, age, seen, level, out
+    words, cycles, batch, drive, pulse, rise, decay, tau, age, seen, level, out
 ):
-    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels)."""
+    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels). rise, decay:
+    time constants in planes."""
     instant = rise == 0.0 and decay == 0.0
+    up, down = gone_in(pulse, rise), gone_in(pulse, decay)
+    up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[1]):
         t, a, s, y = tau[pixel], age[pixel], seen[pixel], level[pixel]
         for n in range(cycles):
@@ -70,9 +61,9 @@ def _show(  # type: ignore[no-untyped-def]
                 y = x if pulse == 1.0 else 0.0
                 light = x
             else:
-                light, y = _relax(x / pulse, y, pulse, rise, decay, gone[0])
+                light, y = relax(x / pulse, pulse, y, up, down)
                 if pulse < 1.0:
-                    more, y = _relax(0.0, y, 1.0 - pulse, rise, decay, gone[1])
+                    more, y = relax(0.0, 1.0 - pulse, y, up_after, down_after)
                     light += more
             out[n // batch, pixel] += light
         tau[pixel], age[pixel], seen[pixel], level[pixel] = t, a, s, y
@@ -91,14 +82,10 @@ class PanelPixels:
         """(spans, pixels) packets Q of the next `cycles` planes. words: (words, pixels)."""
         panel, hz = self.panel, self.panel.clock.hz
         pulse = panel.pulse if panel.drive == "impulse" else 1.0
-        late = panel.rise * hz, panel.decay * hz
-        gone = np.array(
-            [[-math.expm1(-part / c) if c else 1.0 for c in late] for part in (pulse, 1 - pulse)]
-        )
         out = np.zeros((-(-cycles // batch), words.shape[1]))
         _show(
-            np.ascontiguousarray(words), cycles, batch, DRIVES.index(panel.drive), pulse, *late,
-            gone, self.tau, self.age, self.seen, self.level, out,
+            np.ascontiguousarray(words), cycles, batch, DRIVES.index(panel.drive), pulse,
+            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.seen, self.level, out,
         )  # fmt: skip
         return out
 

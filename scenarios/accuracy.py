@@ -26,12 +26,12 @@ from cosim.opencl import Device
 from cosim.viform import Words
 from display import DisplaySetting
 from scenarios.display_cost import display_ns, golden_ns
+from scenarios.filming import WiderStage
 from scenarios.order import fit_order
 from scenarios.paired import Paired, windows, worst
 from scenarios.planning import RunPlan, plan_run
 from scenarios.prepare import look_at, look_through, prepare_camera, scene_source
 from scenarios.progress import Progress
-from scenarios.run import WiderStage
 from scenarios.schema import Scenario
 from scenarios.shown import TRUTH, ShownPaired, ShownPatches
 from scenarios.verifier import Planned

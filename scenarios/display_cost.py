@@ -13,13 +13,12 @@ import numpy as np
 from cosim import Block
 from cosim.viform import WORD, Words
 from display import DisplaySetting, PlainRenderer, make_renderer
+from scenarios.glass.stage import DRAW
 
 __all__ = ["display_ns", "golden_ns"]
 
 PIECE = 1 << 13
 """Pixels that the golden model is timed on: it takes the same for each."""
-DRAW = 128
-"""Planes that a run gives a renderer at once."""
 REPEATS = 3
 
 

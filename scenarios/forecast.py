@@ -12,9 +12,9 @@ import numpy as np
 from cosim import BLOCK, Block, Light
 from cosim.light import PlaneMap
 from cosim.opencl import Device
+from scenarios.filming import WiderStage
 from scenarios.planning import RunPlan, plan_run
 from scenarios.prepare import look_at, look_through, prepare_camera, scene_source
-from scenarios.run import WiderStage
 from scenarios.schema import Scenario
 from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane

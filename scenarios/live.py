@@ -7,10 +7,10 @@ from collections.abc import Callable
 from cosim import InputError
 from cosim.loop import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
+from scenarios.filming import WiderStage
 from scenarios.png import for_display
 from scenarios.prepare import prepare_camera, scene_source
 from scenarios.progress import Progress
-from scenarios.run import WiderStage
 from scenarios.schema import Scenario
 from scenarios.schema.display import DisplaySection
 from scenarios.showing import panel_of

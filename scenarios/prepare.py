@@ -23,8 +23,7 @@ from sensor import CameraSetting, SpikeCamera
 
 __all__ = [
     "Prepared", "again", "choose_device", "identity", "look_at", "look_through", "prepare",
-    "prepare_camera",
-    "scene_source",
+    "prepare_camera", "scene_source",
 ]  # fmt: skip
 
 
@@ -140,8 +139,9 @@ def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
     glass = None
     if plan.display is not None:
         notes += [pursuit[1], *short_of(plan.display.panel.luminance, cycles / setting.clock.hz)]
-        points = scene_source(scenario, setting, cycles).points()
-        glass = make_glass(scenario, setting, cycles, instants, plan.display, pursuit, points)
+        glass = make_glass(
+            scenario, setting, cycles, instants, plan.display, pursuit, source.points()
+        )
     return Prepared(
         name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
         *_planned(plan, setting, scenario, opened), glass, notes,

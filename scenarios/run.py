@@ -14,15 +14,11 @@ from cosim.files import ZarrStream
 from cosim.lens import Lens
 from scenarios.checked import full_physics_s, left_out, too_far
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.filming import CHECKPOINT, PUT_BACK, WiderStage, film_as_promised, mend
+from scenarios.filming import CHECKPOINT, PUT_BACK, film_as_promised, mend
 from scenarios.folder import check_room, claimed, output_folder, write_images
 from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.planning import RunPlan
-from scenarios.prepare import (
-    Prepared,
-    choose_device,
-    prepare,
-)
+from scenarios.prepare import Prepared, prepare
 from scenarios.progress import Progress
 from scenarios.result import Latency, Metric, Result, Throughput, write_result
 from scenarios.scenes import Source
@@ -31,9 +27,7 @@ from scenarios.stream_size import Sizes, measure_sizes, size_metrics
 from scenarios.verifier import Finding
 from sensor import CameraSetting
 
-__all__ = [
-    "Finished", "Progress", "WiderStage", "choose_device", "run_scenario",
-]  # fmt: skip
+__all__ = ["Finished", "Progress", "run_scenario"]
 
 
 @dataclass

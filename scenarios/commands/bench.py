@@ -19,7 +19,7 @@ Study = tuple[dict[str, Any], str, Callable[[Path], object]]
 def _code(device: str | None) -> Study:
     """Sizes of streams."""
     from scenarios.code_bench import bench_code, draw, markdown
-    from scenarios.run import choose_device
+    from scenarios.prepare import choose_device
 
     document = bench_code(choose_device(device))
     return document, markdown(document), lambda part: draw(document, part)
@@ -30,7 +30,7 @@ def _continuous(device: str | None) -> Study:
     from dataclasses import asdict
 
     from scenarios.continuous_study import compare, markdown, traces_figure
-    from scenarios.run import choose_device
+    from scenarios.prepare import choose_device
 
     rows = compare(device=choose_device(device))
     return {"rows": [asdict(row) for row in rows]}, markdown(rows), traces_figure
@@ -78,7 +78,7 @@ def bench(
     from cosim import InputError
     from scenarios.bench import PARTS
     from scenarios.bench import bench as measure
-    from scenarios.run import choose_device
+    from scenarios.prepare import choose_device
 
     known = (*PARTS, *STUDIES)
     if part is not None and part not in known:

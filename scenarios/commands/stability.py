@@ -26,7 +26,7 @@ def stability(
     from dataclasses import asdict
 
     from cosim import InputError
-    from scenarios.run import choose_device
+    from scenarios.prepare import choose_device
     from scenarios.stability import CASES
 
     known = {str(number): case for number, case in CASES.items()}

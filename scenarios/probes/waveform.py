@@ -7,7 +7,6 @@ sum over a patch cost little.
 
 from __future__ import annotations
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -17,6 +16,7 @@ from numba import njit
 
 from cosim import Viform
 from display import DRIVES, SpikePanel
+from display.emitter import gone_in, relax
 
 __all__ = ["every_drive", "panel_light"]
 
@@ -33,20 +33,6 @@ _PLACES: Final = np.array(
 sequence (Leiserson, Prokop and Randall, 1998)."""
 Values = npt.NDArray[np.float64]
 _CODE: Final[dict[str, int]] = {name: n for n, name in enumerate(DRIVES)}
-
-
-@njit(cache=True, nogil=True)
-def _relax(x, length, level, up, down):  # type: ignore[no-untyped-def]
-    """Light of a part of a plane under constant drive, and the level that it ends with. up, down:
-    (time constant in planes, what is gone of the difference when the part ends)."""
-    constant, gone = up if x > level else down
-    return x * length + (level - x) * constant * gone, level + (x - level) * gone
-
-
-@njit(cache=True, nogil=True)
-def _gone(constant, length):  # type: ignore[no-untyped-def]
-    """What is gone of a difference after a part of a plane; all of it without a time constant."""
-    return constant, -math.expm1(-length / constant) if constant > 0 else 1.0
 
 
 @njit(cache=True, nogil=True)
@@ -75,8 +61,8 @@ def _show(  # type: ignore[no-untyped-def]
     reach = max(_LINE // span, 1) * span
     line = np.empty(reach)
     slow = rise > 0 or decay > 0
-    up, down = _gone(rise, share), _gone(decay, share)
-    up_after, down_after = _gone(rise, 1.0 - share), _gone(decay, 1.0 - share)
+    up, down = gone_in(share, rise), gone_in(share, decay)
+    up_after, down_after = gone_in(1.0 - share, rise), gone_in(1.0 - share, decay)
     for pixel in range(words.shape[0]):
         row = light[group[pixel]]
         tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
@@ -103,9 +89,9 @@ def _show(  # type: ignore[no-untyped-def]
                 n = m + 1
             if slow:
                 for k in range(stop - first):
-                    total, level = _relax(line[k] / share, share, level, up, down)
+                    total, level = relax(line[k] / share, share, level, up, down)
                     if share < 1.0:
-                        after, level = _relax(0.0, 1.0 - share, level, up_after, down_after)
+                        after, level = relax(0.0, 1.0 - share, level, up_after, down_after)
                         total += after
                     line[k] = total
             slot = first // span

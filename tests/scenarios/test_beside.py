@@ -9,8 +9,8 @@ from cosim import PS, Block, Clock, Light, Piece
 from cosim.loop import blocks
 from display import CameraPlane, FramePanel, Lit, Span
 from scenarios.beside import TRUTH, BesideStage
+from scenarios.filming import WiderStage
 from scenarios.png import for_display
-from scenarios.run import WiderStage
 from scenarios.scenes.chart import PURSUIT, STRIPS, Chart
 from scenarios.scenes.source import AnalyticSource
 from scenarios.schema.display import DisplaySection

@@ -1,0 +1,24 @@
+"""How a pixel's emitter follows its drive, compiled: the step that patches and waveforms share."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+__all__ = ["gone_in", "relax"]
+
+
+@njit(cache=True, nogil=True)
+def gone_in(length, constant):  # type: ignore[no-untyped-def]
+    """(time constant, what is gone of a difference after `length`), planes; all of it without a
+    time constant."""
+    return constant, -math.expm1(-length / constant) if constant > 0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def relax(drive, length, level, up, down):  # type: ignore[no-untyped-def]
+    """Light of a part of a plane under constant drive, and the level that it ends with. up, down:
+    `gone_in` of the part, rising and falling."""
+    constant, gone = up if drive > level else down
+    return drive * length + (level - drive) * constant * gone, level + (drive - level) * gone
