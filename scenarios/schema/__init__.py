@@ -6,8 +6,15 @@ whole as JSON Schema.
 
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.continuous import ContinuousSection
+from scenarios.schema.link import (
+    AimSection,
+    AirSection,
+    LinkSection,
+    ModemSection,
+    PanelSection,
+)
 from scenarios.schema.messages import validate
-from scenarios.schema.scenario import ImageSection, Scenario, export
+from scenarios.schema.scenario import ImageSection, LinkScenario, Scenario, export
 from scenarios.schema.scenes import (
     FilmScene,
     SceneSection,
@@ -21,12 +28,18 @@ from scenarios.schema.sensor import SPIKING, LensSection, PatternSection, Sensor
 
 __all__ = [
     "SPIKING",
+    "AimSection",
+    "AirSection",
     "AsynchronousSection",
     "ChannelSection",
     "ContinuousSection",
     "FilmScene",
     "ImageSection",
     "LensSection",
+    "LinkScenario",
+    "LinkSection",
+    "ModemSection",
+    "PanelSection",
     "PatternSection",
     "Scenario",
     "SceneSection",

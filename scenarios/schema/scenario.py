@@ -7,11 +7,12 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from scenarios.schema.display import DisplaySection
+from scenarios.schema.link import LinkSection
 from scenarios.schema.quantity import Duration, Section
 from scenarios.schema.scenes import SceneSection
 from scenarios.schema.sensor import SensorSection
 
-__all__ = ["ImageSection", "Scenario", "export"]
+__all__ = ["ImageSection", "LinkScenario", "Scenario", "export"]
 
 
 class ImageSection(Section):
@@ -44,6 +45,19 @@ class Scenario(Section):
         default=None, description="what shows the stream; none when absent"
     )
     image: ImageSection = ImageSection()
+
+
+class LinkScenario(Section):
+    """A file crosses a link: no scene but the panel's."""
+
+    title: str = Field(examples=["A file over light"])
+    duration: Duration | None = Field(
+        default=None, description="of light; as long as the file takes when absent"
+    )
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    link: LinkSection
+    sensor: SensorSection
 
 
 def export() -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""What lies between panel and camera: geometry, lens, air, stray light."""

@@ -1,0 +1,1 @@
+"""Bytes to bits and back: CRC, Reed-Solomon, interleaver, line codes, fountain, frames."""

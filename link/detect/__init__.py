@@ -1,0 +1,1 @@
+"""Detectors: from spikes to a soft bit for each cell and symbol."""

@@ -1,0 +1,1 @@
+"""From spikes to a file: find the panel, time it, follow it, decode it."""

@@ -1,0 +1,1 @@
+"""From a file to the planes that a panel shows."""

@@ -1,0 +1,1 @@
+"""Closed forms that simulations are held against: error rates, fading, capacity."""
