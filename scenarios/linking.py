@@ -12,7 +12,7 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air import Aim, AirSetting, Optics
+from link.air.setting import Aim, AirSetting, Optics
 from scenarios.exposure import camera_setting
 from scenarios.schema import LensSection, LinkScenario
 from sensor import CameraSetting
