@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +34,13 @@ class Eye:
 @dataclass(frozen=True)
 class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
-    the mean of 1/(1 + e^|L|). closed: the closed form from geometry, light and threshold. interval:
-    of the measured rate, 99.9 %."""
+    the mean of 1/(1 + e^|L|). closed: the bound of blurred cells, from geometry, light and
+    threshold (`reach.predict_errors`). sharp: of cells without blur, on their whole pixels and ticks
+    (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
 
     soft: float | None
     closed: float | None
+    sharp: float | None
     interval: tuple[float, float] | None
 
 
@@ -76,3 +78,11 @@ class LinkRun:
     choice: Any = None
     plan: Any = None
     notes: list[str] = field(default_factory=list)
+
+    def verdict_document(self) -> dict[str, Any]:
+        """What verdict.json says."""
+        return {
+            "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
+            "told": self.verdict.told, "delivered": self.delivered, "file": self.payload.name,
+            "bytes": len(self.payload.data), "mode": asdict(self.mode),
+        }  # fmt: skip

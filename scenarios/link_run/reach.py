@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from link.layout import GROUP_BITS, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
-from scenarios.linking import LinkSetting
+from link.theory import byte_error, rs_word_error
 
-__all__ = ["CellScene", "Reach", "predict_errors", "reach", "scene_of"]
+__all__ = ["LONGEST", "CellScene", "Reach", "predict_errors", "reach"]
 
 _PLACES = 5
 """Places of a camera pixel within the cell's grid that are averaged over, each way."""
@@ -30,7 +30,7 @@ _LOST = 0.03
 """Frames that a transmission may lose: what the default overhead makes good."""
 _LEAST = 0.9
 """Camera pixels to a cell, at least."""
-_RUN = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
+LONGEST = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
 """Longest run of equal symbols."""
 Values = npt.NDArray[np.float64]
 
@@ -50,15 +50,6 @@ class CellScene:
     noise: float
     reset: str
     phase: float
-
-
-def scene_of(setting: LinkSetting, on: float, background: float, blur: float) -> CellScene:
-    """At the run's distance. on, background: electrons a tick over the threshold."""
-    camera = setting.camera
-    return CellScene(
-        setting.scale, blur, on, background, camera.threshold, camera.threshold_noise, camera.reset,
-        setting.phase,
-    )  # fmt: skip
 
 
 def _edge(x: Values, blur: float) -> Values:
@@ -113,7 +104,7 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
     # Of the rest of a look's light, each neighbour brings a share; four of them bring most.
     rest = 1 - own
     spread = scene.on * rest / 2 / 2
-    run = min(_RUN[mode.line] * mode.ticks, 64)
+    run = min(LONGEST[mode.line] * mode.ticks, 64)
     base = scene.background + scene.on * rest / 2
     on = _fires(scene, base + scene.on * own, spread, 1)
     off = _fires(scene, base, spread, run)
@@ -136,11 +127,8 @@ class Reach:
 
 def _frame_loss(errors: float, mode: Mode) -> float:
     """Chance that a codeword is wrong beyond mending: bytes of independent bits."""
-    from scipy.stats import binom
-
-    bits = 8 * Layout(mode).group / GROUP_BITS[mode.line]
-    byte = -math.expm1(bits * math.log1p(-min(errors, 0.5)))
-    return float(binom.sf(mode.parity // 2, 255, byte))
+    bits = round(8 * Layout(mode).group / GROUP_BITS[mode.line])
+    return float(rs_word_error(255, 255 - mode.parity, byte_error(min(errors, 0.5), bits)))
 
 
 def reach(

@@ -59,13 +59,14 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
 def errors_figure(run: LinkRun, path: Path) -> None:
     """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
     plt = pyplot()
-    figure, ax = plt.subplots(figsize=(8.2, 2.1), layout="constrained")
+    figure, ax = plt.subplots(figsize=(8.2, 2.4), layout="constrained")
     theory, errors = run.theory, run.errors
     least = 0.3 / max(errors.bits, 1)
     shown = [
         ("measured", errors.rate, theory.interval, MARK),
         ("the soft values' own promise", theory.soft, None, BLUE),
-        ("closed form, independent looks", theory.closed, None, BLUE),
+        ("closed form, blurred cells (bound)", theory.closed, None, BLUE),
+        ("closed form, sharp cells", theory.sharp, None, BLUE),
     ]
     for n, (_, value, interval, colour) in enumerate(shown):
         if interval is not None:
