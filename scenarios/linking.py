@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air.setting import Aim, AirSetting, Optics
+from link.air import Aim, AirSetting, Optics, f_number_for, lengths
+from link.coding import safe_name
 from scenarios.exposure import camera_setting
 from scenarios.schema import LensSection, LinkScenario
 from sensor import CameraSetting
@@ -82,9 +82,12 @@ def payload_of(scenario: LinkScenario) -> Payload:
             raise bad("neither a file nor a folder")
         if not 0 < size <= LARGEST:
             raise InputError(
-                "link.file", f"of 1 to {LARGEST:,} bytes", f"{size:,}", "choose another, or split it"
+                "link.file",
+                f"of 1 to {LARGEST:,} bytes",
+                f"{size:,}",
+                "choose another, or split it",
             )
-        return Payload(path.name, path.read_bytes())
+        return Payload(safe_name(path.name), path.read_bytes())
     except OSError as exc:
         raise bad(exc.strerror or str(exc)) from exc
 
@@ -106,65 +109,53 @@ def _panel_clock(clock: Clock, ppm: float) -> Clock:
     return Clock(rate.numerator, rate.denominator)
 
 
-def _chosen_f_number(scenario: LinkScenario, camera: CameraSetting) -> float:
-    """The f-number with which a cell that is on brings on_level thresholds in a tick."""
-    from link.air import f_number_for
-
-    section = scenario.link
-    number = f_number_for(
-        section.aim.on_level, camera, luminance=section.panel.luminance,
-        transmission=scenario.sensor.lens.transmission, focal_length=section.aim.focal_length * _MICRO,
-        distance=section.distance * _MICRO,
+def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
+    """The panel and the lens, with its f-number or the one that makes cells as bright as asked."""
+    section, panel, aim = scenario.link, scenario.link.panel, scenario.link.aim
+    optics = Optics(
+        width=panel.width, height=panel.height, pitch=panel.pitch * _MICRO,
+        luminance=panel.luminance, reflectance=panel.reflectance,
+        focal_length=aim.focal_length * _MICRO,
+        f_number=FASTEST_F_NUMBER if aim.f_number is None else aim.f_number,
+        transmission=scenario.sensor.lens.transmission,
+        focus=None if aim.focus is None else aim.focus * _MICRO, blur=aim.blur,
+        camera_pitch=camera.chip.pitch * _MICRO, wavelength_nm=scenario.sensor.wavelength,
     )  # fmt: skip
-    if not (math.isfinite(number) and FASTEST_F_NUMBER <= number <= SLOWEST_F_NUMBER):
-        dark = number < FASTEST_F_NUMBER
+    if aim.f_number is not None:
+        return optics
+    number = f_number_for(
+        aim.on_level, optics, section.distance * _MICRO, camera.threshold,
+        camera.electrons_per_lux, camera.clock,
+    )  # fmt: skip
+    if number > SLOWEST_F_NUMBER:
         raise InputError(
-            "link.aim.on_level",
-            f"reached by a lens from f/{FASTEST_F_NUMBER:g} to f/{SLOWEST_F_NUMBER:g}",
-            f"{section.aim.on_level:g}, which needs f/{number:.3g}",
-            f"{'raise' if dark else 'lower'} link.panel.luminance or give link.aim.f_number",
+            "link.aim.on_level", f"reached by a lens up to f/{SLOWEST_F_NUMBER:g}",
+            f"{aim.on_level:g}, which needs f/{number:.3g}",
+            "lower link.panel.luminance or give link.aim.f_number",
         )  # fmt: skip
-    return number
+    return replace(optics, f_number=number)
 
 
 def link_setting(scenario: LinkScenario) -> LinkSetting:
     """Raises InputError for what cannot be simulated."""
     section, sensor = scenario.link, scenario.sensor
     if sensor.readout != "synchronous":
-        raise InputError(
-            "sensor.readout", "synchronous in a link", sensor.readout, "leave it out"
-        )
+        raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
     for name in ("asynchronous", "continuous", "channel"):
         if getattr(sensor, name) is not None:
-            raise InputError(
-                f"sensor.{name}", "absent in a link", "given", "leave it out"
-            )
+            raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
     _refuse_lens(sensor.lens)
     camera = camera_setting(scenario)
     panel, aim, air = section.panel, section.aim, section.air
-    distance, focal = section.distance * _MICRO, aim.focal_length * _MICRO
-    if distance <= 2 * focal:
-        raise InputError(
-            "link.distance", f"above twice link.aim.focal_length, {2 * focal:g} m",
-            f"{distance:g} m", "move the panel away",
-        )  # fmt: skip
-    pitch, pixel = panel.pitch * _MICRO, camera.chip.pitch * _MICRO
-    scale = pitch * focal / (distance - focal) / pixel
+    distance = section.distance * _MICRO
+    optics = _optics(scenario, camera)
+    scale = lengths(optics, distance).camera * optics.pitch / distance
     row_scan = panel.row_scan
     if row_scan is None:  # a row of the image is shown as late as the camera samples it
         row_scan = min(sensor.row_skew * panel.height * scale / camera.chip.height, 1.0)
     phase = panel.phase
     if phase is None:
         phase = float(_random(scenario.seed, _STREAM_PHASE).random())
-    chosen = aim.f_number is None
-    optics = Optics(
-        width=panel.width, height=panel.height, pitch=pitch, luminance=panel.luminance,
-        reflectance=panel.reflectance, focal_length=focal,
-        f_number=_chosen_f_number(scenario, camera) if aim.f_number is None else aim.f_number,
-        transmission=sensor.lens.transmission,
-        focus=None if aim.focus is None else aim.focus * _MICRO, blur=aim.blur, camera_pitch=pixel,
-        wavelength_nm=sensor.wavelength,
-    )  # fmt: skip
     shown = SpikePanel(
         (panel.height, panel.width), _panel_clock(camera.clock, panel.clock_offset), 1.0, "impulse",
         rise=panel.rise, decay=panel.decay, row_scan=row_scan, fill=panel.fill,
@@ -180,5 +171,5 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
             None if air.visibility is None else air.visibility * _MICRO, air.particles,
             air.structure, air.wind, air.sun, air.sun_angle, air.glare, scenario.seed,
         ),
-        camera.clock.edge(LEAD) + round(phase * period), phase, scale, chosen,
+        camera.clock.edge(LEAD) + round(phase * period), phase, scale, aim.f_number is None,
     )  # fmt: skip

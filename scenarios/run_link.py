@@ -45,7 +45,9 @@ def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
     return received.verdict, False
 
 
-def _hand_out(folder: Path, run: PreparedLink, delivered: bool, document: dict[str, Any]) -> list[str]:
+def _hand_out(
+    folder: Path, run: PreparedLink, delivered: bool, document: dict[str, Any]
+) -> list[str]:
     """Writes the verdict, and the file where it is whole; their names."""
     names = [VERDICT]
     place = folder / RECEIVED / run.payload.name

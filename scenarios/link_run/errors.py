@@ -50,6 +50,4 @@ def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: int) 
         by_symbol.append(wrong.sum(axis=1))
     grid = np.full(layout.shape, -1, np.int64)
     grid.ravel()[layout.data] = by_cell
-    return Errors(
-        int(by_cell.sum()), max(symbols - TRAINING, 0), grid, np.concatenate(by_symbol)
-    )
+    return Errors(int(by_cell.sum()), max(symbols - TRAINING, 0), grid, np.concatenate(by_symbol))

@@ -36,9 +36,7 @@ def _errors(run: PreparedLink, received: Any) -> Errors:
     """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
     layout = run.sent.layout
     symbols = received.symbols if received.mode == run.mode else 0
-    return count_errors(
-        run.sent.bits, received.decided, layout, min(symbols, run.sent.symbols)
-    )
+    return count_errors(run.sent.bits, received.decided, layout, min(symbols, run.sent.symbols))
 
 
 def _eye(run: PreparedLink, received: Any) -> Eye | None:

@@ -25,7 +25,7 @@ _WORST = 12.0
 def _plain(ax: Any) -> None:
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(LINE)
-    ax.tick_params(color=LINE, labelcolor=INK, labelsize=8.5)
+    ax.tick_params(which="both", color=LINE, labelcolor=INK, labelsize=8.5)
     ax.xaxis.label.set_color(INK)
     ax.yaxis.label.set_color(INK)
 
@@ -36,6 +36,10 @@ def bits(rate: float) -> str:
         if rate >= size:
             return f"{rate / size:.3g} {unit}"
     return f"{rate:.3g} b/s"
+
+
+def _bits_axis(rate: float, _: int) -> str:
+    return bits(rate) if rate else "0"
 
 
 def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
@@ -50,7 +54,7 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
     ax.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=9, color=INK)
     ax.invert_yaxis()
     ax.set_xlim(0, most * 1.16)
-    ax.set_xlabel("bits a second")
+    ax.xaxis.set_major_formatter(_bits_axis)
     _plain(ax)
     figure.savefig(path, dpi=_DOTS)
     plt.close(figure)
@@ -193,12 +197,19 @@ def reach_figure(run: LinkRun, path: Path) -> None:
         ax.plot(here, run.rates.goodput, "o", color=MARK, label="measured goodput")
     ax.set_xscale("log")
     ax.set_yscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(_some)
+    ax.yaxis.set_major_formatter(_bits_axis)
     ax.set_xlabel("distance (m)")
-    ax.set_ylabel("bits a second")
     ax.legend(frameon=False, fontsize=8.5)
     _plain(ax)
     figure.savefig(path, dpi=_DOTS)
     plt.close(figure)
+
+
+def _some(x: float, _: int) -> str:
+    """Labels of the ticks between powers of ten: of 2 and 5 alone."""
+    return f"{x:g}" if f"{x:e}"[0] in "25" else ""
 
 
 def view_figure(run: LinkRun, path: Path) -> None:
