@@ -23,9 +23,9 @@ Reset = Literal["hard", "residual", "subtract"]
 """What is left after a spike: nothing; the charge modulo q; the charge less one q, so that a tick's
 single spike takes off one threshold and the rest waits for the next tick."""
 Array = npt.NDArray[np.float64]
-_DEPTH: Final = 24
-"""Thresholds of waiting charge that `subtract` is followed to. The tail falls as exp(-d v / q) with
-d about .9 where a tick brings 1.5 and .1 thresholds, so what is cut off is below 1e-9."""
+_DEPTH: Final = 6
+"""Thresholds of waiting charge that `subtract` is followed to. What is cut off is some thousandths
+of the law where a tick brings 1.5 or .1 thresholds; p01 does not hang on it (see below)."""
 _STATES: Final = 5000
 """Most states that equations are solved for: 200 MB."""
 
@@ -65,12 +65,11 @@ def charge_kernels(reset: Reset, q: int, mean: float, depth: int = _DEPTH) -> Ar
     span = states + q
     law = _arrivals(mean, max(span, math.ceil(mean + 12 * math.sqrt(mean) + 30)))
     kernel = np.zeros((2, states, states))
-    before = np.arange(states)
-    for v in before:
-        dark = law[: max(q - v, 0)]
+    for v in range(states):
+        lacking = max(q - v, 0)
+        dark, fired = law[:lacking], law[lacking:]
         kernel[0, v, v : v + dark.size] = dark
-        fired = law[max(q - v, 0) :]
-        total = v + max(q - v, 0) + np.arange(fired.size)
+        total = v + lacking + np.arange(fired.size)
         if reset == "hard":
             kernel[1, v, 0] = fired.sum()
         elif reset == "residual":
@@ -98,14 +97,21 @@ def charge_errors(
     late: share of each tick that still shows the bit before, of a row that samples so late. p_on:
     share of ON bits. Without `late`, `residual` keeps every charge equally likely (its steps are
     rotations), so p01 = E[min(N, q)] / q; the equations give the same and are tested against it.
+    With `subtract` every threshold's worth of charge is read in the end, so a tick's spikes are its
+    mean charge over q, which gives p01 from p10; where that mean is 1 or more the charge grows
+    without end and every tick has its spike: (1, 0).
     """
     if not 0 <= late <= 1 or not 0 < p_on < 1:
         raise ValueError(f"late must be 0 to 1 and p_on between 0 and 1, not {late}, {p_on}")
     means, weights = (mu_off, mu_on), (1 - p_on, p_on)
+    load = (p_on * mu_on + (1 - p_on) * mu_off) / q
+    if reset == "subtract" and load >= 1:
+        return 1.0, 0.0
     if late == 0:
         kernels = [charge_kernels(reset, q, m) for m in means]
         law = _stationary(weights[0] * kernels[0].sum(0) + weights[1] * kernels[1].sum(0))
-        return float(law @ kernels[0][1].sum(1)), float(law @ kernels[1][0].sum(1))
+        p01, p10 = float(law @ kernels[0][1].sum(1)), float(law @ kernels[1][0].sum(1))
+        return (load - p_on * (1 - p10)) / (1 - p_on) if reset == "subtract" else p01, p10
     if reset == "subtract":
         raise ValueError("late must be 0 with subtract, whose states are too many")
     mixed = [

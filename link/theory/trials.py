@@ -83,36 +83,55 @@ def gamma_gamma_trials(
 
 
 @njit(cache=True)
-def _last_spike(counts, q, rule):  # type: ignore[no-untyped-def]
-    """Whether each pixel spikes in its last tick; counts: (ticks, pixels)."""
-    ticks, pixels = counts.shape
-    out = np.zeros(pixels, np.bool_)
+def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-untyped-def]
+    """Pixels whose last tick reads otherwise than sent. sent: (ticks + 1, pixels) bits, the first
+    before the first tick. draws: (ticks, pixels), in 0 .. 1. start: charge before. laws: (2, 2, n)
+    distribution functions of a tick's count less `first` (2, 2), by the bit before and the bit."""
+    ticks, pixels = draws.shape
+    wrong = 0
     for p in range(pixels):
-        v = 0
+        v = start[p]
+        spike = False
         for k in range(ticks):
-            v += counts[k, p]
-            out[p] = v >= q
-            if v >= q:
+            a, b = sent[k, p], sent[k + 1, p]
+            law = laws[a, b]
+            low, high = 0, law.size - 1
+            u = draws[k, p]
+            while low < high:
+                middle = (low + high) // 2
+                if law[middle] > u:
+                    high = middle
+                else:
+                    low = middle + 1
+            v += first[a, b] + low
+            spike = v >= q
+            if spike:
                 v = 0 if rule == 0 else v % q if rule == 1 else v - q
-    return out
+        wrong += spike != (sent[ticks, p] == 1)
+    return wrong
 
 
 def charge_trials(
     reset: Reset, q: int, mu_on: float, mu_off: float, bits: int, seed: int, stream: int,
-    warm: int = 30, late: float = 0.0,
+    warm: int = 24, late: float = 0.0,
 ) -> int:  # fmt: skip
     """Wrong bits of pixels of their own, each of which has seen `warm` random bits before the one
-    that counts: `charge_errors`. subtract takes some hundreds to settle."""
+    that counts, from a charge spread evenly over 0 .. q - 1: `charge_errors`. subtract takes some
+    hundreds to settle."""
+    from scipy.stats import poisson
+
     rule = {"hard": 0, "residual": 1, "subtract": 2}[reset]
     rng, errors = _generator(seed, stream), 0
-    means = np.array([mu_off, mu_on])
+    bit = np.array([mu_off, mu_on])
+    means = (1 - late) * bit[None, :] + late * bit[:, None]
+    reach = 8 * np.sqrt(means) + 20
+    first = np.maximum(np.floor(means - reach), 0).astype(np.int64)
+    span = int(np.ceil(2 * reach.max())) + 2
+    laws = poisson.cdf(first[..., None] + np.arange(span), means[..., None])
     for n in _chunks(bits, max(_CHUNK // (warm + 1), 1)):
         sent = rng.integers(0, 2, (warm + 2, n), dtype=np.uint8)
-        # Charge settles from one that is spread evenly, an electron count of its own.
-        light = (1 - late) * means[sent[1:]] + late * means[sent[:-1]]
-        counts = rng.poisson(light)
-        counts[0] += rng.integers(0, q, n)
-        errors += int((_last_spike(counts, q, rule) != (sent[-1] == 1)).sum())
+        draws, start = rng.random((warm + 1, n)), rng.integers(0, q, n)
+        errors += int(_last_wrong(sent, draws, start, laws, first, q, rule))
     return errors
 
 
