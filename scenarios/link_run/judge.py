@@ -93,7 +93,7 @@ def _capacity(run: PreparedLink, scene: CellScene) -> float:
 
 def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
     received, theory, rates = finished.received, finished.theory, finished.rates
-    sent = len(run.sent.outbox.frames)
+    sent = run.sent.outbox.frames_by(run.sent.groups)
     right = received.frames_right
     lost = max(sent - right, 0)
     low, high = theory.interval or (None, None)
@@ -141,7 +141,7 @@ def judge_link(
     run: PreparedLink, folder: Path, stream: SpikeStream, received: Any, verdict: Verdict,
     delivered: bool, seconds: dict[str, float], throughput: list[Throughput], began: float,
 ) -> LinkRun:  # fmt: skip
-    """Everything that the documents tell of a run. delivered: the bytes are those that were sent."""
+    """Everything that the documents tell. delivered: the bytes are those that were sent."""
     setting, layout = run.setting, run.sent.layout
     camera = setting.camera
     verified = dict(received.verified)

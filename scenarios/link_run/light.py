@@ -1,4 +1,4 @@
-"""How much light a run's cells bring, and what shines in any case, by the air's own closed forms."""
+"""How much light a run's cells bring, and what shines in any case: the air's closed forms."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def cell_scene(setting: LinkSetting) -> CellScene:
         1.0,
     )
     mean = covered * (here.panel / 2 + here.face) + (1 - covered) * here.around + here.fog
-    stray = here.off * (1 - air.glare) + air.glare * mean + sun_glare(optics, setting.aim, air)
+    stray = here.off * (1 - air.glare) + air.glare * mean + sun_glare(
+        optics, air, setting.aim, (camera.chip.height, camera.chip.width)
+    )
     per_lux = camera.electrons_per_lux / (camera.clock.hz * camera.threshold)
     return CellScene(
         setting.scale, _blur(setting), here.panel * per_lux, stray * per_lux, camera.threshold,

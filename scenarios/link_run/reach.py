@@ -1,10 +1,10 @@
 """What rate and how many errors geometry and closed forms predict, at any distance.
 
-A cell's looks are its camera pixels in its ticks. A look's charge is normal about its mean: its own
-cell's share of the light, the neighbours' (each on half of the time), and what shines in any case.
-With spikes of P(1 | on) = p and P(1 | off) = q a look, looks that err independently and are added as
-log-likelihood ratios are wrong at most with chance 1/2 prod(sqrt(p q) + sqrt((1 - p) (1 - q))), the
-Bhattacharyya bound (Kailath, IEEE Trans. Commun. Technol. 15:52, 1967). Looks do not quite err
+A cell's looks are its camera pixels in its ticks. A look's charge is normal about its mean: its
+own cell's share of the light, the neighbours' (each on half of the time), and what shines in any
+case. With spikes of P(1 | on) = p and P(1 | off) = q a look, looks that err independently and are
+added as log-likelihood ratios are wrong at most with chance 1/2 prod(sqrt(p q) + sqrt((1 - p) (1 -
+q))), the Bhattacharyya bound (Kailath, IEEE Trans. Commun. Technol. 15:52, 1967). Looks do not quite err
 independently, and turbulence, vibration and fixed pattern are not in it: it is a prediction.
 """
 
@@ -136,8 +136,9 @@ def reach(
     sensor: float, air: Values,
 ) -> list[Reach]:  # fmt: skip
     """The best rate at other distances, with this panel, lens and camera. scene, mode: those of the
-    run, whose cell, ticks, line and parity may change. at: its distance, m. sensor: camera pixels of
-    its shorter side. air: of each distance, transmission relative to the run's. hz: planes a second.
+    run, whose cell, ticks, line and parity may change. at: its distance, m. sensor: camera pixels
+    of its shorter side. air: of each distance, transmission relative to the run's. hz: planes a
+    second.
 
     The irradiance of a resolved panel does not fall with distance; its pixels' images shrink.
     """
