@@ -85,7 +85,7 @@ def payload_of(scenario: LinkScenario) -> Payload:
                 "link.file",
                 f"of 1 to {LARGEST:,} bytes",
                 f"{size:,}",
-                "choose another, or split it",
+                "choose another",
             )
         return Payload(safe_name(path.name), path.read_bytes())
     except OSError as exc:

@@ -35,8 +35,10 @@ def cell_scene(setting: LinkSetting) -> CellScene:
         1.0,
     )
     mean = covered * (here.panel / 2 + here.face) + (1 - covered) * here.around + here.fog
-    stray = here.off * (1 - air.glare) + air.glare * mean + sun_glare(
-        optics, air, setting.aim, (camera.chip.height, camera.chip.width)
+    stray = (
+        here.off * (1 - air.glare)
+        + air.glare * mean
+        + sun_glare(optics, air, setting.aim, (camera.chip.height, camera.chip.width))
     )
     per_lux = camera.electrons_per_lux / (camera.clock.hz * camera.threshold)
     return CellScene(

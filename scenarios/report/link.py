@@ -62,8 +62,8 @@ def _view(run: LinkRun) -> str:
     found = "was found by its four AprilTags" if run.outline is not None else "was not found"
     return (
         f"<h2>What the camera saw</h2><p>Spikes a cycle, mean over the run. The panel {found}. "
-        f"Distance {run.setting.air.distance:g} m, {run.setting.scale:.3g} camera pixels to a panel "
-        "pixel.</p>" + plot(path, "average image with the panel's outline")
+        f"Distance {run.setting.air.distance:g} m, {run.setting.scale:.3g} camera pixels to a "
+        "panel pixel.</p>" + plot(path, "average image with the panel's outline")
     )
 
 
@@ -101,10 +101,12 @@ def _choice(run: LinkRun) -> str:
         for row in run.choice.best(12)
     ]  # fmt: skip
     return (
-        "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same air "
-        "with pilots in each cell size and symbol length; codes were weighed by their word errors. "
+        "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
+        "air with pilots in each cell size and symbol length; codes were weighed by their word errors. "
         "The best:</p>"
-        + table(["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "goodput foreseen"], rows)
+        + table(
+            ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "goodput foreseen"], rows
+        )
     )  # fmt: skip
 
 
@@ -119,8 +121,8 @@ def _errors(run: LinkRun) -> str:
         eye_path = run.folder / "figures" / "eye.png"
         eye_figure(run.eye, eye_path)
         eye = (
-            f"<h3>The eye</h3><p>{run.eye.soft.size:,} symbols of data cells, by what was sent. What "
-            "lies on the wrong side of 0 was decided wrong; the outermost bins hold what lies "
+            f"<h3>The eye</h3><p>{run.eye.soft.size:,} symbols of data cells, by what was sent. "
+            "What lies on the wrong side of 0 was decided wrong; the outermost bins hold what lies "
             "beyond.</p>" + plot(eye_path, "eye diagram")
         )  # fmt: skip
     return (
@@ -178,8 +180,8 @@ def _cells(run: LinkRun) -> str:
     cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
-        "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of the "
-        "panel's cells and the camera's pixels: where an edge falls into the middle of a pixel, "
+        "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of "
+        "the panel's cells and the camera's pixels: where an edge falls into the middle of a pixel, "
         f"that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
 
@@ -194,12 +196,13 @@ def _delay(run: LinkRun) -> str:
         for row in run.result.latency
     ]
     return (
-        "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte waits "
-        "until its group of symbols is full, at the coded rate; a line-code word is as long as the "
+        "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
+        "waits until its group of symbols is full, at the coded rate; a line-code word is as long as the "
         "group. Panel: the group is shown. Air: light's time. Readout: until the camera's row and "
         "cycle are latched. Decoder: until the receiver has verified the group; computing takes no "
         "time here.</p>"
-        + plot(path, "latency by stage") + table(["stage", "least, us", "median, us", "most, us"], rows)
+        + plot(path, "latency by stage")
+        + table(["stage", "least, us", "median, us", "most, us"], rows)
     )  # fmt: skip
 
 
@@ -228,8 +231,8 @@ def _again(run: LinkRun) -> str:
         f"viform link receive {shlex.quote(str(run.folder / 'stream.zarr'))} --out again",
     ]
     return (
-        "<h2>Make it again</h2><p>The first line makes the same bits; the second reads the file out "
-        f"of the recording once more.</p><pre>{html.escape(chr(10).join(lines))}</pre>"
+        "<h2>Make it again</h2><p>The first line makes the same bits; the second reads the file "
+        f"out of the recording once more.</p><pre>{html.escape(chr(10).join(lines))}</pre>"
         f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
     )
 

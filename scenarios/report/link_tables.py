@@ -27,8 +27,8 @@ def kept_section(run: LinkRun) -> str:
     result = run.result
     kept = ", ".join(result.kept) or "nothing"
     said = (
-        "In half-widths of the 99.9 % interval of the run's bit error rate: the error that leaving an "
-        "effect out can make, and the error that was measured on patches of the panel."
+        "In half-widths of the 99.9 % interval of the run's bit error rate: the error that leaving "
+        "an effect out can make, and the error that was measured on patches of the panel."
     )  # fmt: skip
     out = (
         table(["left out", "changes at most", "", "measured"], [_row(r) for r in result.left_out])
@@ -53,7 +53,8 @@ def machine_section(run: LinkRun) -> str:
     numbers = [
         ["panel", f"{panel.shape[1]} x {panel.shape[0]} pixels of {section.panel.pitch:g} um, "
          f"{panel.luminance:g} cd/m2", "scenario"],
-        ["its clock", f"{panel.clock.hz:.9g} Hz, {section.panel.clock_offset:g} ppm off", "scenario"],
+        ["its clock", f"{panel.clock.hz:.9g} Hz, {section.panel.clock_offset:g} ppm off",
+         "scenario"],
         ["its rows", f"driven over {panel.row_scan:.4g} of a tick",
          "in step with the camera" if section.panel.row_scan is None else "scenario"],
         ["its planes are late by", f"{setting.phase:.4g} ticks",
