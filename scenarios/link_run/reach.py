@@ -5,7 +5,8 @@ own cell's share of the light, the neighbours' (each on half of the time), and w
 case. With spikes of P(1 | on) = p and P(1 | off) = q a look, looks that err independently and are
 added as log-likelihood ratios are wrong at most with chance 1/2 prod(sqrt(p q) + sqrt((1 - p) (1 -
 q))), the Bhattacharyya bound (Kailath, IEEE Trans. Commun. Technol. 15:52, 1967). Looks do not
-quite err independently, and turbulence, vibration and fixed pattern are not in it: it is a prediction.
+quite err independently, and turbulence, vibration and fixed pattern are not in it: it is a
+prediction.
 """
 
 from __future__ import annotations

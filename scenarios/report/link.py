@@ -102,8 +102,8 @@ def _choice(run: LinkRun) -> str:
     ]  # fmt: skip
     return (
         "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
-        "air with pilots in each cell size and symbol length; codes were weighed by their word errors. "
-        "The best:</p>"
+        "air with pilots in each cell size and symbol length; codes were weighed by their word "
+        "errors. The best:</p>"
         + table(
             ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "goodput foreseen"], rows
         )
@@ -181,8 +181,8 @@ def _cells(run: LinkRun) -> str:
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
         "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of "
-        "the panel's cells and the camera's pixels: where an edge falls into the middle of a pixel, "
-        f"that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
+        "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
+        f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
 
 
@@ -197,8 +197,8 @@ def _delay(run: LinkRun) -> str:
     ]
     return (
         "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
-        "waits until its group of symbols is full, at the coded rate; a line-code word is as long as the "
-        "group. Panel: the group is shown. Air: light's time. Readout: until the camera's row and "
+        "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
+        "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's row and "
         "cycle are latched. Decoder: until the receiver has verified the group; computing takes no "
         "time here.</p>"
         + plot(path, "latency by stage")

@@ -188,7 +188,8 @@ def reach_figure(run: LinkRun, path: Path) -> None:
         if size != last:
             ax.annotate(
                 f"{size[0]}x{size[0]}, {size[1]} tick{'s' * (size[1] > 1)}",
-                (row.distance, row.rate), (2, 7), textcoords="offset points", fontsize=7.5, color=INK,
+                (row.distance, row.rate), (2, 7), textcoords="offset points", fontsize=7.5,
+                color=INK,
             )  # fmt: skip
         last = size
     here = run.setting.air.distance

@@ -143,8 +143,8 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
 
 
 def validate(data: dict[str, Any]) -> Scenario | LinkScenario:
-    """A checked scenario: one with a scene, or with [link] one of a link. Raises InputError with one
-    line about the first thing that is wrong."""
+    """A checked scenario: with [link] one of a link, else one with a scene. Raises InputError with
+    one line about the first thing that is wrong."""
     if "link" in data and "scene" in data:
         raise InputError(
             "link", "absent in a scenario with a [scene]", "beside one",
