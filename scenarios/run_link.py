@@ -32,7 +32,7 @@ def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
     """The verdict, and whether the file came as it was sent."""
     delivered = received.delivered
     if delivered is not None:
-        if (delivered.data, delivered.name) == (run.payload.data, run.payload.name):
+        if delivered == (run.payload.data, run.payload.name):
             return received.verdict, True
         told = "the receiver took other bytes for the file: nothing is handed out"
         return Verdict(Cause.NOISY, told), False

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import TRAINING, Layout
+from link.layout import Layout
 
 __all__ = ["Errors", "Symbols", "count_errors"]
 
 Symbols = Callable[[int, int], npt.NDArray[np.bool_]]
 """(first, count) -> (count, cells) of the data cells."""
-_CHUNK = 40
-"""Symbols that are compared at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +38,16 @@ class Errors:
         return self.wrong / self.bits if self.bits else None
 
 
-def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: int) -> Errors:
-    """Compares symbols TRAINING to `symbols`: those that carry data."""
-    by_cell, by_symbol = np.zeros(layout.cells, np.int64), [np.empty(0, np.int64)]
-    for first in range(TRAINING, symbols, _CHUNK):
-        count = min(_CHUNK, symbols - first)
-        wrong = sent(first, count) != decided(first, count)
-        by_cell += wrong.sum(axis=0)
-        by_symbol.append(wrong.sum(axis=1))
+def count_errors(
+    sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int]
+) -> Errors:
+    """symbols: numbers of those that are compared."""
+    by_cell = np.zeros(layout.cells, np.int64)
+    by_symbol = np.zeros(len(symbols), np.int64)
+    for n, symbol in enumerate(symbols):
+        wrong = sent(symbol, 1)[0] != decided(symbol, 1)[0]
+        by_cell += wrong
+        by_symbol[n] = wrong.sum()
     grid = np.full(layout.shape, -1, np.int64)
     grid.ravel()[layout.data] = by_cell
-    return Errors(int(by_cell.sum()), max(symbols - TRAINING, 0), grid, np.concatenate(by_symbol))
+    return Errors(int(by_cell.sum()), len(symbols), grid, by_symbol)

@@ -34,9 +34,9 @@ _DISTANCES = 40
 
 def _errors(run: PreparedLink, received: Any) -> Errors:
     """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
-    layout = run.sent.layout
-    symbols = received.symbols if received.mode == run.mode else 0
-    return count_errors(run.sent.bits, received.decided, layout, min(symbols, run.sent.symbols))
+    held = sorted(received.packed) if received.mode == run.mode else []
+    symbols = [n for n in held if TRAINING <= n < run.sent.symbols]
+    return count_errors(run.sent.bits, received.decided, run.sent.layout, symbols)
 
 
 def _eye(run: PreparedLink, received: Any) -> Eye | None:
@@ -144,10 +144,10 @@ def judge_link(
     """Everything that the documents tell. delivered: the bytes are those that were sent."""
     setting, layout = run.setting, run.sent.layout
     camera = setting.camera
-    verified = dict(received.verified)
+    verified = {each.group: each.tick for each in received.instants if each.right}
     done = None
-    if delivered and verified:
-        done = (camera.clock.edge(received.whole_at + 1) - setting.first_light) / PS
+    if delivered and received.delivered_tick is not None:
+        done = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
     scene = cell_scene(setting)
     errors, eye = _errors(run, received), _eye(run, received)
     truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)

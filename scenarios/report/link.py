@@ -198,9 +198,9 @@ def _delay(run: LinkRun) -> str:
     return (
         "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
-        "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's row and "
-        "cycle are latched. Decoder: until the receiver has verified the group; computing takes no "
-        "time here.</p>"
+        "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's "
+        "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
+        "takes no time here.</p>"
         + plot(path, "latency by stage")
         + table(["stage", "least, us", "median, us", "most, us"], rows)
     )  # fmt: skip
