@@ -11,7 +11,8 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air import Aim, AirSetting, Optics, f_number_for, lengths
+from link.air import Aim, AirSetting, Optics, f_number_for
+from link.air.geometry import lengths
 from link.coding import safe_name
 from scenarios.exposure import camera_setting
 from scenarios.schema import LensSection, LinkScenario

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from cosim import PS, SpikeStream
 from cosim.viform import count_spikes
-from link.air import image_of, panel_corners
+from link.air import image_of
+from link.air.geometry import panel_corners
 from link.layout import TRAINING
 from link.theory import clopper_pearson, one_bit_capacity, pixel_errors
 from link.verdict import Verdict

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from link.air import lengths, levels, sun_glare
+from link.air import levels
+from link.air.geometry import lengths
+from link.air.sun import sun_glare
 from scenarios.link_run.reach import CellScene
 from scenarios.linking import LinkSetting
 
