@@ -21,7 +21,7 @@ __all__ = [
 
 Packet = bytes
 """Four bytes of number, then the symbol."""
-MOST_BYTES: Final = 2**30 + 2**16
+MOST_BYTES: Final = 2**30
 """What the fountain carries at most: the decoder's tables grow with what a header says."""
 _MOST_SYMBOLS: Final = 56403
 """Source symbols of a block (RFC 6330, section 5.1.2)."""
