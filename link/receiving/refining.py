@@ -18,7 +18,7 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.receiving.tags import art_of, tag_places
 
-__all__ = ["Refined", "TagArt", "project", "refine_homography"]
+__all__ = ["Refined", "TagArt", "project", "refine_homography", "shift_of"]
 
 Floats = npt.NDArray[np.float64]
 _FINE: Final = 3
@@ -32,6 +32,11 @@ _KNOTS: Final = 16
 """Of g between no light and full light, where a tag has pixels enough."""
 _ROUNDS: Final = ((0.65, 2), (None, 2), (None, 2))
 """Blur (None: the best one) and steps of each round."""
+_SHIFTS: Final = 4
+_SETTLED: Final = 0.1
+"""Steps to a shift, and camera pixels below which one is the last."""
+_FAR: Final = 6.0
+"""Camera pixels that an image may move from word to word."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,3 +233,40 @@ def _step(
         return None
     solved = np.linalg.solve(left, right)
     return np.append(solved, 0).reshape(3, 3)
+
+
+def shift_of(
+    rates: npt.NDArray[np.float32], refined: Refined, tags: TagArt, near: tuple[float, float]
+) -> tuple[tuple[float, float], float] | None:
+    """(dx, dy) by which an image of rates is moved against a homography, camera pixels, from about
+    `near`, and its standard error along an axis. None where the tags do not show."""
+    at = np.array(near)
+    error = 0.0
+    for _ in range(_SHIFTS):
+        move = np.array([[1, 0, at[0]], [0, 1, at[1]], [0, 0, 1]])
+        patches = tags.patches(move @ refined.homography, rates.shape)
+        if len(patches) < 3:
+            return None
+        left, right = np.zeros((2, 2)), np.zeros(2)
+        square, count = 0.0, 0
+        for patch in patches:
+            light, use = patch.blurred(refined.blur), patch.use
+            rate = patch.of(rates)[use]
+            shown = _shown(light, _curve(light[use], rate))
+            along_y, along_x = np.gradient(shown)
+            design = -np.stack([along_x[use], along_y[use]], 1)
+            rest = rate - shown[use]
+            left += design.T @ design
+            right += design.T @ rest
+            square += float(rest @ rest)
+            count += len(rest)
+        if not np.linalg.cond(left) < 1e6:
+            return None
+        step = np.linalg.solve(left, right)
+        at = at + step
+        error = float(np.sqrt(square / count * np.trace(np.linalg.inv(left)) / 2))
+        if np.abs(at - np.array(near)).max() > _FAR:
+            return None
+        if np.abs(step).max() < _SETTLED:
+            break
+    return (float(at[0]), float(at[1])), error

@@ -10,17 +10,20 @@ a pixel does next is judged from its spikes so far, so that errors do not add up
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import TRAINING, Layout, pilots, training
+from link.layout import PERIOD, TRAINING, Layout, pilots, training
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
 
-__all__ = ["Levels", "Witnesses", "fit_timing", "known_training"]
+__all__ = [
+    "Levels", "Witnesses", "fit_timing", "choose_witnesses", "known_cells",
+    "known_pilots", "match", "nudge",
+]
 
 Floats = npt.NDArray[np.float64]
 _BOX: Final = 1 / 12
@@ -32,6 +35,7 @@ _NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
 _FLOOR: Final = 0.02
 """Least probability of anything: a pixel that the model does not describe has no veto."""
+_LEAST_PIXELS, _LEAST_TICKS = 100, 16
 _SKIP: Final = 4
 """Ticks until a pixel's charge is known."""
 
@@ -66,34 +70,51 @@ class Witnesses:
         )
 
 
-def known_training(layout: Layout) -> npt.NDArray[np.bool_]:
-    """The cells of the training, (TRAINING, rows, columns), pilots included."""
-    out = np.zeros((TRAINING, *layout.shape), np.bool_)
-    out.reshape(TRAINING, -1)[:, layout.data] = training(layout.cells)
-    out[:, layout.pilot] = pilots()[:TRAINING, None]
+def known_pilots(layout: Layout, begin: int, count: int) -> npt.NDArray[np.float32]:
+    """What cells show on average where only the pilots are known, (count, rows, columns)."""
+    out = np.full((count, *layout.shape), 0.5, np.float32)
+    out[:, layout.pilot] = pilots()[(begin + np.arange(count)) % PERIOD, None]
+    return out
+
+
+def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """All cells of symbols whose data cells (n, cells) are known, (n, rows, columns)."""
+    out = np.zeros((len(data), *layout.shape), np.bool_)
+    out.reshape(len(data), -1)[:, layout.data] = data
+    out[:, layout.pilot] = pilots()[(begin + np.arange(len(data))) % PERIOD, None]
     return out
 
 
 def choose_witnesses(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
-    known: npt.NDArray[np.bool_], begin: int, count: int = 1500, seed: int = 1,
+    known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, *, count: int = 1500,
+    of_pilots: bool = False, seed: int = 1,
 ) -> Witnesses | None:  # fmt: skip
-    """Pixels by chance within the panel. known: (n, rows, columns) of symbols from `begin` on."""
+    """Pixels by chance within the panel, or on its pilots. known: (n, rows, columns) of symbols
+    from `begin` on. None where too few pixels or ticks are there."""
     mode, h = layout.mode, registration.homography
     rng = np.random.default_rng(seed)
-    edge = layout.tag
-    x = rng.uniform(8, mode.width - 9, 4 * count)
-    y = rng.uniform(edge + 8, mode.height - edge - 9, 4 * count)
+    middle = float(timing.start(begin + len(known) / 2, timing.rows / 2))
+    dx, dy = registration.shift(middle)
+    h = np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]]) @ h
+    if of_pilots:
+        row, column = np.nonzero(layout.pilot)
+        pick = rng.permutation(len(row))[: 4 * count]
+        x, y = ((a[pick] + 0.5) * mode.cell - 0.5 for a in (column, row))
+    else:
+        edge = layout.tag
+        x = rng.uniform(mode.width * 0.02, mode.width * 0.98 - 1, 4 * count)
+        y = rng.uniform(edge, mode.height - edge - 1, 4 * count)
     u, v = (np.rint(a) for a in project(h, x, y))
     height, width = recording.shape
     seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
     u, v = u[seen][:count], v[seen][:count]
-    if len(u) < 100:
+    if len(u) < _LEAST_PIXELS:
         return None
     late = (timing.start(begin, v), timing.start(begin + len(known), v))
     low = max(int(np.ceil(late[0].max())) + 2, recording.first)
     high = min(int(np.floor(late[1].min())) - 2, recording.stop)
-    if high - low < 16:
+    if high - low < _LEAST_TICKS:
         return None
     bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
     bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
@@ -102,7 +123,7 @@ def choose_witnesses(
 
 
 def _light(
-    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, known: npt.NDArray[np.bool_]
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, known: npt.NDArray[Any]
 ) -> Floats:
     """Share of full light on camera pixels in each symbol, (pixels, n)."""
     mode = layout.mode
@@ -174,3 +195,33 @@ def fit_timing(w: Witnesses, timing: Timing, *, slope: bool = True) -> tuple[Tim
     moved = replace(timing, first=timing.first + p[0] - p[1] / 2, slope=timing.slope + p[1])
     levels = Levels(float(np.exp(p[2])), float(np.exp(p[3])), hard, -float(got.fun))
     return moved, levels
+
+
+def match(w: Witnesses, timing: Timing) -> float:
+    """Correlation of the spikes with the light of the symbols that are said to be known, symbol by
+    symbol: near 0 where they were others."""
+    ticks = np.arange(w.bits.shape[1])
+    at = (w.tick + ticks[None, :] + 0.5 - timing.start(w.begin, w.rows)[:, None]) / timing.period
+    index = np.clip(at.astype(np.intp), 0, w.light.shape[1] - 1)
+    light = np.take_along_axis(w.light, index, axis=1)
+    a = light - light.mean(1, keepdims=True)
+    b = w.bits - w.bits.mean(1, keepdims=True)
+    size = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return float((a * b).sum()) / size if size > 0 else 0.0
+
+
+def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
+    """Ticks by which the symbols are late against a timing that is nearly right."""
+    from scipy.optimize import minimize_scalar
+
+    def cost(late: float) -> float:
+        moved = replace(timing, first=timing.first + late)
+        return -likelihood(w, moved, levels.on, levels.background, levels.hard)
+
+    tried = np.linspace(-0.5, 0.5, 9)
+    best = float(tried[int(np.argmin([cost(late) for late in tried]))])
+    found = minimize_scalar(
+        cost, bounds=(best - 0.125, best + 0.125), method="bounded",
+        options={"xatol": 4e-3, "maxiter": 12},
+    )  # fmt: skip
+    return float(found.x)
