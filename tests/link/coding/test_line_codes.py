@@ -85,7 +85,9 @@ def test_random_data_stays_within_the_run_limit(line):
     shown = encode_line(line, values)
     runs = [longest("".join("01"[int(bit)] for bit in lane)) for lane in shown.T]
     assert max(runs) == run_limit(line)
-    assert abs(shown.mean() - 0.5) < 1e-3 + (line == "8b10b") * 2e-4  # exact, but for +-1 at its end
+    assert (
+        abs(shown.mean() - 0.5) < 1e-3 + (line == "8b10b") * 2e-4
+    )  # exact, but for +-1 at its end
 
 
 @pytest.mark.parametrize("line", LINE_CODES)

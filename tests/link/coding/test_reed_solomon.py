@@ -137,7 +137,12 @@ def test_galois_says_the_same(parity):
             given, erased = damaged(rng, words, errors, erasures)
             read, count = theirs.decode(field(given), erasures=erased, errors=True)
             mended, ok, _ = ours.decode(given, erased)
-            assert (ok == (np.asarray(count) >= 0)).all()
-            assert (mended[ok] == np.asarray(read)[ok]).all()
+            # With parity - 1 erasures and an error galois 0.4.11 calls words right that are none:
+            # told by how far the codeword of what it read is from what it was given.
+            read = np.asarray(read)
+            far = ((ours.encode(read) != given) & ~erased).sum(axis=1)
+            right = (np.asarray(count) >= 0) & (2 * far + erasures <= parity)
+            assert (ok == right).all()
+            assert (mended[ok] == read[ok]).all()
             seen |= set(ok.tolist())
     assert seen == {True, False}
