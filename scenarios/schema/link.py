@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from scenarios.schema.quantity import Quantity, Reflectance, Section, Share
 
@@ -124,6 +124,12 @@ class ModemSection(Section):
         default=0.05, description="frames sent beyond the file's own, as a share of them"
     )
     detector: Literal["joint", "threshold", "forward-backward"] = "joint"
+
+    @field_validator("cell", "ticks", "parity", mode="before")
+    @classmethod
+    def _number(cls, value: Any) -> Any:
+        """`--set` gives text, which stands for a number here as it does in a plain one."""
+        return int(value) if isinstance(value, str) and value.isdecimal() else value
 
 
 class LinkSection(Section):
