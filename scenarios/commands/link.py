@@ -2,10 +2,9 @@
 
 import typer
 
-from scenarios.commands.link_ber import ber
-from scenarios.commands.link_capacity import capacity
-from scenarios.commands.link_receive import receive
-from scenarios.commands.link_send import send
+from scenarios.commands.link_ber import link_ber
+from scenarios.commands.link_capacity import link_capacity
+from scenarios.commands.link_send import link_send
 
 __all__ = ["link"]
 
@@ -17,7 +16,6 @@ link = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-link.command("ber")(ber)
-link.command("capacity")(capacity)
-link.command("send")(send)
-link.command("receive")(receive)
+link.command("ber")(link_ber)
+link.command("capacity")(link_capacity)
+link.command("send")(link_send)
