@@ -107,10 +107,10 @@ class AirSection(Section):
 class ModemSection(Section):
     """How bytes become planes. `auto` is chosen from a pilot."""
 
-    cell: Literal["auto", CELLS] = Field(  # type: ignore[valid-type]
+    cell: Literal[("auto", *CELLS)] = Field(  # type: ignore[valid-type]
         default="auto", description="panel pixels to a cell's side"
     )
-    ticks: Literal["auto", TICKS] = Field(  # type: ignore[valid-type]
+    ticks: Literal[("auto", *TICKS)] = Field(  # type: ignore[valid-type]
         default="auto", description="panel planes to a symbol"
     )
     line: Literal["auto", "none", "manchester", "4b6b", "8b10b"] = Field(
