@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
+from link.coding import run_limit
 from link.layout import GROUP_BITS, Layout
-from link.mode import LineCode, Mode
+from link.mode import Mode
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 
-__all__ = ["LONGEST", "Given", "capacity_document"]
+__all__ = ["Given", "capacity_document"]
 
-LONGEST: Final[dict[LineCode, int | None]] = {
-    "none": None, "manchester": 2, "4b6b": 4, "8b10b": 5,
-}  # fmt: skip
-"""Symbols of a run of each line code; no limit without one."""
 WORD: Final = 255
 LARGEST: Final = 1000.0
 """Thresholds above it are scaled down to it, means with them, for what follows single electrons."""
@@ -43,11 +40,11 @@ def _pixel(given: Given, mode: Mode, seed: int) -> dict[str, Any]:
     on, off, q = given.on, given.off, given.threshold
     peak, scale = max(on - off, 1e-300), max(given.threshold / LARGEST, 1.0)
     whole = max(round(q / scale), 1)
-    ticks = 12_800 if whole <= 200 else 3_200
+    ticks = 12_800 if whole <= 200 else 1_600
     rate = fsc_information_rate(
         given.reset, whole, on / scale, off / scale, ticks=ticks, seed=seed
     )  # fmt: skip
-    off_law, on_law = count_laws(q, on, off, given.reset, mode.ticks, LONGEST[mode.line])
+    off_law, on_law = count_laws(q, on, off, given.reset, mode.ticks, run_limit(mode.line))
     looks = [off_law, on_law]
     for bit, law in enumerate(looks):
         looks[bit] = _sum_of(law, given.looks)

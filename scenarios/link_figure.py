@@ -18,6 +18,8 @@ PANELS: Final = (
     ("words", "Words of RS(255,223)", "byte error rate"),
 )
 COLOURS: Final = ("#2f5fa8", "#d9480f", "#3a8f5c", "#7fa3d6", "#e8a07f", "#8cc4a1")
+PLACES: Final = {"poisson": "upper right", "reset": (0.02, 0.44), "fading": "upper right",
+          "words": "lower right"}  # fmt: skip
 _FLOOR: Final = 1e-6
 
 
@@ -45,7 +47,7 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(colors=INK, labelsize=8.5)
-        ax.legend(fontsize=7.5, frameon=False, loc="best")
+        ax.legend(fontsize=7.5, frameon=False, loc=PLACES[panel])
     judged, level = document["points_judged"], document["level"]
     figure.suptitle(
         "Lines: theory. Points: Monte Carlo, filled from 100 errors on; bars: Clopper-Pearson, "
@@ -64,8 +66,8 @@ def _curve(ax: Any, curve: dict[str, Any], colour: str) -> None:
     if "beside" in curve:
         other = curve["beside"]
         ax.plot(
-            x, other["theory"], color=colour, linewidth=1, linestyle=":",
-            label=f"the same, {other['name']}",
+            x, other["theory"], color=INK, linewidth=1.2, linestyle=(0, (1, 3)), zorder=3,
+            label=f"no interleaver, {other['name']}",
         )  # fmt: skip
     judged = np.array(curve["judged"])
     for chosen, fill in ((judged, colour), (~judged, "white")):

@@ -1,8 +1,8 @@
 """What a pixel gathers in a tick, on a grid of charge: the laws of the trellis.
 
 A pixel with share s of its light from a cell with bit b gathers off + s (on - off) b thresholds a
-tick, and the light of the cells beside it, of which half is on by chance. Arrivals are Poisson; where other
-noise joins, normal with the sum of the variances.
+tick, and the light of the cells beside it, of which half is on by chance. Arrivals are Poisson;
+where other noise joins, normal with the sum of the variances.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from numba import njit
 __all__ = ["likelihood", "posterior"]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-untyped-def]
     """Chance of a bit after a tick by that before it. begins: whether a symbol begins in it."""
     if not begins:

@@ -23,8 +23,9 @@ def link_capacity(
 ) -> None:
     """Tell how far a link's design is from capacity, and what costs what.
 
-    No light is simulated: levels are the air's closed forms, and parts of the mode that are to be
-    chosen from a pilot are those that closed forms predict to be fastest.
+    No light is simulated: levels are the air's closed forms. Parts of the mode that a run would
+    choose from a pilot are 2 x 2 cells, 2 ticks, 8b10b and 32 parity bytes; name others with --set
+    link.modem.cell=1 and the like.
     """
     from cosim import InputError
     from scenarios.link_capacity import capacity_document
@@ -35,9 +36,9 @@ def link_capacity(
     name, loaded = load(scenario, assignments, seed=seed)
     if not isinstance(loaded, LinkScenario):
         raise InputError("the scenario", "one of a link", repr(name), "try light-link")
-    given, mode, predicted = given_of(loaded)
+    given, mode, assumed = given_of(loaded)
     document = capacity_document(given, mode, loaded.seed)
-    document["predicted"] = predicted
+    document["assumed"] = assumed
     if json:
         print_document(document)
     else:
@@ -54,12 +55,13 @@ def _rate(bps: float) -> str:
 def _text(name: str, document: dict[str, Any]) -> str:
     """The document for a reader."""
     given, mode = document["given"], document["mode"]
-    chosen = ", ".join(document["predicted"])
+    assumed = ", ".join(document["assumed"])
     lines = [
         f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
         f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
         f"cells of {mode['cell']} x {mode['cell']}, {mode['ticks']} ticks, {mode['line']}, "
-        f"RS(255,{255 - mode['parity']})" + (f"; predicted, not piloted: {chosen}" * bool(chosen)),
+        f"RS(255,{255 - mode['parity']})"
+        + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
     ]
     for key, row in document["pixel"].items():
