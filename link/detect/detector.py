@@ -1,0 +1,61 @@
+"""What a detector is, and which there are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import Words
+from link.layout import Layout
+from link.timing import Registration, Timing
+
+if TYPE_CHECKING:
+    from link.detect.pixel import PixelLaw
+
+__all__ = ["DETECTORS", "Bits", "Detector", "DetectorName", "Soft", "make_detector"]
+
+DetectorName = Literal["joint", "threshold", "forward-backward"]
+DETECTORS: tuple[DetectorName, ...] = ("joint", "threshold", "forward-backward")
+Bits = npt.NDArray[np.bool_]
+"""(symbols, cells) of data cells."""
+Soft = npt.NDArray[np.float32]
+"""(symbols, cells): ln P(spikes | on) - ln P(spikes | off)."""
+
+
+class Detector(Protocol):
+    """Spikes to soft values of the data cells.
+
+    words: (n, H, W) uint32, bit 0 of word 0 being tick start_tick. Symbols are numbered from first
+    light; the first one's time is the timing's `first`. A symbol that the words do not hold at all
+    gets 0. `learn` may be called again and adds what it sees; `learn_pilots` does so from the pilot
+    cells, for symbols first_symbol to first_symbol + count, where the training was missed.
+    """
+
+    def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None: ...
+    def learn_pilots(
+        self, words: Words, start_tick: int, first_symbol: int, count: int
+    ) -> None: ...
+    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft: ...
+
+
+def make_detector(
+    name: DetectorName,
+    layout: Layout,
+    registration: Registration,
+    timing: Timing,
+    *,
+    pixel: PixelLaw | None = None,
+) -> Detector:
+    """A detector by its name. pixel: what is known of the sensor's pixels, for forward-backward;
+    it learns their light, and their reset rule unless it is given."""
+    if name == "joint":
+        from link.detect.joint import Joint
+
+        return Joint(layout, registration, timing)
+    if name == "threshold":
+        from link.detect.threshold import Threshold
+
+        return Threshold(layout, registration, timing)
+    raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {name}")

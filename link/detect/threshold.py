@@ -1,0 +1,81 @@
+"""Hard decision by one spike: what a plain receiver does, and the measure of the others.
+
+Each cell has one pixel, the one with most of its light, and each symbol one tick, the one it fills
+most: the bit is on where that pixel spiked in that tick.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import WORD, Words
+from link.detect.counting import PHASES
+from link.detect.detector import Bits, Soft
+from link.detect.geometry import PLACES, Seen, see
+from link.detect.tables import overlap
+from link.layout import PERIOD, Layout, pilots
+from link.timing import Registration, Timing
+
+__all__ = ["Threshold"]
+
+
+class Threshold:
+    """See `Detector`. A soft value has the size that its error rate says, over all of the panel;
+    1 before anything was learned."""
+
+    def __init__(self, layout: Layout, registration: Registration, timing: Timing) -> None:
+        self._layout, self._registration, self._timing = layout, registration, timing
+        self._seen = see(layout, registration)
+        ticks = layout.mode.ticks
+        self._fullest = overlap(ticks, ticks + 1).argmax(axis=1)
+        self._met = np.zeros((2, 2), np.int64)  # by bit and spike
+
+    def _spikes(
+        self, seen: Seen, words: Words, start_tick: int, symbol: int
+    ) -> npt.NDArray[np.intp]:
+        """0 or 1 of each cell, -1 where the words or the sensor do not hold it."""
+        middle = float(self._timing.start(symbol + 0.5, self._timing.rows / 2))
+        dx, dy = self._registration.shift(middle)
+        u, v = seen.x + dx, seen.y + dy
+        x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
+        qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
+        qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
+        x += seen.places.dx[seen.region, qy, qx, 0]
+        y += seen.places.dy[seen.region, qy, qx, 0]
+        begin = self._timing.start(symbol, v)
+        tick = np.floor(begin).astype(np.intp)
+        phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
+        bit = tick + self._fullest[phase] - start_tick
+        n, height, width = words.shape
+        held = (bit >= 0) & (bit < n * WORD) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        w, row, column = (np.where(held, i, 0) for i in (bit // WORD, y, x))
+        spike = (words[w, row, column] >> (bit % WORD).astype(np.uint32)) & 1
+        return np.where(held, spike.astype(np.intp), -1)
+
+    def _learn(
+        self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
+    ) -> None:
+        for n, bits in enumerate(known):
+            spike = self._spikes(seen, words, start_tick, first_symbol + n)
+            there = spike >= 0
+            np.add.at(self._met, (bits[there].astype(np.intp), spike[there]), 1)
+
+    def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
+        self._learn(self._seen, words, start_tick, known, first_symbol)
+
+    def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
+        cells = np.flatnonzero(self._layout.pilot)
+        bits = pilots()[(first_symbol + np.arange(count)) % PERIOD]
+        known = np.repeat(bits[:, None], len(cells), axis=1)
+        seen = see(self._layout, self._registration, cells)
+        self._learn(seen, words, start_tick, known, first_symbol)
+
+    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
+        right, wrong = self._met[0, 0] + self._met[1, 1], self._met[0, 1] + self._met[1, 0]
+        size = 1.0 if not right + wrong else abs(np.log((right + 1) / (wrong + 1)))
+        value = np.array([-size, size, 0.0], np.float32)  # the last one by index -1
+        out = np.empty((count, self._seen.x.size), np.float32)
+        for n in range(count):
+            out[n] = value[self._spikes(self._seen, words, start_tick, first_symbol + n)]
+        return out

@@ -1,0 +1,17 @@
+"""`viform link`: error-rate curves, capacity, and files through recordings of a link."""
+
+import typer
+
+from scenarios.commands.link_send import link_send
+
+__all__ = ["link"]
+
+link = typer.Typer(
+    name="link",
+    help="Bytes over light: error rates beside theory, capacity, files through streams.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+link.command("send")(link_send)

@@ -1,0 +1,119 @@
+"""A run of a link made ready: everything that can be refused is, before anything is written."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError, seconds_to_ps
+from cosim.opencl import Device
+from link.air import Air
+from link.layout import TRAINING, Layout
+from link.mode import Mode
+from link.sending import Transmission
+from scenarios.linking import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
+from scenarios.prepare import choose_device
+from scenarios.progress import Progress
+from scenarios.schema import LinkScenario
+from sensor import SpikeCamera
+
+__all__ = ["PreparedLink", "choose_mode", "prepare_link"]
+
+
+@dataclass(frozen=True)
+class PreparedLink:
+    """A checked run. cycles: of the camera. kept: effects of the air that are simulated. tier: of
+    the camera's pixels. choice: how the mode was chosen, None where it was given."""
+
+    name: str
+    scenario: LinkScenario
+    payload: Payload
+    setting: LinkSetting
+    mode: Mode
+    choice: Any
+    sent: Transmission
+    cycles: int
+    device: Device | None
+    kept: Collection[str]
+    tier: str
+    notes: list[str]
+
+    def make_air(self) -> Air:
+        """The stage that shines."""
+        s = self.setting
+        return Air(
+            self.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
+            planes=self.sent.planes, kept=None,
+        )  # fmt: skip
+
+    def make_camera(self, late: npt.NDArray[np.int64]) -> SpikeCamera:
+        """The stage that sees."""
+        return SpikeCamera(self.setting.camera, self.device, late=late)
+
+    def checks(self, air: Air) -> dict[str, Any]:
+        """Stages that measure the error of what was left out."""
+        return {}
+
+
+def given_mode(scenario: LinkScenario) -> Mode | None:
+    """The mode that the scenario names, None where a part of it is to be chosen."""
+    modem, panel = scenario.link.modem, scenario.link.panel
+    parts = (modem.cell, modem.ticks, modem.line, modem.parity)
+    if "auto" in parts:
+        return None
+    return Mode(panel.width, panel.height, *parts)
+
+
+def choose_mode(
+    scenario: LinkScenario, setting: LinkSetting, device: Device | None, progress: Progress
+) -> tuple[Mode, Any]:
+    """The mode, and how it was chosen."""
+    mode = given_mode(scenario)
+    if mode is not None:
+        return mode, None
+    from scenarios.link_run.pilot import choose_from_pilot
+
+    choice = choose_from_pilot(scenario, setting, device, progress)
+    return choice.mode, choice
+
+
+def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
+    """Symbols that the given duration has room for; None where it is not given."""
+    if scenario.duration is None:
+        return None
+    clock, panel = setting.camera.clock, setting.panel.clock
+    cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
+    room = clock.edge(cycles - TAIL) - setting.first_light
+    symbols = panel.cycle_at(max(room, 0)) // mode.ticks
+    least = TRAINING + Layout(mode).group
+    if symbols < least:
+        need = (least * mode.ticks + 1) / panel.hz + (LEAD + TAIL + 1) / clock.hz
+        raise InputError(
+            "duration", f"at least {need:.3g} s, the training and a group of symbols",
+            f"{scenario.duration:g} s", "lengthen it, or leave it out",
+        )  # fmt: skip
+    return symbols
+
+
+def prepare_link(
+    name: str, scenario: LinkScenario, device: str | None, progress: Progress
+) -> PreparedLink:
+    """Everything of the run, checked. Raises InputError."""
+    payload, setting = payload_of(scenario), link_setting(scenario)
+    opened = choose_device(device)
+    mode, choice = choose_mode(scenario, setting, opened, progress)
+    modem = scenario.link.modem
+    sent = Transmission(
+        mode, payload.data, payload.name, interleave=modem.interleave, overhead=modem.overhead,
+        most_symbols=_symbols_in(scenario, setting, mode),
+    )  # fmt: skip
+    clock = setting.camera.clock
+    dark = setting.first_light + setting.panel.clock.edge(sent.planes)
+    cycles = clock.cycle_at(dark) + 1 + TAIL
+    return PreparedLink(
+        name, scenario, payload, setting, mode, choice, sent, cycles, opened, (), "exact", []
+    )  # fmt: skip

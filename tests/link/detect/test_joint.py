@@ -1,0 +1,171 @@
+"""The joint detector beside plain forms of what it computes, and what it gains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from link.detect import make_detector
+from link.detect.counting import CONTEXT, PHASES
+from link.detect.geometry import PLACES, see
+from link.detect.joint import Joint
+from link.detect.tables import overlap, tables
+from link.layout import TRAINING, Layout, training
+from link.mode import Mode
+from link.timing import Registration, Timing
+from tests.link.detect.scenes import Scene, homography, make
+
+SYMBOLS = TRAINING + 8
+
+
+def _scene(
+    ticks: int = 2, first: float = 5.37, slope: float = 0.0, degrees: float = 0.3, **given: object
+) -> Scene:
+    layout = Layout(Mode(128, 128, 2, ticks, "8b10b", 32))
+    shape = (220, 220) if abs(degrees) > 5 else (150, 150)
+    placed = homography(layout, shape, 0.995, degrees, (0.3, -0.4), 0.004)
+    drift = np.array([[0, 0.0, 0.0], [300, 0.6, -0.5]])
+    registration = Registration(placed, drift, 0.35)
+    timing = Timing(first, ticks * 1.00002, slope, shape[0])
+    known = training(layout.cells)
+    return make(layout, registration, timing, SYMBOLS, shape, known=known, **given)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return _scene()
+
+
+def _learned(scene: Scene, name: str = "joint") -> Joint:
+    detector = make_detector(name, scene.layout, scene.registration, scene.timing)  # type: ignore[arg-type]
+    detector.learn(scene.words, 0, scene.bits[:TRAINING], 0)
+    return detector  # type: ignore[return-value]
+
+
+def _errors(scene: Scene, detector: Joint) -> float:
+    soft = detector.soft(scene.words, 0, TRAINING, SYMBOLS - TRAINING)
+    return float(((soft > 0) != scene.bits[TRAINING:]).mean())
+
+
+def test_soft_values_are_the_plain_sum_over_pixels_and_ticks(scene: Scene) -> None:
+    # The plain form: tick by tick, pixel by pixel, from the tables of single ticks.
+    detector = _learned(scene)
+    got = detector.soft(scene.words, 0, TRAINING, 2)
+    _, single = tables(detector._counts, 2, 3)
+    seen = see(scene.layout, scene.registration)
+    spikes = np.stack([scene.words[t // 32] >> (t % 32) & 1 for t in range(len(scene.words) * 32)])
+    for cell in range(0, scene.layout.cells, 397):
+        for n in range(2):
+            middle = float(scene.timing.start(TRAINING + n + 0.5, scene.timing.rows / 2))
+            dx, dy = scene.registration.shift(middle)
+            u, v = seen.x[cell] + dx, seen.y[cell] + dy
+            x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+            place = (
+                seen.region[cell], int((v - y + 0.5) * PLACES), int((u - x + 0.5) * PLACES)
+            )  # fmt: skip
+            start = float(scene.timing.start(TRAINING + n, v))
+            tick, phase = int(start), int((start % 1) * PHASES)
+            total = 0.0
+            for k in range(seen.places.count[place]):
+                row, column = y + seen.places.dy[place][k], x + seen.places.dx[place][k]
+                share = seen.places.share[place][k]
+                for j in range(3):
+                    train = spikes[tick + j - CONTEXT : tick + j + 1, row, column]
+                    before = train[0] + 2 * train[1]
+                    total += single[place[0], phase, j, share, before, train[2]]
+            assert got[n, cell] == pytest.approx(np.clip(total, -60, 60), abs=1e-4)
+
+
+def test_how_the_words_are_cut_does_not_matter(scene: Scene) -> None:
+    detector = _learned(scene)
+    whole = detector.soft(scene.words, 0, TRAINING, 8)
+    w = int(scene.timing.start(TRAINING + 3, 0)) // 32 - 1
+    assert np.array_equal(detector.soft(scene.words[w:], 32 * w, TRAINING + 3, 5), whole[3:])
+
+
+def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene) -> None:
+    detector = _learned(scene)
+    whole = detector.soft(scene.words, 0, 40, 8)
+    assert int(scene.timing.start(45, 0)) == 95  # the first of its three ticks alone is left
+    cut = detector.soft(scene.words[:3], 0, 40, 8)
+    assert np.array_equal(cut[:5], whole[:5])
+    assert (cut[6:] == 0).all()
+    same = (cut[5] > 0) == (whole[5] > 0)
+    assert not np.array_equal(cut[5], whole[5]) and same.mean() > 0.8
+
+
+def test_words_without_the_symbol_say_nothing(scene: Scene) -> None:
+    detector = _learned(scene)
+    assert (detector.soft(scene.words, 0, 10_000, 3) == 0).all()
+    assert (detector.soft(scene.words, 100_000, TRAINING, 3) == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "most"),
+    [
+        ({}, 3e-3),
+        ({"first": 5.02}, 1e-3),
+        ({"slope": 1.0}, 6e-3),
+        ({"slope": -1.0, "first": 7.0}, 6e-3),
+        ({"degrees": 33.0}, 5e-3),
+        ({"ticks": 4}, 1e-3),
+        ({"first": 5.02, "reset": "residual", "background": 0.1}, 1e-3),
+    ],
+)
+def test_it_makes_a_tenth_of_the_plain_receivers_errors(
+    given: dict[str, object], most: float
+) -> None:
+    scene = _scene(**given)  # type: ignore[arg-type]
+    joint, plain = (_errors(scene, _learned(scene, name)) for name in ("joint", "threshold"))
+    assert joint < most
+    assert joint < plain / 10
+
+
+def test_pilots_alone_teach_it(scene: Scene) -> None:
+    detector = make_detector("joint", scene.layout, scene.registration, scene.timing)
+    detector.learn_pilots(scene.words, 0, 0, SYMBOLS)
+    taught = _errors(scene, detector)  # type: ignore[arg-type]
+    assert taught < 1e-2
+    assert taught < _errors(scene, _learned(scene, "threshold")) / 4
+
+
+def test_a_dim_corner_is_learned_by_region() -> None:
+    # Towards one corner on cells bring 0.5 thresholds in a tick rather than 1.4: they spike every
+    # second or third tick. The tables of those regions know.
+    x = np.linspace(0, 1, 150)
+    gain = 1 - 0.65 * np.clip(1.5 - 2 * np.hypot(x[:, None], x[None, :]), 0, 1)
+    scene = _scene(gain=gain)
+    detector = _learned(scene)
+    by_region = _errors(scene, detector)
+    pooled = detector._counts.sum(axis=0, keepdims=True)
+    detector._counts = np.repeat(pooled, len(detector._counts), axis=0)
+    detector._tables = None
+    assert by_region < 0.5 * _errors(scene, detector)
+
+
+def test_soft_values_are_as_sure_as_they_should_be() -> None:
+    # Of values about a size, a share of 1 / (1 + e^size) is wrong; pixels of one cell share their
+    # neighbours' light, which the sum takes for independent: within a factor.
+    scene = _scene(slope=1.0)
+    detector = _learned(scene)
+    soft = detector.soft(scene.words, 0, TRAINING, SYMBOLS - TRAINING)
+    wrong = (soft > 0) != scene.bits[TRAINING:]
+    chosen = (np.abs(soft) > 0.5) & (np.abs(soft) < 3)
+    assert chosen.sum() > 50
+    assert 0.05 < wrong[chosen].mean() < 0.5
+    assert wrong[np.abs(soft) > 15].mean() < 1e-3
+
+
+def test_overlap_of_ticks_is_the_length_of_the_symbol() -> None:
+    for ticks in (1, 2, 6):
+        assert overlap(ticks, ticks + 1).sum(axis=1) == pytest.approx(ticks)
+
+
+def test_what_cannot_be_is_refused(scene: Scene) -> None:
+    fresh = make_detector("joint", scene.layout, scene.registration, scene.timing)
+    with pytest.raises(ValueError, match="must have learned"):
+        fresh.soft(scene.words, 0, 0, 1)
+    with pytest.raises(ValueError, match="known must be of"):
+        fresh.learn(scene.words, 0, np.zeros((2, 3), np.bool_), 0)
+    with pytest.raises(ValueError, match="detector must be one of"):
+        make_detector("best", scene.layout, scene.registration, scene.timing)  # type: ignore[arg-type]
