@@ -76,13 +76,14 @@ def given_mode(scenario: LinkScenario) -> Mode | None:
 
 
 def _candidates(modem: ModemSection, size: tuple[int, int], scale: float) -> list[Mode]:
-    """Modes that the scenario leaves open, of any parity. A cell is not much smaller than a camera
-    pixel; `none`, which limits no run, is taken only where it is asked for."""
+    """Modes that the scenario leaves open, of any parity. A cell is somewhat larger than a
+    camera pixel. Taken only where they are asked for: symbols of one tick, which share it with a
+    neighbour unless the phase is 0, and the line code `none`, which limits no run."""
     cells = [c for c in CELLS if c * scale >= _LEAST_CELL] or [CELLS[-1]]
     return [
         Mode(*size, cell, ticks, line, PARITIES[0])
         for cell in (cells if modem.cell == "auto" else [modem.cell])
-        for ticks in (TICKS[:4] if modem.ticks == "auto" else [modem.ticks])
+        for ticks in (TICKS[1:4] if modem.ticks == "auto" else [modem.ticks])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
     ]
 
