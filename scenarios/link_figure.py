@@ -47,7 +47,8 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(colors=INK, labelsize=8.5)
-        ax.legend(fontsize=7.5, frameon=False, loc=PLACES[panel])
+        if curves:
+            ax.legend(fontsize=7.5, frameon=False, loc=PLACES[panel])
     judged, level = document["points_judged"], document["level"]
     figure.suptitle(
         "Lines: theory. Points: Monte Carlo, filled from 100 errors on; bars: Clopper-Pearson, "
