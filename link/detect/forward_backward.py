@@ -160,7 +160,7 @@ class ForwardBackward:
             off, swing = np.exp(light)
             laws = self._made(replace(self._pixel, reset=rule, off=off, on=off + swing))
             given = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
-            return -float(sum(likelihood(*one, *given) for one in picked))
+            return -float(sum(likelihood(*(*one, *given)) for one in picked))
 
         rules: tuple[Rule, ...] = ("hard", "residual")
         best, least = self._pixel, np.inf
