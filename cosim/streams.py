@@ -30,3 +30,7 @@ class Stream(IntEnum):
     """Asynchronous pixels: electrons of readings below threshold."""
     CONTINUOUS = 64
     """All that continuous photographing draws."""
+    VIBRATION = 80
+    """Of a link's camera: how it is pushed from symbol to symbol."""
+    SCINTILLATION = 81
+    """Of the air between a link's ends."""

@@ -24,7 +24,9 @@ class SpikeCamera:
 
     rows: the rows of the chip that are simulated, all unless given; a pixel's number, and so its
     noise, is its place on the whole chip. Cross-talk takes the light beyond them to be as theirs.
-    tier, flags: see `tier_pixels`.
+    tier, flags: see `tier_pixels`. late: (height of the chip,) int64 picoseconds by which the light
+    is early at each row: what is at an instant in the light given comes to that row so much later
+    (a source whose own rows are late); it moves each row's sampling, at most a few cycles.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class SpikeCamera:
         rows: tuple[int, int] | None = None,
         tier: Tier = "exact",
         flags: npt.NDArray[np.uint8] | None = None,
+        late: npt.NDArray[np.int64] | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
@@ -42,12 +45,12 @@ class SpikeCamera:
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
         self._crosstalk = crosstalk_map(setting.crosstalk) if setting.crosstalk > 0 else None
         self._pixels = tier_pixels(
-            tier, setting, self.shape, numbers, np.arange(first, stop), device, flags
+            tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, late
         )
 
     def step(self, light: Light, block: Block) -> Viform:
         """The latched flags of one block. light: lux on the pixels, at least this block's time and
-        as many cycles around it as `CameraSetting.reach` says."""
+        as many cycles around it as `CameraSetting.reach` and `late` say."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         if self._crosstalk is not None:

@@ -63,7 +63,7 @@ class _Exact:
         self._pixels = make_pixels(self._model, numbers, device)
 
     def expose(self, light: Light, start: int, cycles: int) -> Words:
-        return self._pixels.expose(self._exposure.spans(light, start, cycles), cycles)
+        return self._pixels.expose(self._exposure.each(light, start, cycles), cycles)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the running interval's own threshold. That of the first interval is
@@ -93,15 +93,21 @@ def tier_pixels(
     rows: npt.NDArray[np.int64],
     device: Device | None = None,
     flags: npt.NDArray[np.uint8] | None = None,
+    late: npt.NDArray[np.int64] | None = None,
 ) -> TierPixels:
     """Pixels of a plane of `shape`. numbers: of each on the chip, (H W,). rows: of the chip that
     each row of the plane is, (H,). device: OpenCL; None is numba, which the fast tier has not.
     flags: which work-items of the fast tier keep what (`sensor.fast`), all of it unless given.
-    Cross-talk is the light's and not done here."""
+    late: of the chip's rows, (height of the chip,) ps; see `SpikeCamera`. Cross-talk is the light's
+    and not done here."""
     offsets = None
     if setting.row_skew > 0 or setting.comparator_delay > 0:
         height, skew, delay = setting.chip.height, setting.row_skew, setting.comparator_delay
         offsets = row_offsets(setting.clock, height, skew, delay, (0, height))[rows]
+    if late is not None:
+        if late.shape != (setting.chip.height,):
+            raise ValueError(f"late must be ({setting.chip.height},), not {late.shape}")
+        offsets = (0 if offsets is None else offsets) - late[rows].astype(np.int64)
     pattern = _pattern(setting, numbers, tier)
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":

@@ -27,6 +27,7 @@ class Optics:
     blur: float
     camera_pitch: float
     wavelength_nm: float = 555.0
+    diffraction: bool = True
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,224 @@
+"""From the panel's symbols to lux on the camera's pixels: the stage before the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim import Block, Light, Piece, Plane
+from display import SpikePanel
+from link.air.emission import Emission, Source
+from link.air.fog import halo_angle
+from link.air.geometry import image_of, lengths
+from link.air.kernel import Psf
+from link.air.motion import vibration
+from link.air.names import NAMES, Scene, simplified
+from link.air.projection import Projection
+from link.air.radiometry import levels
+from link.air.scintillation import flicker
+from link.air.setting import Aim, AirSetting, Optics
+from link.air.sun import sun_glare, sun_image
+from link.timing import Registration
+from sensor import CameraSetting
+
+__all__ = ["Air", "lens_psf"]
+
+_AROUND: Final = 2
+"""Cycles of light before and after a block: rows of the camera are sampled up to one late, those of
+the panel shown up to one of its own late."""
+_FOREVER: Final = 1 << 61
+_COARSE: Final = 8
+"""Camera pixels to a pixel of a halo hundreds wide."""
+
+
+def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
+    """Of the lens at the panel's distance."""
+    made = lengths(optics, distance)
+    cutoff = None
+    if optics.diffraction:
+        working = optics.f_number * made.extension
+        cutoff = optics.camera_pitch / (optics.wavelength_nm * 1e-9 * working)
+    return Psf(optics.blur, made.disc if defocus else 0.0, cutoff)
+
+
+@njit(cache=True, nogil=True)
+def _finish(image, base, glare, more):  # type: ignore[no-untyped-def]
+    """image = max(image + base, 0) in place, then (1 - glare) of it and glare of its mean,
+    plus `more`."""
+    total = 0.0
+    for row in range(image.shape[0]):
+        line = np.float64(0)
+        for column in range(image.shape[1]):
+            value = max(image[row, column] + base[row, column], np.float32(0))
+            image[row, column] = value
+            line += value
+        total += line
+    keep, add = np.float32(1 - glare), np.float32(glare * total / image.size + more)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            image[row, column] = keep * image[row, column] + add
+
+
+class Air:
+    """A stage without input: lux on the camera's pixels, block by block.
+
+    source: what the panel shows. first_light: ps at which its first row begins plane 0. planes: of
+    the transmission; the panel is dark before and after. kept: names of effects that are simulated
+    (`link.air.NAMES`), all unless given. The light is in the time of the panel's own rows, `late`
+    says how late it is at each row of the camera. Vibration and scintillation stay the same within
+    a symbol; an occluder is as bright as the surroundings. panel.pulse must be 1; panel.fill and
+    panel.luminance are not read (light is even over a pixel, of optics.luminance).
+    """
+
+    def __init__(
+        self, source: Source, panel: SpikePanel, optics: Optics, aim: Aim, air: AirSetting,
+        camera: CameraSetting, *, first_light: int, planes: int,
+        kept: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
+        if panel.shape != (optics.height, optics.width):
+            raise ValueError(f"panel must be {optics.height, optics.width}, not {panel.shape}")
+        if panel.pulse != 1:
+            raise ValueError(f"panel.pulse must be 1, not {panel.pulse}")
+        if planes < 1 or first_light < 0:
+            raise ValueError(f"planes must be 1 or more from 0 ps on, not {planes}, {first_light}")
+        names = frozenset(NAMES if kept is None else kept)
+        scene = simplified(Scene(panel, optics, aim, air), names)
+        panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
+        self._ticks, self._planes, self._first = source.ticks, planes, first_light
+        self._panel, self._clock, self._aim = panel, camera.clock, aim
+        self.shape = shape = camera.chip.height, camera.chip.width
+        self.symbols = -(-planes // source.ticks)
+        """Of the transmission; the last may be cut short."""
+        self._levels = made = levels(optics, air, names)
+        self._psf = lens_psf(optics, air.distance, "defocus" in names)
+        self._homography = image_of(optics, aim, air, shape)
+        self._projection = Projection(self._homography, panel.shape, shape, self._psf)
+        self._emission = Emission(source, panel, planes)
+        seconds = source.ticks / panel.clock.hz
+        self.shifts = vibration(
+            aim.vibration, aim.vibration_frequency, seconds, self.symbols, air.seed
+        )
+        """(symbols, 2) camera pixels."""
+        self.flicker = flicker(
+            air.structure, optics.wavelength_nm, air.distance,
+            optics.focal_length / optics.f_number, air.wind,
+        )  # fmt: skip
+        """Of the air."""
+        self.factors = self.flicker.series(seconds, self.symbols, air.seed)
+        """(symbols,) of the panel's own light."""
+        self._hidden = round(aim.occluded * optics.width)
+        self._glare, self._stray = air.glare, sun_glare(optics, air, aim, shape)
+        self._halo = lengths(optics, air.distance).camera * halo_angle(optics.wavelength_nm)
+        self._base = np.full(shape, made.around + made.fog, np.float32)
+        if air.sun > 0:
+            seen = 1 - self._projection(np.ones(panel.shape, np.float32))
+            self._base += sun_image(optics, aim, air, shape) * np.clip(seen, 0, 1)
+        self._pieces: dict[int, tuple[Piece, ...]] = {}
+        self._resume = 0
+        end = first_light + panel.clock.edge(planes)
+        dark = self._lux(np.zeros(panel.shape, np.bool_), (0.0, 0.0), 1.0)
+        self._before = Piece(0, first_light, dark, dark) if first_light > 0 else None
+        self._after = Piece(end, max(end + 1, _FOREVER), dark, dark)
+
+    @property
+    def truth(self) -> Registration:
+        """Where the panel's pixels are imaged, without vibration."""
+        blur = float(np.hypot(self._psf.sigma, self._psf.disc / 2))
+        return Registration(self._homography.copy(), np.zeros((0, 3)), blur)
+
+    @property
+    def late(self) -> npt.NDArray[np.int64]:
+        """(H,) ps: the panel row that each camera row sees, in the image's middle column of the
+        panel, is shown so much after the panel's first. Of a panel turned about the line of sight
+        the rest of the row is off by its slope, row_scan sin(rotation) of a tick over the panel."""
+        inverse, rows = np.linalg.inv(self._homography), np.arange(self.shape[0])
+        height, width = self._panel.shape
+        u, _, w = self._homography @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0])
+        _, y, t = inverse @ np.stack([np.full(len(rows), u / w), rows, np.ones(len(rows))])
+        row = np.clip(y / t, 0, height - 1)
+        return np.rint(row / height * self._panel.row_delay).astype(np.int64)
+
+    def shift(self, ps: int) -> tuple[float, float]:
+        """(dx, dy) by which vibration moves the image at an instant, camera pixels."""
+        symbol = self._symbol(ps)
+        if not 0 <= symbol < self.symbols:
+            return 0.0, 0.0
+        dx, dy = self.shifts[symbol]
+        return float(dx), float(dy)
+
+    def step(self, given: Any, block: Block) -> Light:
+        """Lux over the block and two cycles around it, from instant 0 on."""
+        start = max(self._clock.edge(block.start - _AROUND), 0)
+        stop = self._clock.edge(block.stop + _AROUND)
+        first = min(max(self._symbol(start), 0), self.symbols)
+        last = min(self._symbol(stop - 1) + 1, self.symbols)
+        pieces = [self._before] if self._before is not None and start < self._first else []
+        for symbol in range(first, last):
+            pieces.extend(self._symbol_pieces(symbol))
+        if stop > self._after.start:
+            pieces.append(self._after)
+        self._pieces = {n: made for n, made in self._pieces.items() if n >= first}
+        self._resume = self._symbol(self._clock.edge(block.stop - _AROUND))
+        return Light(tuple(pieces))
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return self._emission.state(min(max(self._resume, 0), self.symbols))
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self._pieces.clear()
+        self._emission.restore(state)
+
+    def _symbol(self, ps: int) -> int:
+        """Symbol that the panel's first row shows at an instant; outside, one before or after."""
+        return self._panel.clock.cycle_at(ps - self._first) // self._ticks
+
+    def _symbol_pieces(self, symbol: int) -> tuple[Piece, ...]:
+        if symbol not in self._pieces:
+            begin = symbol * self._ticks
+            stop = min(begin + self._ticks, self._planes)
+            shift, factor = self.shift(self._edge(begin)), float(self.factors[symbol])
+            shown = [self._lux(plane, shift, factor) for plane in self._emission.planes(symbol)]
+            edges = range(begin, stop + 1) if len(shown) > 1 else (begin, stop)
+            at = [self._edge(n) for n in edges]
+            self._pieces[symbol] = tuple(
+                Piece(one, two, lux, lux)
+                for one, two, lux in zip(at[:-1], at[1:], shown, strict=True)
+            )
+        return self._pieces[symbol]
+
+    def _edge(self, plane: int) -> int:
+        return self._first + self._panel.clock.edge(plane)
+
+    def _lux(self, plane: npt.NDArray[Any], shift: tuple[float, float], factor: float) -> Plane:
+        """Lux on the sensor while the panel shows this plane, in units of a pixel that is on."""
+        made = self._levels
+        # What differs from the surroundings is projected, so that the panel's edge is right.
+        light = plane.astype(np.float32)
+        light *= np.float32(made.panel * factor)
+        light += np.float32(made.face - made.around)
+        light[:, : self._hidden] = 0
+        image = self._projection(light, shift)
+        base = self._base
+        if made.halo > 0:
+            share = made.halo / made.dimmed
+            base = base + share * (self._spread(image) + made.around)
+        _finish(image, base, self._glare, self._stray)
+        return image
+
+    def _spread(self, image: Plane) -> Plane:
+        """The image through the fog's forward scattering, on a coarse grid."""
+        import cv2
+
+        height, width = image.shape
+        size = max(width // _COARSE, 1), max(height // _COARSE, 1)
+        coarse = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        sigma = max(self._halo * size[0] / width, 0.5)
+        coarse = cv2.GaussianBlur(coarse, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+        wide = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(wide, np.float32)

@@ -1,0 +1,200 @@
+"""A panel's plane on the camera's pixels, fast: each camera pixel sums the panel pixels about it.
+
+Weights come from `kernel.py`, tabulated by the sub-pixel place; a tilted panel, whose scale varies
+over the image, has a table for each of several regions. Blur far wider than a pixel is done on the
+camera's grid afterwards. The image may be shifted (vibration) at no cost.
+
+Against direct integration (tests/link/air/golden.py) it is right to 0.012 of white RMS and 0.05 at
+the worst pixel, at 0.3 to 4 camera pixels a panel pixel and any rotation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim.light import Plane
+from link.air.geometry import affine_at
+from link.air.kernel import Psf, kernel_table, taps
+
+__all__ = ["Projection", "disc_kernel"]
+
+_PHASES: Final = {2: 128, 4: 64}
+"""Sub-pixel places of a table along each axis, by its taps."""
+_FEWER: Final = 32
+"""The same where there are several tables; twice as many for more taps in one."""
+_EVEN: Final = 0.02
+"""Relative change of scale within a region."""
+_REGIONS: Final = 10
+_WIDE_SIGMA: Final = 1.2
+_TABLE_SIGMA: Final = 0.8
+"""Above the first, the second is in the table and the rest is done afterwards."""
+_WIDE_DISC: Final = 2.0
+_MOST_DISC: Final = 200.0
+"""Camera pixels; a wider disc is as wide as that."""
+
+
+_U: Final = tuple(np.uint64(n) for n in range(16))
+
+
+@njit(cache=True, nogil=True)
+def _project(padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, out):  # type: ignore[no-untyped-def]
+    """Fills `out` (H, W). padded: (high wide,), with `pad` pixels of 0 on every side. inverse:
+    camera to panel, row-major. tables: flat, (regions^2, phases, phases, count, count).
+
+    Everything is flat and unsigned, and four taps are summed column by column: so the compiler
+    makes vectors of it, which halves its time.
+    """
+    height, width = out.shape
+    shift = np.float64(pad - (count // 2 - 1))
+    last_u, last_v = np.float64(wide - count), np.float64(high - count)
+    a, b, c, d, e, f, g, h, i = inverse
+    us, vs = np.empty(width), np.empty(width)
+    stride, size, steps = np.uint64(wide), np.uint64(count * count), np.uint64(phases)
+    for row in range(height):
+        y = row - dy
+        for column in range(width):
+            x = column - dx
+            depth = g * x + h * y + i
+            scale = 1.0 / depth
+            # Not before the lens: beyond the horizon of the panel's plane.
+            us[column] = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
+            vs[column] = (d * x + e * y + f) * scale + shift
+        line = row * regions // height * regions
+        for column in range(width):
+            u, v = us[column], vs[column]
+            if not (0.0 <= u < last_u and 0.0 <= v < last_v):
+                out[row, column] = 0.0
+                continue
+            u0, v0 = np.uint64(u), np.uint64(v)
+            pu, pv = np.uint64((u - u0) * phases), np.uint64((v - v0) * phases)
+            table = np.uint64(line + column * regions // width if regions > 1 else 0)
+            w = ((table * steps + pv) * steps + pu) * size
+            k = v0 * stride + u0
+            if count == 4:
+                m, n, o = k + stride, k + stride + stride, k + stride + stride + stride
+                s0 = (
+                    tables[w] * padded[k] + tables[w + _U[4]] * padded[m]
+                    + tables[w + _U[8]] * padded[n] + tables[w + _U[12]] * padded[o]
+                )  # fmt: skip
+                s1 = (
+                    tables[w + _U[1]] * padded[k + _U[1]] + tables[w + _U[5]] * padded[m + _U[1]]
+                    + tables[w + _U[9]] * padded[n + _U[1]] + tables[w + _U[13]] * padded[o + _U[1]]
+                )  # fmt: skip
+                s2 = (
+                    tables[w + _U[2]] * padded[k + _U[2]] + tables[w + _U[6]] * padded[m + _U[2]]
+                    + tables[w + _U[10]] * padded[n + _U[2]]
+                    + tables[w + _U[14]] * padded[o + _U[2]]
+                )  # fmt: skip
+                s3 = (
+                    tables[w + _U[3]] * padded[k + _U[3]] + tables[w + _U[7]] * padded[m + _U[3]]
+                    + tables[w + _U[11]] * padded[n + _U[3]]
+                    + tables[w + _U[15]] * padded[o + _U[3]]
+                )  # fmt: skip
+                out[row, column] = (s0 + s1) + (s2 + s3)
+                continue
+            total = np.float32(0)
+            for _ in range(count):
+                for tap in range(count):
+                    total += tables[w + np.uint64(tap)] * padded[k + np.uint64(tap)]
+                w += np.uint64(count)
+                k += stride
+            out[row, column] = total
+
+
+def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
+    """An even disc of `radius` pixels on a grid, its edge by area, adding up to 1."""
+    reach, fine = math.ceil(radius + 0.5), 16
+    at = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
+    inside = np.hypot(at[:, None], at[None, :]) <= radius
+    side = 2 * reach + 1
+    share = inside.reshape(side, fine, side, fine).mean(axis=(1, 3))
+    return np.asarray(share / share.sum(), np.float32)
+
+
+class Projection:
+    """homography: panel to camera pixels. panel, camera: (height, width) of both. psf: of lens."""
+
+    def __init__(
+        self,
+        homography: npt.NDArray[np.float64],
+        panel: tuple[int, int],
+        camera: tuple[int, int],
+        psf: Psf,
+    ) -> None:
+        self.homography, self.panel, self.camera, self.psf = homography, panel, camera, psf
+        self._after, self._disc = 0.0, 0.0
+        near = psf
+        if psf.sigma > _WIDE_SIGMA:
+            near = replace(near, sigma=_TABLE_SIGMA)
+            self._after = math.sqrt(psf.sigma**2 - _TABLE_SIGMA**2)
+        if psf.disc > _WIDE_DISC:
+            near = replace(near, disc=0.0)
+            self._disc = min(psf.disc, _MOST_DISC)
+        self._inverse = np.linalg.inv(homography)
+        self._regions, affines = self._affines()
+        self._count = max(taps(each, near) for each in affines)
+        few = self._regions > 1
+        self._phases = _FEWER if few else _PHASES.get(self._count, 2 * _FEWER)
+        self.tables = np.stack(
+            [kernel_table(each, near, self._count, self._phases) for each in affines]
+        )
+        """(regions, phases, phases, taps, taps)."""
+        self._flat = self.tables.ravel()
+        self._pad = self._count
+        self._padded = np.zeros((panel[0] + 2 * self._pad, panel[1] + 2 * self._pad), np.float32)
+
+    def _affines(self) -> tuple[int, list[npt.NDArray[np.float64]]]:
+        """Regions along a side of the camera's image, and what a panel pixel measures in each."""
+        (h, w), (rows, columns) = self.panel, self.camera
+        corners = [(0.0, 0.0), (w - 1.0, 0.0), (0.0, h - 1.0), (w - 1.0, h - 1.0)]
+        middle = affine_at(self.homography, (w - 1) / 2, (h - 1) / 2)
+        change = max(
+            float(np.abs(affine_at(self.homography, *at) - middle).max()) for at in corners
+        )
+        uneven = 2 * change / float(np.abs(middle).max())
+        regions = min(max(math.ceil(uneven / _EVEN), 1), _REGIONS)
+        if regions == 1:
+            return 1, [middle]
+        affines = []
+        for y in (np.arange(regions) + 0.5) * rows / regions:
+            for x in (np.arange(regions) + 0.5) * columns / regions:
+                u, v, t = self._inverse @ np.array([x, y, 1.0])
+                # Beyond the panel nothing is seen, and the horizon may be there.
+                u, v = (u / t, v / t) if t > 0 else (w / 2, h / 2)
+                at = float(np.clip(u, 0, w - 1)), float(np.clip(v, 0, h - 1))
+                affines.append(affine_at(self.homography, *at))
+        return regions, affines
+
+    def __call__(self, plane: npt.NDArray[Any], shift: tuple[float, float] = (0.0, 0.0)) -> Plane:
+        """(height, width) float32 of the camera for a plane of the panel, 0 all round it. shift:
+        (dx, dy) of the image, camera pixels."""
+        pad = self._pad
+        self._padded[pad:-pad, pad:-pad] = plane
+        out = np.empty(self.camera, np.float32)
+        high, wide = self._padded.shape
+        _project(
+            self._padded.ravel(), wide, high, self._inverse.ravel(), shift[0], shift[1],
+            self._flat, self._regions, self._phases, self._count, pad, out,
+        )  # fmt: skip
+        return self._widely(out)
+
+    def _widely(self, image: Plane) -> Plane:
+        """Blur of many pixels."""
+        if self._after == 0 and self._disc == 0:
+            return image
+        import cv2
+
+        edge = cv2.BORDER_REPLICATE
+        if self._disc > 0:
+            blurred = cv2.filter2D(image, -1, disc_kernel(self._disc), borderType=edge)
+            image = np.asarray(blurred, np.float32)
+        if self._after > 0:
+            blurred = cv2.GaussianBlur(image, (0, 0), self._after, borderType=edge)
+            image = np.asarray(blurred, np.float32)
+        return image

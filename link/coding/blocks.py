@@ -1,0 +1,154 @@
+"""Blocks: the codewords that stand on the panel together, and which cell carries which byte.
+
+A block is one group of all data cells; on small panels, whose group holds no codeword, as many
+groups as hold one. Interleaved, byte b of codeword w stands at place w + b words of the block, so
+that what hides a part of the panel takes a few bytes of every codeword; otherwise codewords follow
+one another. Everything is scrambled by a keystream that all know, so that cells go on and off
+whatever the bytes are, and a dark panel is no codeword.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.coding.reed_solomon import WORD_BYTES
+from link.layout import GROUP_BITS, Layout
+
+__all__ = ["FRAME_SPENT", "MOST_WORDS", "Blocks"]
+
+MOST_WORDS: Final = 8
+"""Codewords of a frame at most: one that is lost takes the frame with it."""
+FRAME_SPENT: Final = 19
+"""Bytes of a frame that are not the file's: head, packet's number, CRC (`link.coding.frames`)."""
+_ALIGNMENT: Final = 8
+"""The fountain's symbols are multiples of it."""
+_KEY: Final = 0x53435241
+_Bytes = npt.NDArray[np.uint8]
+_Qualities = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Of one layout. Raises ValueError where the panel has too few cells to carry a codeword."""
+
+    layout: Layout
+    interleave: bool = True
+
+    def __post_init__(self) -> None:
+        if self.group_bytes < 1:
+            raise ValueError(f"data cells must be 8 or more, not {self.layout.cells}")
+
+    @cached_property
+    def group_bytes(self) -> int:
+        """Whole bytes in a group."""
+        return self.layout.group_bytes(1)
+
+    @cached_property
+    def groups(self) -> int:
+        """Groups to a block."""
+        return max(1, -(-WORD_BYTES // self.group_bytes))
+
+    @cached_property
+    def words(self) -> int:
+        """Codewords to a block."""
+        return self.groups * self.group_bytes // WORD_BYTES
+
+    @property
+    def data_bytes(self) -> int:
+        """Of a codeword."""
+        return WORD_BYTES - self.layout.mode.parity
+
+    def _symbol(self, words: int) -> int:
+        return (words * self.data_bytes - FRAME_SPENT) // _ALIGNMENT * _ALIGNMENT
+
+    @cached_property
+    def frame_words(self) -> int:
+        """Codewords to a frame: the number that leaves most of a block to the file."""
+        counts = range(1, min(MOST_WORDS, self.words) + 1)
+        return max(counts, key=lambda n: self.words // n * self._symbol(n))
+
+    @cached_property
+    def frames(self) -> int:
+        """Frames to a block."""
+        return self.words // self.frame_words
+
+    @cached_property
+    def frame_bytes(self) -> int:
+        """Of a frame, before Reed-Solomon."""
+        return self.frame_words * self.data_bytes
+
+    @cached_property
+    def symbol_bytes(self) -> int:
+        """Of the file, coded by the fountain, in a frame."""
+        return self._symbol(self.frame_words)
+
+    @cached_property
+    def places(self) -> npt.NDArray[np.intp]:
+        """Place in the block of each byte of each codeword, (words, 255)."""
+        word, byte = np.arange(self.words)[:, None], np.arange(WORD_BYTES)
+        return word + byte * self.words if self.interleave else word * WORD_BYTES + byte
+
+    def lay(self, words: _Bytes, block: int) -> _Bytes:
+        """Codewords, (words, 255), as what the cells carry: (groups, cells) uint8 of values.
+        Places and cells that are left over carry the keystream."""
+        placed = np.zeros(self.groups * self.group_bytes, np.uint8)
+        placed[self.places] = words
+        out = np.empty((self.groups, self.layout.cells), np.uint8)
+        for n, row in enumerate(placed.reshape(self.groups, -1)):
+            stream = self._keystream(block * self.groups + n)
+            stream[: self.group_bytes] ^= row
+            out[n] = _values(stream, GROUP_BITS[self.layout.mode.line])[: self.layout.cells]
+        return out
+
+    def gather(self, values: _Bytes, quality: _Qualities, block: int) -> tuple[_Bytes, _Qualities]:
+        """What `lay` made, with errors, as (words, 255) bytes and qualities, the lowest of a byte's
+        cells."""
+        bits = GROUP_BITS[self.layout.mode.line]
+        size = self.groups * self.group_bytes
+        placed, sure = np.empty(size, np.uint8), np.empty(size, np.float32)
+        used = self.group_bytes * 8 // bits
+        for n in range(self.groups):
+            part = slice(n * self.group_bytes, (n + 1) * self.group_bytes)
+            stream = self._keystream(block * self.groups + n)
+            placed[part] = _bytes(values[n, :used], bits) ^ stream[: self.group_bytes]
+            sure[part] = quality[n, :used].reshape(-1, 8 // bits).min(axis=1)
+        return placed[self.places], sure[self.places]
+
+    def cells_of(self, wrong: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+        """How many of the bytes marked in (words, 255) stand on each data cell, (cells,)."""
+        placed = np.zeros(self.groups * self.group_bytes, np.int64)
+        placed[self.places] = wrong
+        each = 8 // GROUP_BITS[self.layout.mode.line]
+        out = np.zeros(self.layout.cells, np.int64)
+        counts = np.repeat(placed.reshape(self.groups, -1).sum(axis=0), each)
+        out[: len(counts)] = counts
+        return out
+
+    def _keystream(self, group: int) -> _Bytes:
+        """Bytes for all cells of a group, by Philox 4x64."""
+        stream = np.random.Philox(key=_KEY, counter=[0, group, 0, 0])
+        count = self.group_bytes + 1  # and for cells that are no whole byte
+        raw = np.asarray(stream.random_raw(-(-count // 8)), "<u8")
+        return raw.view(np.uint8)[:count].copy()
+
+
+def _values(data: _Bytes, bits: int) -> _Bytes:
+    """Bytes as values of `bits` bits, lowest first."""
+    if bits == 8:
+        return data
+    shifts = np.arange(0, 8, bits, dtype=np.uint8)
+    return ((data[:, None] >> shifts) & np.uint8((1 << bits) - 1)).reshape(-1)
+
+
+def _bytes(values: _Bytes, bits: int) -> _Bytes:
+    """The bytes whose `_values` these are; higher bits of values are not looked at."""
+    if bits == 8:
+        return values
+    shifts = np.arange(0, 8, bits, dtype=np.uint8)
+    parts = (values.reshape(-1, 8 // bits) & np.uint8((1 << bits) - 1)) << shifts
+    return np.bitwise_or.reduce(parts, axis=1).astype(np.uint8)

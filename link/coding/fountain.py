@@ -1,0 +1,123 @@
+"""The outer code: a file as packets of which any, slightly more than its own number, bring it back.
+
+RaptorQ (RFC 6330), by the library of that name. It believes every packet and panics on a packet
+that cannot be (wrong length, unknown block); so packets are checked here first, and what it makes
+of them carries a CRC of the whole.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final
+
+from link.coding.crc import crc32c, crc64_xz
+from link.coding.names import NAME_BYTES, safe_name
+
+__all__ = [
+    "MOST_BYTES", "Delivered", "Gathering", "Packet", "pack_file", "packets", "source_blocks",
+    "source_symbols", "unpack_file",
+]  # fmt: skip
+
+Packet = bytes
+"""Four bytes of number, then the symbol."""
+MOST_BYTES: Final = 2**30
+"""What the fountain carries at most: the decoder's tables grow with what a header says."""
+_MOST_SYMBOLS: Final = 56403
+"""Source symbols of a block (RFC 6330, section 5.1.2)."""
+_HEAD: Final = struct.Struct("<QB")
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """A file that arrived whole: its bytes, and a name that is safe to write."""
+
+    data: bytes
+    name: str
+
+
+def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
+    """The session's number, and what the fountain carries: CRC, name and bytes. Never empty."""
+    called = safe_name(name).encode()
+    body = called + data
+    packed = _HEAD.pack(crc64_xz(bytes([len(called)]) + body), len(called)) + body
+    if len(packed) > MOST_BYTES:
+        raise ValueError(
+            f"the file must be at most {MOST_BYTES // 2**20} MiB, not {len(data)} bytes"
+        )
+    return crc32c(_HEAD.pack(len(packed), len(called)) + packed[: _HEAD.size] + called), packed
+
+
+def unpack_file(packed: bytes) -> Delivered | None:
+    """The file; None where the CRC is wrong."""
+    if len(packed) < _HEAD.size:
+        return None
+    crc, called = _HEAD.unpack_from(packed)
+    body = packed[_HEAD.size :]
+    if called > min(len(body), NAME_BYTES) or crc64_xz(bytes([called]) + body) != crc:
+        return None
+    return Delivered(body[called:], safe_name(body[:called].decode(errors="replace")))
+
+
+def source_symbols(length: int, symbol: int) -> int:
+    """Symbols that `length` bytes fill."""
+    return -(-length // symbol)
+
+
+def source_blocks(length: int, symbol: int) -> int:
+    """Blocks that the library codes on their own (RFC 6330, section 4.3, with its 10 MiB)."""
+    return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
+
+
+def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
+    """The first `count` packets, the file's own first; of several blocks in turn, so that what is
+    lost at one time is shared among them."""
+    from raptorq import Encoder
+
+    own, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
+    repair = -(-max(count - own, 0) // blocks)
+    made = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
+    if blocks > 1:  # by symbol, then by block
+        made.sort(key=lambda packet: (packet[1:4], packet[0]))
+    return [bytes(packet) for packet in made[:count]]
+
+
+class Gathering:
+    """The packets of one session, until they are enough."""
+
+    def __init__(self, length: int, symbol: int) -> None:
+        self.length, self.symbol = length, symbol
+        self.needed = source_symbols(length, symbol)
+        self._done = False
+        self._begin()
+
+    def _begin(self) -> None:
+        from raptorq import Decoder
+
+        self._decoder = Decoder.with_defaults(self.length, self.symbol)
+        self._numbers: set[bytes] = set()
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def put(self, packet: Packet) -> Delivered | None:
+        """The file, with the packet that completes it. A file whose CRC is wrong is thrown away
+        with everything that it was made of."""
+        number = packet[:4]
+        if self._done or number in self._numbers:
+            return None
+        self._numbers.add(number)
+        try:
+            packed = self._decoder.decode(packet)
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException:  # a panic of the library, which is no Exception
+            self._begin()
+            return None
+        if packed is None:
+            return None
+        file = unpack_file(bytes(packed))
+        self._done = file is not None
+        if not self._done:
+            self._begin()
+        return file

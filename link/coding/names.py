@@ -1,0 +1,33 @@
+"""File names that are safe to write wherever they came from."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+__all__ = ["NAME_BYTES", "safe_name"]
+
+NAME_BYTES: Final = 120
+"""Bytes of UTF-8 that a name may take: well below the 255 of common file systems."""
+_NAMELESS: Final = "file"
+_UNWANTED: Final = re.compile(r'[<>:"|?*]')
+_DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+"""Names that Windows keeps for devices."""
+
+
+def safe_name(name: str) -> str:
+    """The last part of a path, as a name that stays in the folder it is written to.
+
+    Characters that some file system refuses, that control a terminal or turn the direction of text
+    become "_"; what is left of "", "." and ".." is "file".
+    """
+    last = re.split(r"[/\\]", name)[-1]
+    kept = "".join(c if c.isprintable() else "_" for c in last)
+    kept = _UNWANTED.sub("_", kept).rstrip(" .").lstrip()
+    if not kept or _DEVICES.match(kept):
+        kept = _NAMELESS + kept
+    stem, dot, ending = kept.rpartition(".")
+    if not dot or not stem or len(ending.encode()) > NAME_BYTES // 4:
+        stem, dot, ending = kept, "", ""
+    room = NAME_BYTES - len((dot + ending).encode())
+    return (stem.encode()[:room].decode(errors="ignore") + dot + ending).rstrip(" .")

@@ -1,0 +1,77 @@
+"""The sender's half: a file becomes the values that cells carry, group by group."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+import numpy.typing as npt
+
+from link.coding.blocks import Blocks
+from link.coding.fountain import pack_file, packets, source_symbols
+from link.coding.frames import Frame, write_frame
+from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
+from link.layout import Layout
+
+__all__ = ["Outbox"]
+
+_BEYOND = 2
+"""Packets beyond the file's own, at least: with them one decoding in a million fails (RFC 6330)."""
+_KEPT = 2
+"""Blocks whose values are kept, once made."""
+
+
+class Outbox:
+    """A file in frames. data: of any length, 0 too. name: what the receiver is told to call it.
+    overhead: frames beyond those that the file fills, as a share of them; the last block is filled
+    with more. Raises ValueError for a panel or a file that cannot be sent."""
+
+    def __init__(
+        self, data: bytes, name: str, layout: Layout, *, interleave: bool = True,
+        overhead: float = 0.05,
+    ) -> None:  # fmt: skip
+        if not (math.isfinite(overhead) and overhead >= 0):
+            raise ValueError(f"overhead must be 0 or more, not {overhead}")
+        self.layout = layout
+        self._blocks = Blocks(layout, interleave)
+        self._code = ReedSolomon(layout.mode.parity)
+        self._session, packed = pack_file(data, name)
+        self._length = len(packed)
+        symbol = self._blocks.symbol_bytes
+        self.frames_needed = source_symbols(self._length, symbol)
+        """Frames that the file fills; any so many, and rarely one or two more, bring it back."""
+        wanted = max(math.ceil(self.frames_needed * (1 + overhead)), self.frames_needed + _BEYOND)
+        blocks = -(-wanted // self._blocks.frames)
+        self.frames = blocks * self._blocks.frames
+        """Frames sent."""
+        self.groups = blocks * self._blocks.groups
+        """Groups that carry them."""
+        self._packets = packets(packed, symbol, self.frames)
+        self._kept: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
+
+    def frames_by(self, groups: int) -> int:
+        """Frames that the first `groups` groups carry whole."""
+        return min(groups, self.groups) // self._blocks.groups * self._blocks.frames
+
+    def values(self, group: int) -> npt.NDArray[np.uint8]:
+        """What the data cells carry in a group: (cells,) uint8 of the line code's values."""
+        if not 0 <= group < self.groups:
+            raise ValueError(f"group must be from 0 to {self.groups - 1}, not {group}")
+        block, within = divmod(group, self._blocks.groups)
+        if block not in self._kept:
+            self._kept[block] = self._make(block)
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+        return self._kept[block][within]
+
+    def _make(self, block: int) -> npt.NDArray[np.uint8]:
+        form = self._blocks
+        data = np.zeros((form.words, form.data_bytes), np.uint8)
+        framed = data[: form.frames * form.frame_words].reshape(form.frames, form.frame_bytes)
+        for n in range(form.frames):
+            packet = self._packets[block * form.frames + n]
+            framed[n] = write_frame(Frame(self._session, self._length, packet), form.frame_bytes)
+        words = self._code.encode(data)
+        assert words.shape == (form.words, WORD_BYTES)
+        return form.lay(words, block)

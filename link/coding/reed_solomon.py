@@ -1,0 +1,84 @@
+"""Reed-Solomon codes of 255 bytes after CCSDS 131.0-B, with errors and erasures.
+
+Field polynomial 0x187, generator with the roots alpha^(11 j), j from 128 - parity / 2 on (112 for
+the standard's parity of 32), conventional basis.
+
+Compiled here, not a library's: galois 0.4.11 takes 4 s to import, 13 s to build, 11 s for its first
+encode and decode in each process (nothing of it is cached), and decodes 0.65 Mb/s with 8 errors a
+word (37 of clean words); reedsolo 1.7.0 ships as pure Python, 0.24 Mb/s to encode and 0.08 to
+decode that. The tests hold this one against galois.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from link.coding.field import EXP, PRODUCT
+from link.coding.reed_solomon_compiled import encode_words, repair_words
+
+__all__ = ["WORD_BYTES", "ReedSolomon"]
+
+WORD_BYTES = 255
+"""Bytes of a codeword."""
+_Bytes = npt.NDArray[np.uint8]
+
+
+@lru_cache
+def _table(parity: int) -> _Bytes:
+    """Multiples of the generator's coefficients below its leading one, (256, parity)."""
+    generator = np.array([1], np.uint8)
+    for j in range(parity):
+        longer = np.append(generator, np.uint8(0))
+        longer[1:] ^= PRODUCT[EXP[(128 - parity // 2 + j) % 255]][generator]
+        generator = longer
+    return np.ascontiguousarray(PRODUCT[:, generator[1:]])
+
+
+class ReedSolomon:
+    """A code with `parity` bytes of 255, even, 2 to 254. It mends e wrong bytes and x erased ones
+    while 2 e + x <= parity. Beyond that it says so or finds another codeword: of words of chance,
+    about one in t! is taken for one, t = (parity - x) / 2 (McEliece & Swanson 1986), so that what
+    comes of many erasures needs a check of its own."""
+
+    def __init__(self, parity: int) -> None:
+        if parity % 2 or not 2 <= parity <= 254:
+            raise ValueError(f"parity must be even, 2 to 254, not {parity}")
+        self.parity, self.data_bytes = parity, WORD_BYTES - parity
+        self._table, self._first = _table(parity), 128 - parity // 2
+
+    def encode(self, data: npt.ArrayLike) -> _Bytes:
+        """(words, 255 - parity) to (words, 255) uint8: data, then parity."""
+        given = np.ascontiguousarray(data, np.uint8)
+        if given.ndim != 2 or given.shape[1] != self.data_bytes:
+            raise ValueError(f"data must be (words, {self.data_bytes}), not {given.shape}")
+        words = np.empty((len(given), WORD_BYTES), np.uint8)
+        encode_words(given, self._table, words)
+        return words
+
+    def repair(
+        self, words: npt.ArrayLike, erasures: npt.NDArray[np.bool_] | None = None
+    ) -> tuple[_Bytes, npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
+        """The codewords that `words`, (words, 255) uint8, were; ok (words,), where one was found;
+        corrected (words,), bytes that it changed. A word that is not ok comes back as it was.
+        erasures: (words, 255) bool, bytes known to be worthless; None for none."""
+        mended = np.array(words, np.uint8, order="C")
+        if mended.ndim != 2 or mended.shape[1] != WORD_BYTES:
+            raise ValueError(f"words must be (words, {WORD_BYTES}), not {mended.shape}")
+        if erasures is None:
+            erasures = np.zeros(mended.shape, np.bool_)
+        erased = np.ascontiguousarray(erasures, np.bool_)
+        if erased.shape != mended.shape:
+            raise ValueError(f"erasures must be {mended.shape}, not {erased.shape}")
+        ok, corrected = np.empty(len(mended), np.bool_), np.empty(len(mended), np.int64)
+        repair_words(mended, erased, self._table, self._first, ok, corrected)
+        return mended, ok, corrected
+
+    def decode(
+        self, words: npt.ArrayLike, erasures: npt.NDArray[np.bool_] | None = None
+    ) -> tuple[_Bytes, npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
+        """As `repair`, without the parity: data (words, 255 - parity)."""
+        mended, ok, corrected = self.repair(words, erasures)
+        return mended[:, : self.data_bytes], ok, corrected

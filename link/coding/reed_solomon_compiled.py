@@ -1,0 +1,188 @@
+"""Reed-Solomon words, one after another, compiled. The field is `link.coding.field`.
+
+A word is a polynomial, its first byte the coefficient of x^254. `table`: (256, parity), row f is f
+times the generator's coefficients below its leading one, highest first. `first`: exponent of the
+generator's first root; the others follow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from link.coding.field import EXP, LOG, PRODUCT
+
+__all__ = ["encode_words", "repair_words"]
+
+_N = 255
+
+
+@njit(cache=True, nogil=True)
+def _remainder(word, table, out):  # type: ignore[no-untyped-def]
+    """What division by the generator leaves, in the last `parity` bytes of out, (255,)."""
+    parity = table.shape[1]
+    out[:] = word
+    for i in range(_N - parity):
+        factor = out[i]
+        if factor:
+            for j in range(parity):
+                out[i + 1 + j] ^= table[factor, j]
+
+
+@njit(cache=True, nogil=True)
+def encode_words(data, table, words):  # type: ignore[no-untyped-def]
+    """data: (n, 255 - parity) uint8. words: (n, 255) uint8, filled: data, then parity."""
+    parity = table.shape[1]
+    work = np.zeros(_N, np.uint8)
+    padded = np.zeros(_N, np.uint8)
+    for w in range(len(data)):
+        padded[: _N - parity] = data[w]
+        _remainder(padded, table, work)
+        words[w, : _N - parity] = data[w]
+        words[w, _N - parity :] = work[_N - parity :]
+
+
+@njit(cache=True, nogil=True)
+def _syndromes(rest, first, syndromes):  # type: ignore[no-untyped-def]
+    """The remainder, (parity,) highest first, at the generator's roots."""
+    parity = len(rest)
+    for j in range(parity):
+        row = PRODUCT[EXP[(first + j) % _N]]
+        value = np.uint8(0)
+        for i in range(parity):
+            value = row[value] ^ rest[i]
+        syndromes[j] = value
+
+
+@njit(cache=True, nogil=True)
+def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[no-untyped-def]
+    """Berlekamp-Massey begun at the erasures' locator (Blahut 2003, section 7.4): `locator` is
+    filled, its length, errors and erasures, comes back. erased: exponents of the erased places."""
+    parity = len(syndromes)
+    locator[:] = 0
+    locator[0] = 1
+    for n in range(count):
+        row = PRODUCT[EXP[erased[n]]]
+        for i in range(n + 1, 0, -1):
+            locator[i] ^= row[locator[i - 1]]
+    other[:] = locator
+    length = count
+    for r in range(count + 1, parity + 1):
+        discrepancy = np.uint8(0)
+        for i in range(min(length, r - 1) + 1):
+            discrepancy ^= PRODUCT[locator[i], syndromes[r - 1 - i]]
+        for i in range(parity, 0, -1):
+            other[i] = other[i - 1]
+        other[0] = 0
+        if discrepancy == 0:
+            continue
+        row = PRODUCT[discrepancy]
+        if 2 * length <= r + count - 1:
+            spare[:] = locator
+            inverse = PRODUCT[EXP[_N - LOG[discrepancy]]]
+            for i in range(parity + 1):
+                locator[i] ^= row[other[i]]
+                other[i] = inverse[spare[i]]
+            length = r + count - length
+        else:
+            for i in range(parity + 1):
+                locator[i] ^= row[other[i]]
+    return length
+
+
+@njit(cache=True, nogil=True)
+def _search(locator, length, steps, terms, places):  # type: ignore[no-untyped-def]
+    """Chien's search: exponents of the places whose inverse is a root, and their number, which
+    is -1 where there are not `length` of them."""
+    for i in range(length + 1):
+        terms[i] = locator[i]
+        steps[i] = EXP[(_N - i) % _N]
+    found = 0
+    for place in range(_N):
+        value = terms[0]
+        for i in range(1, length + 1):
+            value ^= terms[i]
+            terms[i] = PRODUCT[steps[i], terms[i]]
+        if value == 0:
+            if found == length:
+                return -1
+            places[found] = place
+            found += 1
+    return found if found == length else -1
+
+
+@njit(cache=True, nogil=True)
+def _correct(word, syndromes, locator, places, found, first, evaluator):  # type: ignore[no-untyped-def]
+    """Forney's values, added to the word; the number of bytes that changed comes back, -1 where the
+    locator has a root twice."""
+    for i in range(found):
+        value = np.uint8(0)
+        for j in range(i + 1):
+            value ^= PRODUCT[syndromes[j], locator[i - j]]
+        evaluator[i] = value
+    changed = 0
+    for n in range(found):
+        place = places[n]
+        inverse = PRODUCT[EXP[(_N - place) % _N]]
+        square = PRODUCT[EXP[(2 * (_N - place)) % _N]]
+        top = np.uint8(0)
+        for i in range(found - 1, -1, -1):
+            top = inverse[top] ^ evaluator[i]
+        below = np.uint8(0)  # the derivative: odd coefficients, in the square
+        for i in range(found - 1 if found % 2 == 0 else found, 0, -2):
+            below = square[below] ^ locator[i]
+        if below == 0:
+            return -1
+        if top:
+            exponent = LOG[top] + _N - LOG[below] + place * (_N + 1 - first)
+            word[_N - 1 - place] ^= EXP[exponent % _N]
+            changed += 1
+    return changed
+
+
+@njit(cache=True, nogil=True)
+def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[no-untyped-def]
+    """words: (n, 255) uint8, mended in place where ok. erasures: (n, 255) bool. ok: (n,) bool.
+    corrected: (n,) int64, bytes changed."""
+    parity = table.shape[1]
+    work, mended = np.empty(_N, np.uint8), np.empty(_N, np.uint8)
+    syndromes = np.empty(parity, np.uint8)
+    locator, other = np.empty(parity + 1, np.uint8), np.empty(parity + 1, np.uint8)
+    spare, steps = np.empty(parity + 1, np.uint8), np.empty(parity + 1, np.uint8)
+    evaluator = np.empty(parity + 1, np.uint8)
+    erased, places = np.empty(_N, np.int64), np.empty(_N, np.int64)
+    for w in range(len(words)):
+        corrected[w] = 0
+        _remainder(words[w], table, work)
+        clean = True
+        for i in range(_N - parity, _N):
+            clean = clean and work[i] == 0
+        ok[w] = clean
+        if clean:
+            continue
+        count = 0
+        for i in range(_N):
+            if erasures[w, i]:
+                erased[count] = _N - 1 - i
+                count += 1
+        if count > parity:
+            continue
+        _syndromes(work[_N - parity :], first, syndromes)
+        length = _locator(syndromes, erased, count, locator, other, spare)
+        if 2 * length - count > parity:  # 2 e + x, with e = length - x
+            continue
+        found = _search(locator, length, steps, spare, places)
+        if found < 0:
+            continue
+        mended[:] = words[w]
+        changed = _correct(mended, syndromes, locator, places, found, first, evaluator)
+        if changed < 0:
+            continue
+        _remainder(mended, table, work)
+        clean = True
+        for i in range(_N - parity, _N):
+            clean = clean and work[i] == 0
+        if clean:
+            words[w] = mended
+            ok[w] = True
+            corrected[w] = changed

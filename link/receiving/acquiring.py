@@ -1,0 +1,201 @@
+"""Find a transmission in a recording: where the panel is, what its mode is, when symbols begin.
+
+Whatever is found on the way is kept as evidence, so that a failure can be explained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import WORD
+from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
+from link.mode import Mode
+from link.receiving.clocking import Clocking, clock_by_pilots, pilot_signal
+from link.receiving.recording import Recording
+from link.receiving.refining import Refined, project, refine_homography
+from link.receiving.synthesis import (
+    Levels,
+    choose_witnesses,
+    fit_timing,
+    known_cells,
+    known_pilots,
+    match,
+)
+from link.receiving.tags import Found, art_of, find_tags, fit_homography, tag_places
+from link.timing import Registration, Timing
+
+__all__ = ["Acquired", "Evidence", "acquire"]
+
+Floats = npt.NDArray[np.float64]
+_BRIGHT: Final = 0.98
+"""Rate from which a pixel is said to be full at every tick."""
+_SMOOTH: Final = 8
+"""Ticks over which the tags' light is averaged to see when they are on."""
+_CONTRAST: Final = 0.02
+"""Least difference of the tags' white and black, spikes a tick."""
+_MATCH: Final = 0.15
+"""Least correlation with the training."""
+_PILOT_SYMBOLS: Final = 64
+"""Of the timing by pilots alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """rates: spikes a tick where the stream is brightest, (height, width). bright: share of pixels
+    that fire at every tick. most: rate that one pixel of a thousand exceeds. tags found, and what
+    followed from them as far as it went. off: largest distance of a corner from the homography."""
+
+    rates: npt.NDArray[np.float32]
+    bright: float
+    most: float
+    found: Found
+    mode: Mode | None = None
+    refined: Refined | None = None
+    off: float | None = None
+    lit: tuple[int, int] | None = None
+    clocking: Clocking | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Acquired:
+    """trained: symbols of the training that the recording holds, from first to last, excluded."""
+
+    layout: Layout
+    refined: Refined
+    timing: Timing
+    levels: Levels
+    lit: tuple[int, int]
+    trained: tuple[int, int] | None
+    evidence: Evidence
+
+
+def _brightest(recording: Recording) -> tuple[int, int]:
+    """Ticks of the words that have at least half of the most spikes."""
+    words = recording.ticks // WORD
+    if words < 2:
+        return recording.first, recording.stop
+    counts = np.array(
+        [int(np.bitwise_count(recording.words[w, ::4]).sum(dtype=np.int64)) for w in range(words)]
+    )
+    much = np.flatnonzero(2 * counts >= counts.max())
+    return recording.first + int(much[0]) * WORD, recording.first + (int(much[-1]) + 1) * WORD
+
+
+def look(recording: Recording) -> Evidence:
+    """The image and the tags in it."""
+    rates = recording.rates(*_brightest(recording))
+    most = float(np.quantile(rates, 0.999)) if rates.size else 0.0
+    bright = float(np.mean(rates >= _BRIGHT)) if rates.size else 0.0
+    if most <= 0 or bright > 0.98:
+        return Evidence(rates, bright, most, Found({}))
+    found = find_tags(rates)
+    return Evidence(rates, bright, most, found, found.mode)
+
+
+def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Floats:
+    """Spikes of the tags' white less those of their black, by tick, (ticks,)."""
+    m = layout.module
+    points: tuple[list[tuple[float, float]], list[tuple[float, float]]] = ([], [])
+    for tag, (px, py) in zip(layout.mode.tags, tag_places(layout), strict=True):
+        art = art_of(tag)
+        for row in range(TAG_MODULES):
+            for column in range(TAG_MODULES):
+                middle = (px + (column + 0.5) * m - 0.5, py + (row + 0.5) * m - 0.5)
+                points[1 if art[row, column] else 0].append(middle)
+    out = []
+    height, width = recording.shape
+    for group in points:
+        x, y = np.array(group).T
+        u, v = (np.rint(a) for a in project(homography, x, y))
+        seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+        bits = recording.pixels(v[seen].astype(np.intp), u[seen].astype(np.intp))
+        out.append(bits.mean(1) if bits.shape[1] else np.zeros(recording.ticks))
+    return np.asarray(out[1] - out[0], np.float64)
+
+
+def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[int, int] | None:
+    """Ticks in which the tags are on; None where they never are."""
+    light = tag_light(recording, layout, homography)
+    if len(light) < 2 * _SMOOTH:
+        return None
+    smooth = np.convolve(light, np.full(_SMOOTH, 1 / _SMOOTH), "same")
+    level = float(np.quantile(smooth, 0.9))
+    if level < _CONTRAST:
+        return None
+    on = np.flatnonzero(smooth > level / 2)
+    first, last = int(on[0]), int(on[-1])
+    near = slice(max(first - _SMOOTH, 0), first + _SMOOTH)
+    begun = np.flatnonzero(light[near] > level / 2)
+    first = near.start + int(begun[0]) if len(begun) else first
+    near = slice(max(last - _SMOOTH, 0), last + _SMOOTH)
+    ended = np.flatnonzero(light[near] > level / 2)
+    last = near.start + int(ended[-1]) if len(ended) else last
+    return recording.first + first, recording.first + last + 1
+
+
+def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
+    """What there is to see, and the transmission where there is one."""
+    evidence = look(recording)
+    mode = evidence.mode
+    if mode is None:
+        return evidence, None
+    layout = Layout(mode)
+    fitted = fit_homography(evidence.found, layout)
+    if fitted is None or layout.cells < 8:
+        return replace(evidence, mode=None), None
+    homography, off = fitted
+    refined = refine_homography(evidence.rates, homography, layout)
+    evidence = replace(evidence, refined=refined, off=off)
+    if refined is None:
+        return evidence, None
+    lit = lit_span(recording, layout, refined.homography)
+    evidence = replace(evidence, lit=lit)
+    if lit is None:
+        return evidence, None
+    signal = pilot_signal(recording, layout, refined.homography)
+    if signal is None:
+        return evidence, None
+    clocking = clock_by_pilots(signal, layout, recording.shape[0], lit)
+    evidence = replace(evidence, clocking=clocking)
+    if clocking is None:
+        return evidence, None
+    return evidence, _time(recording, layout, refined, lit, clocking, evidence)
+
+
+def _time(
+    recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int],
+    clocking: Clocking, evidence: Evidence,
+) -> Acquired | None:  # fmt: skip
+    """Says which symbol is the first, and gives the timing its last digits."""
+    registration = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
+    rough = clocking.timing
+    turn = PERIOD * rough.period
+    seen = max(lit[0], recording.first)
+    # the training that the recording may hold: that of the start nearest to first light
+    first = rough.first + round((seen - rough.first) / turn) * turn
+    begun = replace(rough, first=first)
+    low = max(0, int(np.ceil((seen - first) / rough.period)) + 1 if seen - first > 2 else 0)
+    high = min(TRAINING, int((min(lit[1], recording.stop) - first) / rough.period) - 1)
+    if high - low >= 8:
+        known = known_cells(layout, low, training(layout.cells)[low:high])
+        w = choose_witnesses(recording, layout, registration, begun, known, low)
+        if w is not None and match(w, begun) > _MATCH:
+            timing, levels = fit_timing(w, begun)
+            return Acquired(layout, refined, timing, levels, lit, (low, high), evidence)
+    # it does not: symbols are counted so that the first one seen is of a group
+    count = int(np.ceil((seen - rough.first) / rough.period))
+    turns = (count - TRAINING) // PERIOD
+    begun = replace(rough, first=rough.first + turns * turn)
+    begin = count - turns * PERIOD + 2
+    known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)
+    w = choose_witnesses(
+        recording, layout, registration, begun, known_part, begin, of_pilots=True
+    )
+    if w is None:
+        return None
+    timing, levels = fit_timing(w, begun)
+    return Acquired(layout, refined, timing, levels, lit, None, evidence)

@@ -1,0 +1,146 @@
+"""The receiver: words of a camera in, a file and a verdict out."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from cosim.viform import Viform
+from link.detect import DETECTORS
+from link.receiving.acquiring import Acquired, Evidence, acquire
+from link.receiving.diagnosis import explain_failure, explain_loss
+from link.receiving.received import Received
+from link.receiving.recording import Recording
+from link.receiving.session import Session
+from link.timing import Registration
+from link.verdict import Cause, Verdict
+
+__all__ = ["Receiver"]
+
+_LOOK: Final = 1024
+"""Ticks after which a transmission is looked for though the stream goes on, and after which those
+held are decoded."""
+_KEPT: Final = 256
+"""Ticks that are held on when none was found."""
+
+
+class Receiver:
+    """A stage at the end of a chain. shape: (height, width) of the camera. detector: by its name.
+    interleave: as the sender had it. Streams up to _LOOK ticks are read as a whole by `finish`, of
+    longer ones no more than about twice as much is held.
+
+    Raises ValueError for a detector that there is not, and in `step` for blocks of another shape or
+    out of order. A stream that holds no transmission, or not all of one, is no error: the verdict
+    says why.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], *, detector: str = "joint", interleave: bool = True
+    ) -> None:
+        if detector not in DETECTORS:
+            raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
+        self.recording = Recording(shape)
+        self._detector, self._interleave = detector, interleave
+        self._evidence: Evidence | None = None
+        self._acquired: Acquired | None = None
+        self._session: Session | None = None
+        self._unusable: Verdict | None = None
+
+    def step(self, given: Viform, block: Any = None) -> None:
+        """Takes the words of a block."""
+        self.recording.add(given)
+        waits = self._session.ready(self.recording) if self._session else self.recording.ticks
+        if waits >= _LOOK:
+            self._work()
+            if self._session is None:
+                self.recording.forget(self.recording.stop - _KEPT)
+
+    def finish(self) -> Received:
+        """Decodes what is left, and says what was received."""
+        if self.recording.ticks:
+            self._work()
+        session = self._session
+        if session is not None:
+            session.inbox.flush()
+        verdict = self._verdict()
+        stop = self.recording.stop
+        if session is None:
+            e = self._evidence
+            clocking = e.clocking if e is not None else None
+            return Received(
+                verdict, stop, mode=e.mode if e is not None else None,
+                score=clocking.score if clocking is not None else 0.0,
+            )  # fmt: skip
+        acquired, inbox = self._acquired, session.inbox
+        assert acquired is not None
+        first = session.timing.first
+        file = inbox.file
+        return Received(
+            verdict, stop,
+            delivered=(file.data, file.name) if file is not None else None,
+            mode=session.layout.mode,
+            registration=Registration(
+                session.refined.homography, session.all_drift, session.refined.blur
+            ),
+            timing=session.timing,
+            first_light=round(first) if acquired.trained is not None else None,
+            on=session.levels.on, background=session.levels.background,
+            score=acquired.evidence.clocking.score if acquired.evidence.clocking else 0.0,
+            instants=tuple(session.instants), delivered_tick=session.delivered_tick,
+            frames_seen=inbox.frames_seen, frames_right=inbox.frames_right,
+            frames_needed=inbox.frames_needed, codewords=inbox.codewords,
+            codewords_wrong=inbox.codewords_wrong, bytes_corrected=inbox.bytes_corrected,
+            cell_quality=session.grid(
+                (session.quality / max(session.symbols, 1)).astype(np.float32)
+            ),
+            cell_errors=session.grid(inbox.cell_errors),
+            soft=np.concatenate([np.zeros(0, np.float32), *session.soft]),
+            soft_at=np.concatenate([np.zeros((0, 2), np.int64), *session.soft_at]),
+            packed=session.packed,
+        )  # fmt: skip
+
+    def _work(self) -> None:
+        """Looks for a transmission, or goes on with one."""
+        if self._session is None:
+            evidence, acquired = acquire(self.recording)
+            if self._evidence is None or _further(evidence) >= _further(self._evidence):
+                self._evidence = evidence
+            if acquired is None:
+                return
+            self._begin(acquired)
+        if self._session is not None:
+            self._session.advance(self.recording)
+
+    def _begin(self, acquired: Acquired) -> None:
+        from link.coding import Inbox
+
+        try:
+            inbox = Inbox(acquired.layout, interleave=self._interleave)
+        except ValueError as exc:
+            self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no file: {exc}")
+            return
+        self._acquired = acquired
+        self._session = Session(acquired, self._detector, inbox, self.recording.shape)
+
+    def _verdict(self) -> Verdict:
+        session = self._session
+        if session is None:
+            return self._unusable or explain_failure(self.recording, self._evidence)
+        inbox = session.inbox
+        if inbox.file is None:
+            assert self._evidence is not None
+            return explain_loss(session, self._evidence, self.recording.stop)
+        return Verdict(
+            Cause.NONE,
+            f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_seen}, "
+            f"{inbox.bytes_corrected} bytes mended, whole at tick {session.delivered_tick}",
+        )
+
+
+def _further(evidence: Evidence) -> int:
+    """How far it went."""
+    return (
+        len(evidence.found.tags) + (evidence.refined is not None) + (evidence.lit is not None)
+        + (evidence.clocking is not None)
+    )  # fmt: skip

@@ -1,0 +1,112 @@
+"""Spike words as they come in, let go of when no longer needed, and views of a few pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import WORD, Viform, Words
+
+__all__ = ["Recording"]
+
+Floats = npt.NDArray[np.float64]
+
+
+class Recording:
+    """Words of a camera, of ticks `first` to `stop`; tick k is latch cycle k of the camera.
+
+    Blocks follow each other without a gap. Of `shape` (height, width).
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self._parts: list[Words] = []
+        self._joined: Words | None = None
+        self.first = self.stop = 0
+        self.begun = False
+
+    def add(self, viform: Viform) -> None:
+        """Raises ValueError where a block is of another shape or does not follow the last one."""
+        if viform.shape != self.shape:
+            raise ValueError(f"a block must be {self.shape}, not {viform.shape}")
+        if not self.begun:
+            self.first = self.stop = viform.start
+            self.begun = True
+        if viform.start != self.stop:
+            raise ValueError(f"a block must begin at cycle {self.stop}, not {viform.start}")
+        self._joined = None
+        filled = (self.stop - self.first) % WORD
+        if not filled:
+            self._parts.append(viform.words)
+        else:  # the last word is not full: everything behind it is shifted
+            last = self._parts[-1][-1:] | (viform.words[:1] << np.uint32(filled))
+            rest = viform.words >> np.uint32(WORD - filled)
+            rest[:-1] |= viform.words[1:] << np.uint32(filled)
+            count = -(-(self.stop + viform.cycles - self.first) // WORD)
+            held = sum(len(part) for part in self._parts)
+            self._parts[-1] = np.concatenate([self._parts[-1][:-1], last, rest])
+            self._parts[-1] = self._parts[-1][: len(self._parts[-1]) - (held + len(rest) - count)]
+        self.stop += viform.cycles
+
+    @property
+    def ticks(self) -> int:
+        """Held."""
+        return self.stop - self.first
+
+    @property
+    def words(self) -> Words:
+        """(n, height, width); bit 0 of word 0 is tick `first`."""
+        if self._joined is None:
+            if not self._parts:
+                return np.zeros((0, *self.shape), np.uint32)
+            joined = self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
+            self._parts = [joined]
+            self._joined = joined
+        return self._joined
+
+    def forget(self, tick: int) -> None:
+        """Lets go of whole words before a tick."""
+        gone = min(max(tick - self.first, 0) // WORD, self.ticks // WORD)
+        if gone:
+            self._parts = [self.words[gone:].copy()]
+            self._joined = None
+            self.first += gone * WORD
+
+    def rates(self, first: int, stop: int) -> npt.NDArray[np.float32]:
+        """Spikes a tick of each pixel in ticks first to stop, (height, width), of whole words that
+        lie within, or of all bits in between where none does."""
+        a, b = self._span(first, stop)
+        low, high = -(-a // WORD), b // WORD
+        if high > low:
+            total = np.zeros(self.shape, np.uint16)
+            for w in range(low, high):
+                total += np.bitwise_count(self.words[w])
+            return total.astype(np.float32) / np.float32((high - low) * WORD)
+        total = np.zeros(self.shape, np.uint16)
+        for t in range(a, b):
+            total += ((self.words[t // WORD] >> np.uint32(t % WORD)) & np.uint32(1)).astype(
+                np.uint16
+            )
+        return total.astype(np.float32) / np.float32(max(b - a, 1))
+
+    def _span(self, first: int, stop: int) -> tuple[int, int]:
+        return max(first - self.first, 0), min(stop - self.first, self.ticks)
+
+    def pixels(
+        self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
+    ) -> npt.NDArray[np.uint8]:
+        """Bits of single pixels, (ticks, n) of 0 and 1, from tick `first` on."""
+        picked = np.ascontiguousarray(self.words[:, rows, columns].T).astype("<u4", copy=False)
+        bits = np.unpackbits(picked.view(np.uint8), axis=1, bitorder="little")
+        return np.ascontiguousarray(bits[:, : self.ticks].T)
+
+    def totals(self, every: int = 1) -> Floats:
+        """Spikes in each tick as a share of all pixels, (ticks,); of every n-th row alone."""
+        words = self.words[:, ::every]
+        out = np.zeros(len(words) * WORD)
+        for w, word in enumerate(words):
+            flat = np.ascontiguousarray(word).ravel()
+            for b in range(WORD):
+                out[w * WORD + b] = np.count_nonzero(flat & np.uint32(1 << b))
+        size = max(words.shape[1] * words.shape[2], 1)
+        return out[: self.ticks] / size

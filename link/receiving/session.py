@@ -1,0 +1,233 @@
+"""A transmission that was found, decoded group by group while its words come in.
+
+Stretches of the recording are decoded one after another. Within one the detector stays, and learns
+from what it decided itself as the symbols' phase within the tick moves; from one to the next the
+image's drift and the symbols' timing are measured anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import TRAINING, training
+from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.received import Instant
+from link.receiving.recording import Recording
+from link.receiving.synthesis import choose_witnesses, known_cells, nudge
+from link.receiving.tracking import drift_by_tags
+from link.timing import Registration, Timing
+
+if TYPE_CHECKING:
+    from link.coding import Inbox
+
+__all__ = ["Session"]
+
+Floats = npt.NDArray[np.float64]
+_CHUNK: Final = 40
+"""Symbols that are decoded at a time, about."""
+_KNOWN: Final = 48
+"""Symbols that a detector learns from."""
+_CHECK: Final = 128.0
+"""Ticks after which the timing is looked at again."""
+_WITNESSED: Final = 24
+"""Symbols of a look."""
+_LATE: Final = 0.03
+"""Ticks that the timing may be off before it is changed."""
+_MOVED: Final = 1 / 16
+"""Ticks that the phase may move before the detector learns again."""
+_HELD: Final = 2048
+"""Symbols whose decisions are held."""
+_SAMPLED: Final = 2048
+"""Soft values of a chunk that are kept, and of them all at most."""
+_SAMPLES: Final = 200_000
+_SOUND: Final = 0.5
+"""Share of a chunk's frames that must be right for the receiver to believe its own decisions."""
+
+
+class Session:
+    """Of one transmission."""
+
+    def __init__(
+        self, acquired: Acquired, detector: str, inbox: Inbox, shape: tuple[int, int]
+    ) -> None:
+        self.layout, self.refined = acquired.layout, acquired.refined
+        self.timing, self.levels = acquired.timing, acquired.levels
+        self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
+        self.trained = acquired.trained
+        self.anchor = float(self.timing.start(24, self.rows / 2))
+        """Tick at which the timing is known best."""
+        self.drift: list[Floats] = []
+        self.instants: list[Instant] = []
+        self.delivered_tick: int | None = None
+        self.packed: dict[int, npt.NDArray[np.uint8]] = {}
+        self.soft: list[npt.NDArray[np.float32]] = []
+        self.soft_at: list[npt.NDArray[np.int64]] = []
+        self.quality = np.zeros(self.layout.cells)
+        self.symbols = 0
+        self.lit_stop = acquired.lit[1]
+        self._known: tuple[int, npt.NDArray[np.bool_]] | None = None
+        if acquired.trained is not None:
+            low, high = acquired.trained
+            self._known = low, training(self.layout.cells)[low:high]
+        self._next: int | None = None
+        self._checked = self.anchor
+        self._learned = 0.0
+
+    def symbol_ends(self, symbol: int) -> float:
+        """Tick by which all rows have seen all of a symbol."""
+        return float(np.max(self.timing.start(symbol + 1, np.array([0, self.rows]))))
+
+    def _begins(self, symbol: int) -> float:
+        return float(np.min(self.timing.start(symbol, np.array([0, self.rows]))))
+
+    def _first_group(self, tick: int) -> int:
+        """The first one that begins at or after a tick."""
+        symbol = (tick - self.timing.first + max(0.0, -self.timing.slope)) / self.timing.period
+        return max(0, int(np.ceil((symbol - TRAINING) / self.layout.group)))
+
+    def ready(self, recording: Recording) -> float:
+        """Ticks held that have not been decoded."""
+        if self._next is None:
+            return float(recording.ticks)
+        return recording.stop - self._begins(TRAINING + self._next * self.layout.group)
+
+    def advance(self, recording: Recording) -> None:
+        """Decodes the groups that a recording holds whole, and lets go of what is not needed."""
+        lit = lit_span(recording, self.layout, self.refined.homography)
+        if lit is None:
+            recording.forget(recording.stop)
+            return
+        self.lit_stop = lit[1]
+        drift = drift_by_tags(recording, self.layout, self.refined, lit)
+        self.drift.append(drift)
+        registration = Registration(self.refined.homography, drift, self.refined.blur)
+        if self._next is None:
+            self._next = self._first_group(max(lit[0], recording.first))
+        group, last = self.layout.group, min(lit[1] + 1, recording.stop)
+        many = max(1, _CHUNK // group)
+        detector = self._detector(recording, registration, lit)
+        while True:
+            first = TRAINING + self._next * group
+            count = 0
+            while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last + 0.5:
+                count += 1
+            if not count:
+                break
+            before = self.inbox.frames_seen, self.inbox.frames_right
+            soft = detector.soft(recording.words, recording.first, first, count * group)
+            self._deliver(first, soft)
+            self._next += count
+            seen, right = (
+                a - b for a, b in zip((self.inbox.frames_seen, self.inbox.frames_right), before,
+                                      strict=True)
+            )  # fmt: skip
+            if seen == 0 or right >= _SOUND * seen:
+                self._known = self._keep(first, soft > 0)
+                detector = self._follow(recording, registration, detector, first)
+        if self._known is not None:
+            recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
+
+    def _keep(
+        self, first: int, decided: npt.NDArray[np.bool_]
+    ) -> tuple[int, npt.NDArray[np.bool_]]:
+        part = decided[-_KNOWN:]
+        return first + len(decided) - len(part), part
+
+    def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
+        from link.detect import make_detector
+
+        made = make_detector(
+            self.detector_name, self.layout, registration, self.timing,  # type: ignore[arg-type]
+        )  # fmt: skip
+        if self._known is not None:
+            made.learn(recording.words, recording.first, self._known[1], self._known[0])
+        else:
+            begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
+                                / self.timing.period)) + 1  # fmt: skip
+            stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
+            made.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
+        self._learned = 0.0
+        return made
+
+    def _follow(
+        self, recording: Recording, registration: Registration, detector: Any, first: int
+    ) -> Any:
+        """The detector to go on with, after a chunk whose decisions are known to be right."""
+        assert self._known is not None
+        begin, decided = self._known
+        now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
+        phase = (self.timing.period - round(self.timing.period)) * (begin + len(decided))
+        if now - self._checked >= _CHECK:
+            self._checked = now
+            some = slice(max(len(decided) - _WITNESSED, 0), None)
+            at = begin + some.start
+            w = choose_witnesses(
+                recording, self.layout, registration, self.timing,
+                known_cells(self.layout, at, decided[some]), at,
+            )  # fmt: skip
+            late = nudge(w, self.timing, self.levels) if w is not None else 0.0
+            if abs(late) > _LATE and abs(late) < 0.45:
+                self._retime(late, now)
+                return self._detector(recording, registration, (recording.first, recording.stop))
+        if abs(phase - self._learned) > _MOVED:
+            detector.learn(recording.words, recording.first, decided, begin)
+            self._learned = phase
+        return detector
+
+    def _retime(self, late: float, now: float) -> None:
+        """Symbols at tick `now` are late by so much: the period is another, and the timing stays
+        where it was at its anchor."""
+        t = self.timing
+        span = max(now - self.anchor, _CHECK)
+        symbols = (self.anchor - t.first) / t.period
+        period = t.period * (1 + late / span)
+        self.timing = replace(t, period=period, first=t.first + symbols * (t.period - period))
+
+    def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
+        from link.coding import decode_line
+
+        group = self.layout.group
+        values, quality = decode_line(self.layout.mode.line, soft)
+        for n in range(len(values)):
+            number = (first - TRAINING) // group + n
+            right = self.inbox.put(number, values[n], quality[n])
+            tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1)))
+            self.instants.append(Instant(number, tick, right))
+            if self.inbox.file is not None and self.delivered_tick is None:
+                self.delivered_tick = tick
+        size = np.abs(soft)
+        self.quality += size.sum(0, dtype=np.float64)
+        self.symbols += len(soft)
+        for n, row in enumerate(np.packbits(soft > 0, axis=1)):
+            self.packed[first + n] = row
+        for symbol in list(self.packed)[: max(len(self.packed) - _HELD, 0)]:
+            del self.packed[symbol]
+        if sum(len(part) for part in self.soft) < _SAMPLES:
+            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it meets all symbols
+            picked = np.arange(0, soft.size, stride)
+            symbol, cell = np.divmod(picked, soft.shape[1])
+            self.soft.append(soft.ravel()[picked])
+            self.soft_at.append(np.stack([symbol + first, cell], 1).astype(np.int64))
+
+    def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values of data cells on the panel, (rows, columns)."""
+        out = np.zeros(self.layout.shape, values.dtype)
+        out.ravel()[self.layout.data] = values
+        return out
+
+    @property
+    def all_drift(self) -> Floats:
+        """(n, 3), in order of ticks."""
+        parts = [part for part in self.drift if len(part)]
+        if not parts:
+            return np.zeros((0, 3))
+        joined = np.concatenate(parts)
+        _, first = np.unique(joined[:, 0], return_index=True)
+        return joined[first]
+
+    def timing_now(self) -> Timing:
+        return self.timing

@@ -1,0 +1,241 @@
+"""The timing to hundredths of a tick: known symbols, shown again to pixels that are computed.
+
+A pixel whose charge is put to zero at its spike hides where within a tick a symbol begins: half a
+tick of light may fire or not, by what was left over before. Correlation is then wrong by up to half
+a tick. So the charge of some thousand pixels is computed from the known cells around them, and the
+phase, the light's level and its background are those that make the observed spikes likeliest. What
+a pixel does next is judged from its spikes so far, so that errors do not add up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import PERIOD, TRAINING, Layout, pilots, training
+from link.receiving.recording import Recording
+from link.receiving.refining import project
+from link.timing import Registration, Timing
+
+__all__ = [
+    "Levels", "Witnesses", "fit_timing", "choose_witnesses", "known_cells",
+    "known_pilots", "match", "nudge",
+]
+
+Floats = npt.NDArray[np.float64]
+_BOX: Final = 1 / 12
+"""Variance of a pixel's square, in its sides squared."""
+_PHASES: Final = (-1.0, 1.0, 0.125)
+_ONS: Final = (0.6, 1.0, 1.4, 2.0, 3.0)
+_BACKGROUNDS: Final = (0.02, 0.1, 0.25)
+_NOISE: Final = 0.09
+"""Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
+_FLOOR: Final = 0.02
+"""Least probability of anything: a pixel that the model does not describe has no veto."""
+_FEW: Final = 200
+"""Pixels of the first search."""
+_MIDDLE: Final = 0.5
+"""Of the rows."""
+_SLOPE_ERROR, _PERIOD_ERROR = 0.1, 0.1
+"""Ticks over the rows, and over the time, by which the pilots' plane may be wrong."""
+_LEAST_PIXELS, _LEAST_TICKS = 100, 16
+_RULES: Final = ("residual", "hard", "subtract")
+_SKIP: Final = 4
+"""Ticks until a pixel's charge is known."""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """on, background: thresholds a tick that full light adds, and that is always there. reset: the
+    rule by which the pixels seem to go. likelihood: mean ln P of an observed bit."""
+
+    on: float
+    background: float
+    reset: str
+    likelihood: float
+
+
+@dataclass(frozen=True, eq=False)
+class Witnesses:
+    """Pixels that are computed: rows (n,); light of each symbol from `begin` on, (n, symbols)
+    float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
+
+    rows: Floats
+    light: Floats
+    begin: int
+    bits: npt.NDArray[np.uint8]
+    tick: int
+
+    def some(self, count: int) -> Witnesses:
+        """Evenly chosen ones of them."""
+        pick = slice(None, None, max(1, len(self.rows) // count))
+        return replace(
+            self, rows=self.rows[pick], light=self.light[pick], bits=self.bits[pick]
+        )
+
+
+def known_pilots(layout: Layout, begin: int, count: int) -> npt.NDArray[np.float32]:
+    """What cells show on average where only the pilots are known, (count, rows, columns)."""
+    out = np.full((count, *layout.shape), 0.5, np.float32)
+    out[:, layout.pilot] = pilots()[(begin + np.arange(count)) % PERIOD, None]
+    return out
+
+
+def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """All cells of symbols whose data cells (n, cells) are known, (n, rows, columns)."""
+    out = np.zeros((len(data), *layout.shape), np.bool_)
+    out.reshape(len(data), -1)[:, layout.data] = data
+    out[:, layout.pilot] = pilots()[(begin + np.arange(len(data))) % PERIOD, None]
+    return out
+
+
+def choose_witnesses(
+    recording: Recording, layout: Layout, registration: Registration, timing: Timing,
+    known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, *, count: int = 1500,
+    of_pilots: bool = False, seed: int = 1,
+) -> Witnesses | None:  # fmt: skip
+    """Pixels by chance within the panel, or on its pilots. known: (n, rows, columns) of symbols
+    from `begin` on. None where too few pixels or ticks are there."""
+    mode, h = layout.mode, registration.homography
+    rng = np.random.default_rng(seed)
+    middle = float(timing.start(begin + len(known) / 2, timing.rows / 2))
+    dx, dy = registration.shift(middle)
+    h = np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]]) @ h
+    if of_pilots:
+        row, column = np.nonzero(layout.pilot)
+        pick = rng.permutation(len(row))[: 4 * count]
+        x, y = ((a[pick] + 0.5) * mode.cell - 0.5 for a in (column, row))
+    else:
+        edge = layout.tag
+        x = rng.uniform(mode.width * 0.02, mode.width * 0.98 - 1, 4 * count)
+        y = rng.uniform(edge, mode.height - edge - 1, 4 * count)
+    u, v = (np.rint(a) for a in project(h, x, y))
+    height, width = recording.shape
+    seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+    u, v = u[seen][:count], v[seen][:count]
+    if len(u) < _LEAST_PIXELS:
+        return None
+    late = (timing.start(begin, v), timing.start(begin + len(known), v))
+    low = max(int(np.ceil(late[0].max())) + 2, recording.first)
+    high = min(int(np.floor(late[1].min())) - 2, recording.stop)
+    if high - low < _LEAST_TICKS:
+        return None
+    bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
+    bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
+    light = _light(layout, h, registration.blur, u, v, known)
+    return Witnesses(v, light, begin, bits, low)
+
+
+def _light(
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, known: npt.NDArray[Any]
+) -> Floats:
+    """Share of full light on camera pixels in each symbol, (pixels, n)."""
+    mode = layout.mode
+    scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
+    variance = blur**2 + _BOX * (1 + scale**2)
+    reach = int(np.clip(np.ceil(2.6 * np.sqrt(variance) / scale), 1, 12))
+    near = np.arange(-reach, reach + 1)
+    x0, y0 = project(np.linalg.inv(h), u, v)
+    qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
+    qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
+    cu, cv = project(h, qx, qy)
+    weight = np.exp(-((cu - u[:, None]) ** 2 + (cv - v[:, None]) ** 2) / (2 * variance))
+    weight /= weight.sum(1, keepdims=True)
+    rows, columns = layout.shape
+    row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
+    column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
+    out = np.empty((len(u), len(known)))
+    for n, cells in enumerate(known):
+        out[:, n] = np.sum(weight * cells[row, column], axis=1)
+    return out
+
+
+def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
+    """Mean ln P of the observed bits."""
+    from link.receiving.kernels import likelihood as compiled
+
+    return float(
+        compiled(
+            w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, on, background,
+            _RULES.index(reset), _NOISE, _FLOOR, _SKIP,
+        )
+    )  # fmt: skip
+
+
+def fit_timing(w: Witnesses, timing: Timing) -> tuple[Timing, Levels]:
+    """The timing that makes the spikes likeliest, and the light's levels."""
+    from scipy.optimize import minimize
+
+    few = w.some(_FEW)
+    late = np.arange(_PHASES[0], _PHASES[1], _PHASES[2])
+    tried = [
+        (likelihood(few, _moved(timing, w, float(a), 0, 0), on, _BACKGROUNDS[0], rule),
+         float(a), on, _BACKGROUNDS[0], rule)
+        for rule in _RULES for on in _ONS for a in late
+    ]  # fmt: skip
+    best = max(tried)
+    _, a, on, _, rule = best
+    moved = _moved(timing, w, a, 0, 0)
+    tried = [(likelihood(few, moved, on, b, rule), a, on, b, rule) for b in _BACKGROUNDS]
+    _, a, on, background, rule = max(best, *tried)
+
+    def cost(p: Floats) -> float:
+        if not (abs(p[0]) < 1.5 and abs(p[3]) < 0.5 and abs(p[4]) < 0.5):
+            return 1e3
+        moved = _moved(timing, w, p[0], p[3], p[4])
+        held = (p[3] / _SLOPE_ERROR) ** 2 + (p[4] / _PERIOD_ERROR) ** 2
+        fit = likelihood(w, moved, float(np.exp(p[1])), float(np.exp(p[2])), rule)
+        return held / (2 * w.bits.size) - fit
+
+    start = np.array([a, np.log(on), np.log(background), 0.0, 0.0])
+    simplex = np.vstack([start, start + np.diag([0.05, 0.1, 0.4, 0.04, 0.04])])
+    got = minimize(
+        cost, start, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": 130, "xatol": 2e-3, "fatol": 1e-6},
+    )  # fmt: skip
+    p = [float(value) for value in got.x]
+    levels = Levels(float(np.exp(p[1])), float(np.exp(p[2])), rule, -float(got.fun))
+    return _moved(timing, w, p[0], p[3], p[4]), levels
+
+
+def _moved(timing: Timing, w: Witnesses, late: float, slope: float, stretch: float) -> Timing:
+    """Later by `late` ticks in the middle of the witnesses, by `slope` more over all rows, and by
+    `stretch` more over the witnesses' time."""
+    ticks = w.bits.shape[1]
+    middle = (w.tick + ticks / 2 - timing.first) / timing.period
+    period = timing.period * (1 + stretch / ticks)
+    first = timing.first + late - slope * _MIDDLE + middle * (timing.period - period)
+    return replace(timing, first=first, period=period, slope=timing.slope + slope)
+
+
+def match(w: Witnesses, timing: Timing) -> float:
+    """Correlation of the spikes with the light of the symbols that are said to be known, symbol by
+    symbol: near 0 where they were others."""
+    ticks = np.arange(w.bits.shape[1])
+    at = (w.tick + ticks[None, :] + 0.5 - timing.start(w.begin, w.rows)[:, None]) / timing.period
+    index = np.clip(at.astype(np.intp), 0, w.light.shape[1] - 1)
+    light = np.take_along_axis(w.light, index, axis=1)
+    a = light - light.mean(1, keepdims=True)
+    b = w.bits - w.bits.mean(1, keepdims=True)
+    size = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return float((a * b).sum()) / size if size > 0 else 0.0
+
+
+def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
+    """Ticks by which the symbols are late against a timing that is nearly right."""
+    from scipy.optimize import minimize_scalar
+
+    def cost(late: float) -> float:
+        moved = replace(timing, first=timing.first + late)
+        return -likelihood(w, moved, levels.on, levels.background, levels.reset)
+
+    tried = np.linspace(-0.5, 0.5, 9)
+    best = float(tried[int(np.argmin([cost(late) for late in tried]))])
+    found = minimize_scalar(
+        cost, bounds=(best - 0.125, best + 0.125), method="bounded",
+        options={"xatol": 4e-3, "maxiter": 12},
+    )  # fmt: skip
+    return float(found.x)

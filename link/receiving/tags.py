@@ -1,0 +1,149 @@
+"""Find the panel: its tags in an image of spike rates, what they say, where they stand.
+
+Tags are AprilTags 36h11 (Olson, "AprilTag: a robust and flexible visual fiducial system", ICRA
+2011); OpenCV finds them. Its corners are good to some tenths of a pixel; `refine` then fits the
+whole art of all tags at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import TAG_MODULES, Layout
+from link.mode import Mode
+
+__all__ = ["Found", "art_of", "fit_homography", "find_tags", "tag_places"]
+
+Floats = npt.NDArray[np.float64]
+_ENLARGED: Final = (1.0, 2.0, 3.0)
+"""How often the image is enlarged, in turn, until four tags are found."""
+_LARGEST: Final = 4096
+"""Pixels to the side of an enlarged image."""
+_OFF: Final = 4.0
+"""Camera pixels or modules that a corner may stand off the homography before a tag is doubted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Tags seen: corner of the panel (0 to 3) to (id, camera corners (4, 2))."""
+
+    tags: dict[int, tuple[int, Floats]]
+
+    @property
+    def mode(self) -> Mode | None:
+        """None with fewer than four, or where they are of no mode."""
+        if len(self.tags) < 4:
+            return None
+        a, b, c, d = (self.tags[corner][0] for corner in range(4))
+        try:
+            return Mode.from_tags((a, b, c, d))
+        except ValueError:
+            return None
+
+
+def dictionary() -> Any:
+    """OpenCV's table of 36h11."""
+    import cv2
+
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+
+def find_tags(rates: npt.NDArray[np.float32]) -> Found:
+    """Tags in an image of spike rates, (height, width)."""
+    import cv2
+
+    white = float(np.percentile(rates, 99.5))
+    if white <= 0:
+        return Found({})
+    grey = np.clip(rates * (255.0 / white), 0, 255).astype(np.uint8)
+    best = Found({})
+    for factor in _ENLARGED:
+        if factor > 1 and factor * max(grey.shape) > _LARGEST:
+            break
+        for blur in (0.0, 0.6):
+            image = cv2.GaussianBlur(grey, (0, 0), blur) if blur else grey
+            if factor > 1:
+                image = cv2.resize(
+                    image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC
+                )
+            found = _detect(image, factor)
+            if len(found.tags) > len(best.tags):
+                best = found
+            if best.mode is not None:
+                return best
+    return best
+
+
+def _detect(image: npt.NDArray[Any], factor: float) -> Found:
+    import cv2
+
+    setting = cv2.aruco.DetectorParameters()
+    setting.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    setting.minMarkerPerimeterRate = 0.02
+    setting.adaptiveThreshWinSizeMax = 43
+    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary(), setting).detectMarkers(image)
+    tags: dict[int, tuple[int, Floats]] = {}
+    if ids is None:
+        return Found(tags)
+    sizes: dict[int, float] = {}
+    for corner, number in zip(corners, ids.ravel(), strict=True):
+        # OpenCV counts the middle of a pixel as whole; enlarged by f it stands at f x + (f - 1) / 2
+        at = (corner.reshape(4, 2).astype(np.float64) + 0.5) / factor - 0.5
+        size = float(np.linalg.norm(at - at.mean(0)))
+        which = int(number) % 4
+        if size > sizes.get(which, 0.0):  # the larger one where two claim a corner
+            sizes[which] = size
+            tags[which] = (int(number), at)
+    return Found(tags)
+
+
+def tag_places(layout: Layout) -> list[tuple[int, int]]:
+    """Panel (x, y) of the top left pixel of each tag, margin included."""
+    mode, t = layout.mode, layout.tag
+    return [(0, 0), (mode.width - t, 0), (mode.width - t, mode.height - t), (0, mode.height - t)]
+
+
+def tag_corners(layout: Layout, corner: int) -> Floats:
+    """Panel (x, y) of the corners of a tag's black border, (4, 2), clockwise from top left; edges
+    of pixels, which are half a pixel from their centres."""
+    x, y = tag_places(layout)[corner]
+    low, high = layout.module - 0.5, layout.tag - layout.module - 0.5
+    return np.array(
+        [[x + low, y + low], [x + high, y + low], [x + high, y + high], [x + low, y + high]]
+    )
+
+
+def art_of(tag: int) -> npt.NDArray[np.bool_]:
+    """A tag's modules, margin included, (TAG_MODULES, TAG_MODULES), True white."""
+    import cv2
+
+    out = np.ones((TAG_MODULES, TAG_MODULES), np.bool_)
+    side = TAG_MODULES - 2
+    out[1:-1, 1:-1] = cv2.aruco.generateImageMarker(dictionary(), tag, side) > 0
+    return out
+
+
+def fit_homography(found: Found, layout: Layout) -> tuple[Floats, float] | None:
+    """Homography from panel to camera by the corners of four tags, and the largest distance of a
+    corner from it, camera pixels; None where there is none or the panel is seen from behind."""
+    import cv2
+
+    panel = np.concatenate([tag_corners(layout, corner) for corner in range(4)])
+    camera = np.concatenate([found.tags[corner][1] for corner in range(4)])
+    # corners of tags are better within a tag's size than the four middles are apart: all at once
+    out, _ = cv2.findHomography(panel, camera, 0)
+    if out is None or not np.isfinite(out).all() or abs(out[2, 2]) < 1e-12:
+        return None
+    out = np.asarray(out / out[2, 2], np.float64)
+    x, y, w = out @ np.vstack([panel.T, np.ones(len(panel))])
+    if (w <= 0).any():
+        return None
+    off = float(np.hypot(x / w - camera[:, 0], y / w - camera[:, 1]).max())
+    if np.linalg.det(out[:2, :2] - np.outer(out[:2, 2], out[2, :2])) <= 0:
+        return None
+    size = float(np.linalg.norm(camera[2] - camera[0])) / (TAG_MODULES - 2)
+    return (out, off) if off <= max(_OFF, size) else None

@@ -1,0 +1,47 @@
+"""How far the image has moved, from the tags, word by word: 32 ticks at a time."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import WORD
+from link.layout import Layout
+from link.receiving.recording import Recording
+from link.receiving.refining import Refined, TagArt, shift_of
+
+__all__ = ["drift_by_tags"]
+
+Floats = npt.NDArray[np.float64]
+_REAL: Final = 3.0
+"""Standard errors that the image's shifts scatter at least, or it is said to stand still."""
+
+
+def drift_by_tags(
+    recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int]
+) -> Floats:
+    """(tick, dx, dy) rows, (n, 3), camera pixels against the refined homography; no rows where the
+    image stands still as far as can be told."""
+    tags = TagArt(layout)
+    low = -(-max(lit[0] - recording.first, 0) // WORD)
+    high = min(lit[1] - recording.first, recording.ticks) // WORD
+    out: list[tuple[float, float, float]] = []
+    errors: list[float] = []
+    at = (0.0, 0.0)
+    for w in range(low, high):
+        rates = np.bitwise_count(recording.words[w]).astype(np.float32) / np.float32(WORD)
+        found = shift_of(rates, refined, tags, at)
+        if found is None:
+            continue
+        at, error = found
+        out.append((recording.first + (w + 0.5) * WORD, *at))
+        errors.append(error)
+    if len(out) < 2:
+        return np.zeros((0, 3))
+    drift = np.array(out)
+    spread = float(np.sqrt(np.mean(np.var(drift[:, 1:], axis=0))))
+    if spread < _REAL * float(np.mean(errors)):
+        return np.zeros((0, 3))
+    return drift

@@ -1,0 +1,36 @@
+"""A transmission as a spike stream, which files and panels take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim import Clock
+from cosim.viform import WORD, Words
+from link.sending.transmission import Transmission
+
+__all__ = ["PlaneStream"]
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneStream:
+    """The planes of `sent` at `clock`: plane p is cycle p, panel pixels are pixels."""
+
+    sent: Transmission
+    clock: Clock
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the panel."""
+        return self.sent.mode.height, self.sent.mode.width
+
+    @property
+    def cycles(self) -> int:
+        """Planes."""
+        return self.sent.planes
+
+    def read_words(self, first: int, stop: int) -> Words:
+        """As `SpikeStream` says."""
+        count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
+        return np.ascontiguousarray(self.sent.words(first * WORD, count))

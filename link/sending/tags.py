@@ -1,0 +1,40 @@
+"""The four AprilTags in the panel's corners: where the panel is, and what mode it is in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import TAG_MODULES, Layout
+
+__all__ = ["Tag", "draw_tags"]
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """number: of the family 36h11. place: rows and columns of panel pixels that it covers. bright:
+    those of them that are on, its margin of one module with them, (side, side)."""
+
+    number: int
+    place: tuple[slice, slice]
+    bright: npt.NDArray[np.bool_]
+
+
+def draw_tags(layout: Layout) -> tuple[Tag, ...]:
+    """At top left, top right, bottom right, bottom left; lit alike in every plane. The family is
+    that of Olson, ICRA 2011, and Wang & Olson, IROS 2016."""
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    side, black = layout.tag, (TAG_MODULES - 2) * layout.module
+    down, right = layout.mode.height - side, layout.mode.width - side
+    tags = []
+    for number, (top, left) in zip(
+        layout.mode.tags, ((0, 0), (0, right), (down, right), (down, 0)), strict=True
+    ):
+        marker = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, black)) > 127
+        bright = np.pad(marker, layout.module, constant_values=True)
+        tags.append(Tag(number, (slice(top, top + side), slice(left, left + side)), bright))
+    return tuple(tags)

@@ -1,0 +1,151 @@
+"""A file as what a panel shows: symbols on cells, cells and tags on pixels, pixels in words."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.viform import WORD, Words, words_for
+from link.coding import Outbox, encode_line
+from link.layout import PERIOD, TRAINING, Layout, pilots, training
+from link.mode import Mode
+from link.sending.tags import Tag, draw_tags
+
+__all__ = ["Transmission"]
+
+_Bits = npt.NDArray[np.bool_]
+T = TypeVar("T", np.bool_, np.uint32)
+
+
+class Transmission:
+    """Training, then groups that carry the file.
+
+    most_symbols: what does not fit into so many symbols is cut off. interleave, overhead: as
+    `Outbox` has them. Raises ValueError for a mode or a file that cannot be sent.
+    """
+
+    def __init__(
+        self, mode: Mode, data: bytes, name: str, *, interleave: bool = True,
+        overhead: float = 0.05, most_symbols: int | None = None,
+    ) -> None:  # fmt: skip
+        if most_symbols is not None and most_symbols < 1:
+            raise ValueError(f"most_symbols must be 1 or more, not {most_symbols}")
+        self.mode, self.layout = mode, Layout(mode)
+        self.outbox = Outbox(data, name, self.layout, interleave=interleave, overhead=overhead)
+        whole = TRAINING + self.outbox.groups * self.layout.group
+        self.symbols = whole if most_symbols is None else min(whole, most_symbols)
+        """Symbols in all, training with them."""
+        self._disparities: list[npt.NDArray[np.uint8]] = []
+        self._group: tuple[int, _Bits] | None = None
+
+    @property
+    def ticks(self) -> int:
+        """Planes to a symbol."""
+        return self.mode.ticks
+
+    @property
+    def planes(self) -> int:
+        """Planes in all."""
+        return self.symbols * self.mode.ticks
+
+    @property
+    def groups(self) -> int:
+        """Groups that are shown whole."""
+        return max(self.symbols - TRAINING, 0) // self.layout.group
+
+    @property
+    def sent_whole(self) -> bool:
+        """Whether at least as many frames are shown as the file fills; False where most_symbols
+        cuts it."""
+        return self.outbox.frames_by(self.groups) >= self.outbox.frames_needed
+
+    @cached_property
+    def _training(self) -> _Bits:
+        return training(self.layout.cells)
+
+    @cached_property
+    def _tags(self) -> tuple[Tag, ...]:
+        return draw_tags(self.layout)
+
+    @cached_property
+    def _pilots(self) -> tuple[npt.NDArray[np.intp], _Bits]:
+        return np.flatnonzero(self.layout.pilot), pilots()
+
+    def _line(self, group: int) -> _Bits:
+        """What the data cells show in a group, (symbols, cells)."""
+        if self._group is None or self._group[0] != group:
+            line, cells = self.mode.line, self.layout.cells
+            if not self._disparities:
+                self._disparities.append(np.packbits(np.zeros(cells, np.bool_)))
+            for n in range(len(self._disparities) - 1, group + 1):
+                state = np.unpackbits(self._disparities[n], count=cells).view(np.bool_)
+                shown = encode_line(line, self.outbox.values(n)[None], state)
+                if n + 1 == len(self._disparities):
+                    self._disparities.append(np.packbits(state))
+                self._group = n, shown
+            if self._group is None or self._group[0] != group:
+                state = np.unpackbits(self._disparities[group], count=cells).view(np.bool_)
+                self._group = group, encode_line(line, self.outbox.values(group)[None], state)
+        return self._group[1]
+
+    def _check(self, first: int, count: int) -> None:
+        if min(first, count) < 0 or first + count > self.symbols:
+            raise ValueError(
+                f"symbols must be within 0 to {self.symbols}, not {first} to {first + count}"
+            )
+
+    def bits(self, first: int, count: int) -> _Bits:
+        """What the data cells show in symbols `first` on, (count, cells)."""
+        self._check(first, count)
+        out = np.empty((count, self.layout.cells), np.bool_)
+        for n in range(count):
+            group, within = divmod(first + n - TRAINING, self.layout.group)
+            out[n] = self._line(group)[within] if group >= 0 else self._training[first + n]
+        return out
+
+    def cells(self, first: int, count: int) -> _Bits:
+        """What all cells show, (count, rows, columns); those that tags cover are off."""
+        rows, columns = self.layout.shape
+        out = np.zeros((count, rows * columns), np.bool_)
+        out[:, self.layout.data] = self.bits(first, count)
+        at, known = self._pilots
+        out[:, at] = known[np.arange(first, first + count) % PERIOD, None]
+        return out.reshape(count, rows, columns)
+
+    def pixels(self, symbol: int) -> _Bits:
+        """What the panel's pixels show in every plane of a symbol, (height, width)."""
+        return self._spread(self.cells(symbol, 1)[0], np.bool_(True))
+
+    def words(self, first_plane: int, planes: int) -> Words:
+        """Planes `first_plane` on as words, (ceil(planes / 32), height, width) uint32; after the
+        last plane the panel is dark."""
+        if first_plane < 0 or planes < 0:
+            raise ValueError(f"planes must be 0 or more, not {first_plane}, {planes}")
+        out = np.empty((words_for(planes), self.mode.height, self.mode.width), np.uint32)
+        stop = min(first_plane + planes, self.planes)
+        for n in range(len(out)):
+            low = first_plane + n * WORD
+            high = max(min(low + WORD, stop), low)
+            lit = np.zeros(self.layout.shape, np.uint32)
+            for symbol in range(low // self.ticks, -(-high // self.ticks) if high > low else 0):
+                begin = max(symbol * self.ticks, low) - low
+                end = min((symbol + 1) * self.ticks, high) - low
+                mask = np.uint32((1 << end) - (1 << begin))
+                lit |= np.where(self.cells(symbol, 1)[0], mask, np.uint32(0))
+            out[n] = self._spread(lit, np.uint32((1 << (high - low)) - 1))
+        return out
+
+    def _spread(self, cells: npt.NDArray[T], on: T) -> npt.NDArray[T]:
+        """Cells on their pixels, and `on` where tags are bright."""
+        side, (rows, columns) = self.mode.cell, self.layout.shape
+        out = np.zeros((self.mode.height, self.mode.width), cells.dtype)
+        area = out[: rows * side, : columns * side]
+        for row in range(side):
+            for column in range(side):
+                area[row::side, column::side] = cells
+        for tag in self._tags:
+            out[tag.place] = np.where(tag.bright, on, np.zeros((), cells.dtype))
+        return out
