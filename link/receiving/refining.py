@@ -188,15 +188,22 @@ def refine_homography(
 
 def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
     """The one of which a function of the blurred art alone explains the rates best."""
-    best, least = _FIRST_BLUR, np.inf
+    left: list[float] = []
     for blur in _BLURS:
-        left = 0.0
+        total = 0.0
         for patch in patches:
             light, rate = patch.blurred(blur)[patch.use], patch.of(rates)[patch.use]
-            left += float(np.sum((rate - _shown(light, _curve(light, rate))) ** 2))
-        if left < least:
-            best, least = blur, left
-    return best
+            total += float(np.sum((rate - _shown(light, _curve(light, rate))) ** 2))
+        left.append(total)
+        if total > 1.5 * min(left):
+            break
+    at = int(np.argmin(left))
+    if not 0 < at < len(left) - 1:
+        return _BLURS[at]
+    x, y = np.log(_BLURS[at - 1 : at + 2]), np.array(left[at - 1 : at + 2])
+    bend, tilt, _ = np.polyfit(x - x[1], y, 2)
+    step = -tilt / (2 * bend) if bend > 0 else 0.0
+    return float(np.exp(np.clip(x[1] + step, x[0], x[2])))
 
 
 def _step(
