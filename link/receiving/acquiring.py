@@ -200,9 +200,7 @@ def _time(
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
     known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)
-    w = choose_witnesses(
-        recording, layout, registration, begun, known_part, begin, of_pilots=True
-    )
+    w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
     if w is None:
         return None
     timing, levels = fit_timing(w, begun)

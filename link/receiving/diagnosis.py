@@ -147,9 +147,7 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
     where = _missing_places(e, missing)
     height, width = recording.shape
     outside = [
-        corner
-        for corner, (x, y) in where.items()
-        if not (0 <= x < width and 0 <= y < height)
+        corner for corner, (x, y) in where.items() if not (0 <= x < width and 0 <= y < height)
     ]
     told = " and ".join(names[corner] for corner in missing)
     if outside:
@@ -160,8 +158,8 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
         )
     return Verdict(
         Cause.OCCLUDED,
-        f"{len(seen)} of 4 tags are in view; that at the {told} is hidden or unreadable, though its "
-        "place is within the image; clear the line of sight",
+        f"{len(seen)} of 4 tags are in view; that at the {told} is hidden or unreadable, though "
+        "its place is within the image; clear the line of sight",
     )
 
 
@@ -210,22 +208,23 @@ def _sharpness(rates: npt.NDArray[np.float32]) -> float:
 
 def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     totals = recording.totals(2)
-    nominal, ppm, score = global_clock(totals, TICKS, 2000.0, 500.0)
+    _, _, score = global_clock(totals, TICKS, 2000.0, 500.0)
     sends = score >= _SEEN
     lit = e.rates > 0.5 * e.most
     rows, columns = np.flatnonzero(lit.any(1)), np.flatnonzero(lit.any(0))
-    height, width = recording.shape
     sharp = _sharpness(e.rates)
     at_edge = (
         lit[0].mean() > 0.2 or lit[-1].mean() > 0.2
         or lit[:, 0].mean() > 0.2 or lit[:, -1].mean() > 0.2
     )  # fmt: skip
-    figure = f"the pilots' peak is {score:.1f} standard deviations high" if sends else (
-        f"no pilots show (peak {score:.1f} standard deviations)"
+    figure = (
+        f"the pilots' peak is {score:.1f} standard deviations high"
+        if sends
+        else (f"no pilots show (peak {score:.1f} standard deviations)")
     )
     if len(rows) and len(columns):
         figure += f", light stands on {lit.mean():.0%} of the image"
-    blob = not at_edge and _BLOB < lit.mean() and e.most > 0.05
+    blob = not at_edge and lit.mean() > _BLOB and e.most > 0.05
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
@@ -242,8 +241,8 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     if e.most < 0.1:
         return Verdict(
             Cause.DIM,
-            f"no tag is readable and the brightest pixels fire {e.most:.2g} times a tick ({figure});"
-            " open the lens or lower the threshold",
+            f"no tag is readable and the brightest pixels fire {e.most:.2g} times a tick "
+            f"({figure}); open the lens or lower the threshold",
         )
     return Verdict(
         Cause.OUT_OF_VIEW,
@@ -251,9 +250,7 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def explain_loss(
-    session: Session, evidence: Evidence, recording_stop: int
-) -> Verdict:
+def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> Verdict:
     """Of a transmission that was found, but did not arrive whole."""
     inbox, refined, layout = session.inbox, session.refined, session.layout
     needed, right = inbox.frames_needed, inbox.frames_right

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 import numpy as np
+from numba import njit
 
 __all__ = ["likelihood"]
 
@@ -13,9 +13,11 @@ _ROOT = 1 / math.sqrt(2)
 
 
 @njit(cache=True)
-def likelihood(bits, light, start, tick, period, on, background, rule, noise, floor, skip):  # type: ignore[no-untyped-def]  # noqa: E501
-    """ln P of observed bits of each pixel, (n,), of bits (n, ticks) uint8 of pixels whose light in each symbol is (n,
-    symbols) float64; start (n,): tick at which symbol 0 begins for each.
+def likelihood(  # type: ignore[no-untyped-def]
+    bits, light, start, tick, period, on, background, rule, noise, floor, skip
+):
+    """ln P of observed bits of each pixel, (n,), of bits (n, ticks) uint8 of pixels whose
+    light in each symbol is (n, symbols) float64; start (n,): tick at which symbol 0 begins for each.
     rule: of the reset, 0 residual, 1 hard, 2 subtract."""
     count, ticks = bits.shape
     symbols = light.shape[1]

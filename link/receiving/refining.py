@@ -10,7 +10,7 @@ of a pixel where the art is not the same on both sides; with g free they are som
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -75,7 +75,9 @@ class Refined:
     black: float
 
 
-def project(homography: Floats, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Floats, Floats]:
+def project(
+    homography: npt.NDArray[Any], x: npt.ArrayLike, y: npt.ArrayLike
+) -> tuple[Floats, Floats]:
     """Points through a homography."""
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     h = homography
@@ -137,12 +139,12 @@ def _curve(light: Floats, rate: Floats) -> Floats:
     bend = np.diff(np.eye(knots), 2, axis=0)
     stiff = 1e-3 * len(light) / knots
     left = hats.T @ hats + stiff * bend.T @ bend + 1e-9 * np.eye(knots)
-    return np.linalg.solve(left, hats.T @ rate)
+    return np.asarray(np.linalg.solve(left, hats.T @ rate), np.float64)
 
 
 def _shown(light: Floats, curve: Floats) -> Floats:
     """g of an image of light."""
-    return np.interp(light, np.linspace(0, 1, len(curve)), curve)
+    return np.asarray(np.interp(light, np.linspace(0, 1, len(curve)), curve))
 
 
 def refine_homography(

@@ -15,15 +15,22 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import PERIOD, TRAINING, Layout, pilots, training
+from link.layout import PERIOD, Layout, pilots
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
 
 __all__ = [
-    "Levels", "Witnesses", "fit_timing", "choose_witnesses", "known_cells",
-    "known_pilots", "light_on",
-    "likelihoods", "match", "nudge",
+    "Levels",
+    "Witnesses",
+    "choose_witnesses",
+    "fit_timing",
+    "known_cells",
+    "known_pilots",
+    "light_on",
+    "likelihoods",
+    "match",
+    "nudge",
 ]
 
 Floats = npt.NDArray[np.float64]
@@ -59,8 +66,8 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class Witnesses:
-    """Pixels that are computed: rows and columns (n,); light of each symbol from `begin` on, (n, symbols)
-    float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
+    """Pixels that are computed: rows and columns (n,); light of each symbol from `begin` on, (n,
+    symbols) float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
 
     rows: Floats
     columns: Floats
@@ -73,7 +80,11 @@ class Witnesses:
         """Evenly chosen ones of them."""
         pick = slice(None, None, max(1, len(self.rows) // count))
         return replace(
-            self, rows=self.rows[pick], columns=self.columns[pick], light=self.light[pick], bits=self.bits[pick]
+            self,
+            rows=self.rows[pick],
+            columns=self.columns[pick],
+            light=self.light[pick],
+            bits=self.bits[pick],
         )
 
 
@@ -162,8 +173,8 @@ def _taps(
 
 
 def _overlap(distance: Floats, blur: float, side: float) -> Floats:
-    """Light along one axis between a camera pixel and a panel pixel of `side` at a distance, through
-    a Gaussian blur: a box of 1, one of `side` and the Gaussian, convolved."""
+    """Light along one axis between a camera pixel and a panel pixel of `side` at a distance,
+    through a Gaussian blur: a box of 1, one of `side` and the Gaussian, convolved."""
     from scipy.special import ndtr
 
     value = np.zeros_like(distance)

@@ -25,9 +25,7 @@ def link_receive(
         typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, or a run's folder"),
     ],
     out: Annotated[Path, typer.Option(help="folder to write to; the file goes to received/")],
-    detector: Annotated[
-        str, typer.Option(help="joint, threshold or forward-backward")
-    ] = "joint",
+    detector: Annotated[str, typer.Option(help="joint, threshold or forward-backward")] = "joint",
     interleave: Annotated[
         bool, typer.Option("--interleave/--no-interleave", help="as the sender had it")
     ] = True,
@@ -36,7 +34,7 @@ def link_receive(
 ) -> None:
     """Receive a file from a stream in which a camera saw a panel send it.
 
-    The file is written only when it is whole; else the verdict says why not, and the exit code is 1.
+    The file is written only when it is whole; else the verdict says why not, and the exit is 1.
     """
     from cosim import InputError, Viform
     from cosim.files import notes_of
