@@ -2,7 +2,7 @@
 
 from link.coding.blocks import Blocks
 from link.coding.crc import crc16_ibm_3740, crc16_kermit, crc32_iso_hdlc, crc32c, crc64_xz
-from link.coding.fountain import Delivered
+from link.coding.fountain import MOST_BYTES, Delivered
 from link.coding.inbox import Inbox
 from link.coding.line_codes import decode_line, encode_line, run_limit
 from link.coding.names import safe_name
@@ -10,6 +10,7 @@ from link.coding.outbox import Outbox
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 
 __all__ = [
+    "MOST_BYTES",
     "WORD_BYTES",
     "Blocks",
     "Delivered",

@@ -41,7 +41,7 @@ class Blocks:
 
     def __post_init__(self) -> None:
         if self.group_bytes < 1:
-            raise ValueError(f"the panel has {self.layout.cells} data cells: too few for a byte")
+            raise ValueError(f"data cells must be 8 or more, not {self.layout.cells}")
 
     @cached_property
     def group_bytes(self) -> int:
