@@ -133,7 +133,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     seen = look_at(scenario, setting, lens, cycles)
     display = look_through(scenario, setting, white, instants, cycles)[0]
     tiers: list[Tier] = ["exact"]
-    if device is not None and setting.reset == "residual":
+    if device is not None:
         tiers.append("fast")
     ladder = [
         (tier, tolerances, plan)

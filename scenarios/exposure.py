@@ -7,7 +7,7 @@ import math
 
 from cosim import Clock, InputError
 from cosim.lens import FASTEST_F_NUMBER, Lens
-from scenarios.schema import Scenario, SensorSection
+from scenarios.schema import LinkScenario, Scenario, SensorSection
 from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electrons
 from sensor.stiff import Circuit, Lumped
 
@@ -100,7 +100,7 @@ def _circuit(
     return circuit, lumped
 
 
-def camera_setting(scenario: Scenario) -> CameraSetting:
+def camera_setting(scenario: Scenario | LinkScenario) -> CameraSetting:
     """The chip as the scenario runs it."""
     section, device = scenario.sensor, scenario.sensor.pattern
     clock = Clock.from_hz(section.clock)

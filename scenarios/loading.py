@@ -11,9 +11,9 @@ from typing import Any
 import tomli_w
 
 from cosim import InputError
-from scenarios.schema import Scenario, validate
+from scenarios.schema import LinkScenario, Scenario, validate
 
-__all__ = ["FRONT", "load", "shipped", "to_toml"]
+__all__ = ["FRONT", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs when none is named."""
@@ -91,40 +91,71 @@ def _set(data: dict[str, Any], assignment: str) -> None:
     node[names[-1]] = _value(text)
 
 
+_PATHS = (("scene", "path"), ("link", "file"))
+"""Sections and their keys that name a file."""
+
+
+def _absolute(scenario: Scenario | LinkScenario) -> Scenario | LinkScenario:
+    """The scenario with its file's place written out."""
+    for section, key in _PATHS:
+        inner = getattr(scenario, section, None)
+        path = getattr(inner, key, None)
+        if inner is None or path is None:
+            continue
+        try:
+            place = str(Path(path).resolve())
+            place.encode()  # it is written into the run's scenario.toml
+        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle, bytes not UTF-8
+            raise InputError(
+                f"{section}.{key}", "a file's name", f"{path!r} ({exc})", "check it"
+            ) from exc
+        scenario = scenario.model_copy(update={section: inner.model_copy(update={key: place})})
+    return scenario
+
+
 def load(
     name: str,
     assignments: list[str] | None = None,
     *,
     tolerance: float | None = None,
     seed: int | None = None,
-) -> tuple[str, Scenario]:
+) -> tuple[str, Scenario | LinkScenario]:
     """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
     the file in TOML; the scenario returned holds absolute ones."""
     short, data, folder = _read(name)
-    scene = data.get("scene")
-    if folder is not None and isinstance(scene, dict) and isinstance(scene.get("path"), str):
-        scene["path"] = str(folder / scene["path"])
+    for section, key in _PATHS if folder is not None else ():
+        inner = data.get(section)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str(folder / inner[key])  # type: ignore[operator]
     for assignment in assignments or []:
         _set(data, assignment)
     if tolerance is not None:
         data["tolerance"] = tolerance
     if seed is not None:
         data["seed"] = seed
-    scenario = validate(data)
-    path = getattr(scenario.scene, "path", None)
-    if path is not None:
-        try:
-            place = str(Path(path).resolve())
-            place.encode()  # it is written into the run's scenario.toml
-        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle, bytes not UTF-8
-            raise InputError(
-                "scene.path", "a file's name", f"{path!r} ({exc})", "check it"
-            ) from exc
-        absolute = scenario.scene.model_copy(update={"path": place})
-        scenario = scenario.model_copy(update={"scene": absolute})
-    return short, scenario
+    return short, _absolute(validate(data))
 
 
-def to_toml(scenario: Scenario) -> str:
+def filmed(scenario: Scenario | LinkScenario, command: str) -> Scenario:
+    """The scenario of a command that films a scene; raises InputError for one of a link."""
+    if isinstance(scenario, LinkScenario):
+        raise InputError(
+            "the scenario", f"one with a [scene] for `viform {command}`", "one of a link",
+            "see `viform list`",
+        )  # fmt: skip
+    return scenario
+
+
+def linked(scenario: Scenario | LinkScenario, command: str) -> LinkScenario:
+    """The scenario of a command of a link; raises InputError for one with a scene."""
+    if isinstance(scenario, Scenario):
+        raise InputError(
+            "the scenario", f"one with a [link] for `viform {command}`", "one with a [scene]",
+            "name light-link, or a file with a [link]",
+        )  # fmt: skip
+    return scenario
+
+
+def to_toml(scenario: Scenario | LinkScenario) -> str:
     """The scenario complete with every default, as TOML that `load` reads back."""
     return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))

@@ -9,7 +9,9 @@ block that is being run: however a run is split, every cycle gets the same integ
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,13 @@ __all__ = ["Exposure"]
 # Products of int64 with a float64 share lose the last bits of very large charges; shrinking the
 # slope by this much keeps a ramp that ends in the dark from passing below zero.
 _SHRINK = 1 - 2.0**-50
+_BAND: Final = 1 << 14
+"""Pixels of the rows that are worked on at a time: what lies between their light and their charge
+stays in a core's cache."""
+_HELD: Final = 4
+"""Planes whose charges are kept."""
+_LARGE: Final = 1 << 16
+"""Pixels from which on sums are worth compiling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +70,12 @@ class Exposure:
         self._pattern = (
             None if pattern is None else (pattern.gain, pattern.dark * float(clock.period))
         )
-        self._levels: list[tuple[Plane, Charge]] = []
+        self._levels: list[tuple[Plane, Charge, bool]] = []
         self._courses: list[_Course] = []
 
     def _level(self, plane: Plane, piece: Piece) -> Charge:
         """Charge a cycle at a steady `plane`, each plane computed once."""
-        for known, charge in self._levels:
+        for known, charge, _ in self._levels:
             if known is plane:
                 return charge
         box = piece.changed
@@ -77,7 +86,8 @@ class Exposure:
             charge = charge.ravel()
         else:
             charge = self._fixed(plane, (0, plane.shape[0], 0, plane.shape[1])).ravel()
-        self._levels = [*self._levels[-3:], (plane, charge)]
+        held = bool(charge.max(initial=0) >= LARGEST * ONE)
+        self._levels = [*self._levels[1 - _HELD :], (plane, charge, held)]
         return charge
 
     def _electrons(self, plane: Plane, box: Box) -> npt.NDArray[np.float64]:
@@ -95,7 +105,22 @@ class Exposure:
 
     def _fixed(self, plane: Plane, box: Box) -> Charge:
         """The same as charge, held at LARGEST."""
-        return to_fixed(self._electrons(plane, box))
+        y0, y1, x0, x1 = box
+        charge = np.empty((y1 - y0, x1 - x0), np.int64)
+        if charge.size >= _LARGE and plane.dtype == np.float32:
+            from sensor.exposure_compiled import fix_level
+
+            gain, dark = (np.zeros(1),) * 2 if self._pattern is None else self._pattern
+            shape = plane.shape if self._pattern is not None else (1, 1)
+            if not fix_level(
+                charge, plane, box, self._per_cycle, gain.reshape(shape), dark.reshape(shape),
+                self._pattern is not None,
+            ):  # fmt: skip
+                raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
+            return charge
+        for top, end in _bands(y0, y1, x1 - x0):
+            charge[top - y0 : end - y0] = to_fixed(self._electrons(plane, (top, end, x0, x1)))
+        return charge
 
     def _course(self, piece: Piece) -> _Course:
         for course in self._courses:
@@ -156,33 +181,79 @@ class Exposure:
         if box is None:
             return base
         y0, y1, x0, x1 = box
-        within = base.reshape(light.shape)[y0:y1, x0:x1]
-        rows = self._rows(y0, y1)
-        total: npt.NDArray[np.float64] = np.zeros(within.shape)
+        parts = [self._part(piece, start, stop, self._rows(y0, y1)) for piece in met]
+        levels = None
+        if len({id(p) for piece in met for p in (piece.first, piece.last)}) <= _HELD:
+            levels = [(self._level(p.first, p), self._level(p.last, p)) for p in met]
+        charge = base.copy()
+        large = (y1 - y0) * (x1 - x0) >= _LARGE
+        if large and levels is not None and not any(held for *_, held in self._levels):
+            from sensor.exposure_compiled import add_parts
+
+            add_parts(
+                charge.reshape(light.shape),
+                tuple(first.reshape(light.shape) for first, _ in levels),
+                tuple(last.reshape(light.shape) for _, last in levels),
+                np.stack([share.ravel() for share, _ in parts]),
+                np.stack([part.ravel() for _, part in parts]),
+                box,
+            )
+            return charge
+        for top, end in _bands(y0, y1, x1 - x0):
+            rows = slice(None) if self._offsets.size == 1 else slice(top - y0, end - y0)
+            some = [(share[rows], part[rows]) for share, part in parts]
+            self._sum(charge.reshape(light.shape), met, some, levels, (top, end, x0, x1))
+        return charge
+
+    @staticmethod
+    def _part(
+        piece: Piece, start: int, stop: int, rows: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """The share that a piece has of the time between two edges, and how far into the piece the
+        middle of that share lies, of each row."""
+        a, b = np.maximum(start + rows, piece.start), np.minimum(stop + rows, piece.stop)
+        share = np.maximum(b - a, 0) / (stop - start)
+        # Its length may be near 2^62.
+        return share, ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
+
+    def _sum(
+        self,
+        charge: Charge,
+        met: list[Piece],
+        parts: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+        levels: list[tuple[Charge, Charge]] | None,
+        box: Box,
+    ) -> None:
+        """Adds to `charge` (H, W), which holds the first level, the changes of the pieces within a
+        box. parts: of its rows. levels: of the pieces, made here unless given."""
+        y0, y1, x0, x1 = box
+        sums = charge[y0:y1, x0:x1]
+        total: npt.NDArray[np.float64] | float = 0.0
         # A flash may be far brighter than a whole cycle's light can be: it is held at nothing
         # before its share of the cycle is taken.
-        beyond: npt.NDArray[np.float64] = np.zeros(within.shape)
-        for piece in met:
-            a = np.maximum(start + rows, piece.start)
-            b = np.minimum(stop + rows, piece.stop)
-            share = np.maximum(b - a, 0) / (stop - start)
-            # Halfway through the piece's part in the cycle; its length may be near 2^62.
-            part = ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
-            first, last = (
-                self._level(plane, piece).reshape(light.shape)[y0:y1, x0:x1]
-                for plane in (piece.first, piece.last)
-            )
-            total += ((first - within) + (last - first) * part) * share
+        beyond: npt.NDArray[np.float64] | float = 0.0
+        for n, (piece, (share, part)) in enumerate(zip(met, parts, strict=True)):
+            if not share.any():
+                continue
+            if levels is None:
+                first = self._fixed(piece.first, box)
+                last = first if piece.constant else self._fixed(piece.last, box)
+            else:
+                first, last = (c.reshape(charge.shape)[y0:y1, x0:x1] for c in levels[n])
             more = self._excess(piece.first, first, box)
-            beyond += (more + (self._excess(piece.last, last, box) - more) * part) * share
-        charge = base.copy()
-        sums = charge.reshape(light.shape)[y0:y1, x0:x1]
+            if piece.constant:
+                if n > 0:
+                    total = total + (first - sums) * share
+                beyond = beyond + more * share
+                continue
+            total = total + ((first - sums) + (last - first) * part) * share
+            beyond = beyond + (more + (self._excess(piece.last, last, box) - more) * part) * share
         sums += np.rint(total).astype(np.int64)
-        lit = beyond > 0
+        lit = np.broadcast_to(beyond > 0, sums.shape)
         if lit.any():
-            held = np.minimum(sums[lit] + np.rint(beyond[lit]), LARGEST * ONE)
+            over = np.broadcast_to(beyond, sums.shape)
+            held = np.minimum(sums[lit] + np.rint(over[lit]), LARGEST * ONE)
             sums[lit] = held.astype(np.int64)
-        return charge
 
     def _excess(self, plane: Plane, charge: Charge, box: Box) -> npt.NDArray[np.float64] | float:
         """What a steady plane brings in a cycle beyond LARGEST, at which its charge is held."""
@@ -195,7 +266,11 @@ class Exposure:
 
         Raises ValueError when the light does not cover them.
         """
-        clock, spans, c, stop = self._clock, [], start, start + cycles
+        return list(self.each(light, start, cycles))
+
+    def each(self, light: Light, start: int, cycles: int) -> Iterator[Span]:
+        """The same one by one, so that the charges of few are held at a time."""
+        clock, c, stop = self._clock, start, start + cycles
         begin, end = max(clock.edge(start) + self._earliest, 0), clock.edge(stop) + self._latest
         if light.pieces[0].start > begin or light.pieces[-1].stop < end:
             raise ValueError(
@@ -206,14 +281,20 @@ class Exposure:
             begin, end = clock.edge(c) + self._earliest, clock.edge(c + 1) + self._latest
             piece = next(p for p in light.pieces if p.stop > begin)
             if begin < piece.start or end > piece.stop:
-                spans.append(Span(c - start, 1, self._meeting(light, c)))
+                yield Span(c - start, 1, self._meeting(light, c))
                 c += 1
                 continue
             course = self._course(piece)
             until = min(course.stop, stop)
-            spans.append(Span(c - start, until - c, course.charge, course.slope, c - course.origin))
+            yield Span(c - start, until - c, course.charge, course.slope, c - course.origin)
             c = until
-        return spans
+
+
+def _bands(first: int, stop: int, width: int) -> Iterator[tuple[int, int]]:
+    """Rows first to stop a few at a time."""
+    step = max(_BAND // max(width, 1), 1)
+    for top in range(first, stop, step):
+        yield top, min(top + step, stop)
 
 
 def _changing(pieces: list[Piece]) -> Box | None:

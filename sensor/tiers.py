@@ -63,7 +63,7 @@ class _Exact:
         self._pixels = make_pixels(self._model, numbers, device)
 
     def expose(self, light: Light, start: int, cycles: int) -> Words:
-        return self._pixels.expose(self._exposure.spans(light, start, cycles), cycles)
+        return self._pixels.expose(self._exposure.each(light, start, cycles), cycles)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the running interval's own threshold. That of the first interval is

@@ -100,8 +100,8 @@ def _project(padded, wide, high, inverse, dx, dy, tables, regions, phases, count
                 continue
             total = np.float32(0)
             for _ in range(count):
-                for m in range(count):
-                    total += tables[w + np.uint64(m)] * padded[k + np.uint64(m)]
+                for tap in range(count):
+                    total += tables[w + np.uint64(tap)] * padded[k + np.uint64(tap)]
                 w += np.uint64(count)
                 k += stride
             out[row, column] = total

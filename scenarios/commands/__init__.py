@@ -8,6 +8,7 @@ from scenarios.commands.bench import bench as _bench
 from scenarios.commands.convert import convert as _convert
 from scenarios.commands.doctor import doctor as _doctor
 from scenarios.commands.image import image as _image
+from scenarios.commands.link import link as _link
 from scenarios.commands.listing import list_scenarios as _list
 from scenarios.commands.live import live as _live
 from scenarios.commands.plan import plan as _plan
@@ -32,6 +33,7 @@ app.command("accuracy")(_accuracy)
 app.command("live")(_live)
 app.command("image")(_image)
 app.command("convert")(_convert)
+app.add_typer(_link, name="link")
 app.command("bench")(_bench)
 app.command("stability")(_stability)
 app.command("doctor")(_doctor)

@@ -28,10 +28,11 @@ def accuracy(
 ) -> None:
     """Measure error against run time: every tier at a ladder of tolerances."""
     from cosim import InputError
-    from scenarios.loading import load
+    from scenarios.loading import filmed, load
     from scenarios.readout import refuse_leftovers
 
-    name, loaded = load(scenario, assignments, seed=seed)
+    name, given = load(scenario, assignments, seed=seed)
+    loaded = filmed(given, "accuracy")
     refuse_leftovers(loaded)
     if loaded.sensor.readout == "continuous":
         raise InputError(

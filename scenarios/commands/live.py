@@ -27,10 +27,11 @@ def live(
     """Show a scenario's display in a window while it is filmed (needs the extra view)."""
     from display import open_window
     from scenarios.live import show_live
-    from scenarios.loading import load
+    from scenarios.loading import filmed, load
     from scenarios.readout import refuse_leftovers
 
-    name, loaded = load(scenario, assignments, seed=seed)
+    name, given = load(scenario, assignments, seed=seed)
+    loaded = filmed(given, "live")
     refuse_leftovers(loaded)
     progress = make_progress()
     try:

@@ -28,10 +28,11 @@ def plan(
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
     from cosim import InputError
     from scenarios.forecast import forecast, forecast_events
-    from scenarios.loading import load
+    from scenarios.loading import filmed, load
     from scenarios.readout import refuse_leftovers, refuse_options
 
-    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    loaded = filmed(given, "plan")
     refuse_leftovers(loaded)
     if loaded.sensor.readout == "continuous":
         raise InputError(

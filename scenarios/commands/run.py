@@ -36,13 +36,23 @@ def run(
     from scenarios.cli import BEGAN
     from scenarios.loading import load
     from scenarios.readout import refuse_leftovers
+    from scenarios.schema import LinkScenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    if not isinstance(loaded, LinkScenario):
+        refuse_leftovers(loaded)
     progress = make_progress()
     table: list[str] = []
     try:
-        refuse_leftovers(loaded)
-        if loaded.sensor.readout == "asynchronous":
+        if isinstance(loaded, LinkScenario):
+            from scenarios.report.link import write_link_report
+            from scenarios.run_link import run_link
+
+            result, folder = run_link(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_link_report,
+            )  # fmt: skip
+        elif loaded.sensor.readout == "asynchronous":
             from scenarios.report.events import write_events_report
             from scenarios.run_events import run_events
 
@@ -75,6 +85,13 @@ def run(
             )  # fmt: skip
     finally:
         progress.close()
+    _print(result, folder, table, json)
+    if result.outcome == "failed":  # a verdict, with its document
+        raise typer.Exit(1)
+
+
+def _print(result: Result, folder: Path, table: list[str], json: bool) -> None:
+    """The document, or its figures for a reader. table: lines of a display's, in their place."""
     if json:
         print_document(result.document())
         return

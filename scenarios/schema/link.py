@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from scenarios.schema.quantity import Quantity, Reflectance, Section, Share
 
@@ -107,10 +107,10 @@ class AirSection(Section):
 class ModemSection(Section):
     """How bytes become planes. `auto` is chosen from a pilot."""
 
-    cell: Literal["auto", CELLS] = Field(  # type: ignore[valid-type]
+    cell: Literal[("auto", *CELLS)] = Field(  # type: ignore[valid-type]
         default="auto", description="panel pixels to a cell's side"
     )
-    ticks: Literal["auto", TICKS] = Field(  # type: ignore[valid-type]
+    ticks: Literal[("auto", *TICKS)] = Field(  # type: ignore[valid-type]
         default="auto", description="panel planes to a symbol"
     )
     line: Literal["auto", "none", "manchester", "4b6b", "8b10b"] = Field(
@@ -124,6 +124,12 @@ class ModemSection(Section):
         default=0.05, description="frames sent beyond the file's own, as a share of them"
     )
     detector: Literal["joint", "threshold", "forward-backward"] = "joint"
+
+    @field_validator("cell", "ticks", "parity", mode="before")
+    @classmethod
+    def _number(cls, value: Any) -> Any:
+        """`--set` gives text, which stands for a number here as it does in a plain one."""
+        return int(value) if isinstance(value, str) and value.isdecimal() else value
 
 
 class LinkSection(Section):

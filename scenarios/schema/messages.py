@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
-from scenarios.schema.scenario import Scenario, export
+from scenarios.schema.scenario import LinkScenario, Scenario, export
 
 __all__ = ["validate"]
 
@@ -35,11 +35,11 @@ def _kind(section: type[BaseModel]) -> str | None:
     return None if field is None else str(get_args(field.annotation)[0])
 
 
-def _place(loc: tuple[int | str, ...]) -> _Place:
+def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
     """Dotted name of an error's location (without a union's tag) and its section's keys."""
-    sections: tuple[type[BaseModel], ...] = (Scenario,)
+    sections: tuple[type[BaseModel], ...] = (whole,)
     names: list[str] = []
-    keys = tuple(Scenario.model_fields)
+    keys = tuple(whole.model_fields)
     for part in loc:
         tagged = tuple(s for s in sections if len(sections) > 1 and _kind(s) == part)
         if tagged:
@@ -115,9 +115,9 @@ def _shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
-def _one_line(error: Any) -> InputError:
+def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
     """The first error of a validation as what must be, what was given, how to mend it."""
-    place = _place(error["loc"])
+    place = _place(error["loc"], whole)
     given, kind = _shown(error["input"]), error["type"]
     if kind == "extra_forbidden":
         key = place.name.rsplit(".", 1)[-1]
@@ -142,9 +142,16 @@ def _one_line(error: Any) -> InputError:
     return InputError(place.name, must, given, _example(place.name))
 
 
-def validate(data: dict[str, Any]) -> Scenario:
-    """A checked scenario; raises InputError with one line about the first thing that is wrong."""
+def validate(data: dict[str, Any]) -> Scenario | LinkScenario:
+    """A checked scenario: with [link] one of a link, else one with a scene. Raises InputError with
+    one line about the first thing that is wrong."""
+    if "link" in data and "scene" in data:
+        raise InputError(
+            "link", "absent in a scenario with a [scene]", "beside one",
+            "take one of them out: a stream does not cross a link yet",
+        )  # fmt: skip
+    whole = LinkScenario if "link" in data else Scenario
     try:
-        return Scenario.model_validate(data)
+        return whole.model_validate(data)
     except ValidationError as exc:
-        raise _one_line(exc.errors()[0]) from None
+        raise _one_line(exc.errors()[0], whole) from None

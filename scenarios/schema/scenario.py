@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from scenarios.schema.display import DisplaySection
 from scenarios.schema.link import LinkSection
@@ -61,9 +61,9 @@ class LinkScenario(Section):
 
 
 def export() -> dict[str, Any]:
-    """The scenario's JSON Schema."""
+    """JSON Schema of any scenario: one with a scene, or one of a link."""
     if not _exported:
-        _exported.update(Scenario.model_json_schema(mode="validation"))
+        _exported.update(TypeAdapter(Scenario | LinkScenario).json_schema(mode="validation"))
     return _exported
 
 

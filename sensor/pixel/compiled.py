@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -67,7 +67,7 @@ class CompiledPixels:
         self._state = model.initial(pixels)
         self._table: Charge = model.table() if model.noisy else np.zeros(1, np.int64)
 
-    def expose(self, spans: Sequence[Span], cycles: int) -> npt.NDArray[np.uint32]:
+    def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)
         model, state = self._model, self._state
         for span in spans:

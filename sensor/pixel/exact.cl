@@ -6,6 +6,8 @@
 //   RAMP         increments change by `slope` a cycle
 //   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual
 //   DEAD_TIME    each spike costs `dead` / 2^16 of a cycle's light
+// Two kernels: `expose` for light that keeps its course for many cycles, `walk` for light that changes
+// at every one or few.
 // JUMP and DEEPEST come from the host (model.py). Words are laid out (word, pixel). A launch covers
 // cycles first .. first + n - 1 of its words.
 
@@ -231,6 +233,125 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
         vstore16(word, w * stride + g, words);
         c = (w << 5) + stop;
     }
+#endif
+    vstore16(d, g, deficit);
+}
+
+// Whether any lane of sixteen is negative.
+#if defined(__AVX512DQ__) && __has_builtin(__builtin_ia32_cvtd2mask512)
+typedef int plain16 __attribute__((vector_size(64)));
+typedef union { int16 v; plain16 p; } either16; // the builtins take the compiler's own vectors
+inline int some_int(const int16 v)
+{
+    const either16 lanes = {v};
+    return __builtin_ia32_cvtd2mask512(lanes.p) != 0;
+}
+#else
+inline int some_int(const int16 v)
+{
+    const int8 a = v.lo | v.hi;
+    const int4 b = a.lo | a.hi;
+    return (b.x | b.y | b.z | b.w) < 0;
+}
+#endif
+
+// Without this word the compiler takes sixteen lanes apart into vectors of half the width.
+#if __has_attribute(min_vector_width)
+#define WIDE __attribute__((min_vector_width(512)))
+#else
+#define WIDE
+#endif
+
+#ifdef SHOT_NOISE
+#define WORDS (BATCH + 4)
+// Word `at`, 0 to 11, of each lane: light that changes at once for all makes lanes fire out of step.
+inline uint16 picked(const uint16 *words, const uint16 at)
+{
+    const int16 one = (at & 1) != 0, two = (at & 2) != 0, four = (at & 4) != 0;
+    const int16 eight = (at & 8) != 0;
+    uint16 pairs[WORDS / 2], fours[WORDS / 4];
+    for (uint i = 0; i < WORDS / 2; i++)
+        pairs[i] = select(words[2 * i], words[2 * i + 1], one);
+    for (uint i = 0; i < WORDS / 4; i++)
+        fours[i] = select(pairs[2 * i], pairs[2 * i + 1], two);
+    return select(select(fours[0], fours[1], four), fours[2], eight);
+}
+#endif
+
+// Entries of `spans`: first cycle, cycles, place of the charge, of the slope (-1: none), elapsed
+// cycles. Spans follow each other without gaps.
+#define ENTRY 5
+__kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
+                        __global uint *spikes_high, __global const uint *pixels,
+                        __global const long *table, __global uint *words, const long q,
+                        const long room, const uint seed, const long dead, const uint groups,
+                        __global const long *spans, const uint n_spans,
+                        __global const long *a0, __global const long *a1, __global const long *a2,
+                        __global const long *a3, __global const long *a4, __global const long *a5,
+                        __global const long *a6, __global const long *a7)
+{
+    const size_t g = get_global_id(0), stride = groups;
+    if (g >= groups)
+        return;
+    __global const long *planes[PLANES] = {a0, a1, a2, a3, a4, a5, a6, a7};
+    long16 d = vload16(g, deficit);
+    ulong16 k = 0;
+#ifdef SHOT_NOISE
+    const uint16 pixel = vload16(g, pixels);
+    k = convert_ulong16(vload16(g, spikes_low)) | (convert_ulong16(vload16(g, spikes_high)) << 32);
+    uint16 drawn[WORDS], slot = WORDS, at = WORDS; // k + at - slot is the interval that runs
+#endif
+    uint c = spans[0];
+    uint16 bits = c & 31 ? vload16((c >> 5) * stride + g, words) : (uint16)(0);
+    for (uint s = 0; s < n_spans; s++) {
+        __global const long *span = spans + s * ENTRY;
+        const uint end = span[0] + span[1];
+        long16 add = vload16(g, planes[span[2]]), slope = 0;
+        if (span[3] >= 0) {
+            slope = vload16(g, planes[span[3]]);
+            add += slope * span[4];
+        }
+        for (; c < end; c++, add += slope) {
+            d -= add;
+            if (some(d)) {
+                const long16 fired = d >> 63;
+                const uint16 f = convert_uint16(as_ulong16(fired));
+                bits |= f & (1u << (c & 31));
+#ifdef SHOT_NOISE
+                if (some_int(WORDS - 1 - as_int16(at))) {
+                    k += convert_ulong16(at - slot);
+                    draw_batch(drawn, k + 1, pixel, seed);
+                    at = slot = convert_uint16(k + 1) & 3;
+                }
+                d = START(d, fired, threshold(picked(drawn, at), table), add);
+                at -= f;
+#else
+                d = START(d, fired, (long16)(q), add);
+#endif
+#if defined(RESET_SUBTRACT)
+                d = max(d, (long16)(DEEPEST));
+#elif !defined(RESET_HARD)
+                if (some(d)) {
+#ifdef SHOT_NOISE
+                    k += convert_ulong16(at - slot);
+                    at = slot = WORDS;
+#endif
+                    settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
+                }
+#endif
+            }
+            if ((c & 31) == 31) {
+                vstore16(bits, (c >> 5) * stride + g, words);
+                bits = 0;
+            }
+        }
+    }
+    if (c & 31)
+        vstore16(bits, (c >> 5) * stride + g, words);
+#ifdef SHOT_NOISE
+    k += convert_ulong16(at - slot);
+    vstore16(convert_uint16(k), g, spikes_low);
+    vstore16(convert_uint16(k >> 32), g, spikes_high);
 #endif
     vstore16(d, g, deficit);
 }

@@ -6,7 +6,7 @@ Three forms compute the same bits from it: `plain` (numpy, the truth), `compiled
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol
 
@@ -159,7 +159,7 @@ class ExactModel:
 class ExactPixels(Protocol):
     """A set of pixels that are exposed; the forms differ only in how fast."""
 
-    def expose(self, spans: Sequence[Span], cycles: int) -> npt.NDArray[np.uint32]:
+    def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         """Runs `cycles` cycles, spans in order and without gaps; (ceil(cycles/32), n) words."""
 
     def state(self) -> PixelState:

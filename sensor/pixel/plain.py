@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +53,7 @@ class PlainPixels:
             self._refill(state.deficit < 0, charge)
         return fired
 
-    def expose(self, spans: Sequence[Span], cycles: int) -> npt.NDArray[np.uint32]:
+    def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)
         for span in spans:
             for i in range(span.cycles):

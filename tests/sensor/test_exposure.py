@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.opencl import open_device
-from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
 from sensor.exposure import Exposure
 from sensor.pixel.fixed_point import LARGEST, ONE
+from sensor.sampling import row_offsets
 from tests.sensor.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
@@ -162,3 +163,46 @@ def test_a_flash_shorter_than_a_cycle_may_be_brighter_than_a_cycle_can_hold() ->
     alone = charges(Exposure(CLOCK, 1.0), light, 0, 20)[7]
     kept = flash.ravel() > 0
     assert np.array_equal(found[7][kept], alone[kept])
+
+
+@pytest.mark.parametrize("held", [False, True], ids=["usual", "beyond a cycle"])
+@pytest.mark.parametrize("skew", [0.0, 0.3, 1.0])
+def test_compiled_sums_are_numpys_to_the_last_bit(
+    monkeypatch: pytest.MonkeyPatch, skew: float, held: bool
+) -> None:
+    import sensor.exposure
+
+    shape, random = (7, 9), np.random.default_rng(int(10 * skew))
+    offsets = row_offsets(CLOCK, 7, skew, 0.0, (0, 7)) if skew else None
+    pattern = DevicePattern(0.1, 5e4, 0.2, 0.02, 0.05, 5e5, 0.05, 3).at(np.arange(63))
+    knots = np.cumsum(random.integers(PERIOD // 9, 3 * PERIOD, 40)).tolist()
+    made: list[Piece] = []
+    for n, (a, b) in enumerate(itertools.pairwise([0, *knots])):
+        first = level(shape, n, 2e8 if held and n % 7 == 3 else 700.0)
+        last, box = first, None
+        if n % 3 == 1:
+            last = level(shape, 100 + n)
+        elif n % 3 == 2 and made:  # goes on from the piece before but for a box
+            first, box = made[-1].last, (1, 5, 2, 9)
+            last = first.copy()
+            last[1:5, 2:9] = level(shape, n)[1:5, 2:9]
+        made.append(Piece(a, b, first, last, box))
+    light, cycles = Light(tuple(made)), CLOCK.cycle_at(made[-1].stop) - 2
+
+    def summed(large: int) -> np.ndarray:
+        monkeypatch.setattr(sensor.exposure, "_LARGE", large)
+        return charges(Exposure(CLOCK, 3e5, pattern, offsets), light, 0, cycles)
+
+    plain = summed(1 << 30)
+    assert np.array_equal(summed(1), plain)
+    assert (plain.max() > 1e6 * ONE) == held and len(np.unique(plain)) > 500
+    monkeypatch.setattr(sensor.exposure, "_BAND", 20)  # a few rows at a time
+    assert np.array_equal(summed(1 << 30), plain)
+
+
+def test_compiled_levels_refuse_bad_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sensor.exposure._LARGE", 1)
+    for bad in (-1.0, float("nan")):
+        plane = np.full(SHAPE, bad, np.float32)
+        with pytest.raises(ValueError, match="light must be 0 or more"):
+            Exposure(CLOCK, 1.0).spans(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)

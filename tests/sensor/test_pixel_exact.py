@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from sensor.effects import EFFECTS, RESIDUAL, SHOT_NOISE
 from sensor.pixel.compiled import CompiledPixels
 from sensor.pixel.fixed_point import LARGEST, ONE, to_fixed
 from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, ExactPixels, Span
+from sensor.pixel.model import ExactModel, ExactPixels, Reset, Span
 from sensor.pixel.plain import PlainPixels
 
 NOISELESS = (RESIDUAL,)
@@ -217,3 +218,45 @@ def test_limits_of_the_model_are_refused() -> None:
     for seed in (-1, 2**32):
         with pytest.raises(ValueError, match="seed must be"):
             ExactModel(100.0, seed, ALL)
+
+
+@pytest.mark.parametrize("reset", ["residual", "hard", "subtract"])
+@pytest.mark.parametrize(("noise", "dead"), [(False, 0.0), (True, 0.0), (True, 0.3)])
+def test_light_that_changes_every_few_cycles_gives_the_same_bits(
+    device: Device, reset: Reset, noise: bool, dead: float
+) -> None:
+    n, cycles, random = 203, 400, np.random.default_rng(3)
+    pixels = random.integers(0, 2**32, n, dtype=np.uint32)
+    model = ExactModel(50.0, 9, ALL if noise else NOISELESS, reset=reset, dead_time=dead)
+    spans, at = [], 0
+    lit = to_fixed(50 * 10 ** random.uniform(-2, 0.6, (60, n)))
+    while at < cycles:
+        size = min(int(random.choice([1, 1, 2, 5, 8, 9, 40])), cycles - at)
+        charge, slope, elapsed = lit[random.integers(60)], None, 0
+        if random.random() < 0.3:
+            slope, elapsed = lit[random.integers(60)] // 512, int(random.integers(9))
+        spans.append(Span(at, size, charge, slope, elapsed))
+        at += size
+    plain, kernel = PlainPixels(model, pixels), KernelPixels(model, pixels, device)
+    expected = plain.expose(spans, cycles)
+    assert 0.1 < np.bitwise_count(expected).sum() / (n * cycles) < 0.9
+    assert np.array_equal(kernel.expose(iter(spans), cycles), expected)
+    assert np.array_equal(kernel.state().deficit, plain.state().deficit)
+    if noise:
+        assert np.array_equal(kernel.state().spikes, plain.state().spikes)
+    # Cut within a word and within a span: what is left of it comes in the next call.
+    again, cut = KernelPixels(model, pixels, device), next(s for s in spans if s.cycles == 5)
+    middle = cut.first + 2
+    head = [s for s in spans if s.first < cut.first] + [replace(cut, cycles=2)]
+    tail = [replace(cut, cycles=3, elapsed=cut.elapsed + 2)]
+    tail += [s for s in spans if s.first > cut.first]
+    moved = [replace(s, first=max(s.first - middle, 0)) for s in tail]
+    parts = again.expose(head, middle), again.expose(moved, cycles - middle)
+    whole = [_flags(w, c) for w, c in zip(parts, (middle, cycles - middle), strict=True)]
+    assert np.array_equal(np.concatenate(whole), _flags(expected, cycles))
+
+
+def _flags(words: npt.NDArray[np.uint32], cycles: int) -> npt.NDArray[np.uint8]:
+    """(cycles, n) of 0 and 1."""
+    flat = np.unpackbits(words.T.copy().view(np.uint8), axis=1, bitorder="little")
+    return flat[:, :cycles].T

@@ -1,0 +1,168 @@
+"""Monte Carlo of what the closed forms say: errors counted in independent trials.
+
+Every function takes a seed and a stream number of the caller's (below 2^64), which key numpy's
+Philox generator, and a number of trials; what it counts are independent trials, so that a binomial
+interval holds: where a channel has a memory, each trial is a pixel or a codeword of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from link.theory.charge import Reset
+
+__all__ = [
+    "awgn_trials", "burst_word_trials", "charge_trials", "gamma_gamma_trials", "log_normal_trials",
+    "poisson_trials", "rs_word_trials",
+]  # fmt: skip
+
+Array = npt.NDArray[np.float64]
+_CHUNK = 1 << 18
+"""Trials at once: some megabytes."""
+
+
+def _generator(seed: int, stream: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(key=[seed, stream]))
+
+
+def _chunks(trials: int, size: int = _CHUNK) -> Iterator[int]:
+    while trials > 0:
+        yield min(trials, size)
+        trials -= size
+
+
+def poisson_trials(
+    q: int, mean_on: float, mean_off: float, bits: int, seed: int, stream: int
+) -> int:
+    """Wrong bits of `bits` random ones, each in a tick of its own: `poisson_threshold`."""
+    rng, errors = _generator(seed, stream), 0
+    for n in _chunks(bits):
+        sent = rng.random(n) < 0.5
+        errors += int((sent != (rng.poisson(np.where(sent, mean_on, mean_off)) >= q)).sum())
+    return errors
+
+
+def _ook(
+    amplitude: float, bits: int, seed: int, stream: int,
+    intensity: Callable[[np.random.Generator, int], Array],
+) -> int:  # fmt: skip
+    """Wrong bits at a slicer that knows the intensity."""
+    rng, errors = _generator(seed, stream), 0
+    for n in _chunks(bits):
+        sent = rng.random(n) < 0.5
+        level = amplitude * intensity(rng, n)
+        errors += int((sent != (sent * level + rng.standard_normal(n) > level / 2)).sum())
+    return errors
+
+
+def awgn_trials(amplitude: float, bits: int, seed: int, stream: int) -> int:
+    """Wrong bits: `awgn_ook`."""
+    return _ook(amplitude, bits, seed, stream, lambda rng, n: np.ones(n))
+
+
+def log_normal_trials(amplitude: float, sigma: float, bits: int, seed: int, stream: int) -> int:
+    """Wrong bits, a fresh intensity for each: `log_normal_ook`."""
+    return _ook(
+        amplitude, bits, seed, stream,
+        lambda rng, n: np.exp(sigma * rng.standard_normal(n) - sigma**2 / 2),
+    )  # fmt: skip
+
+
+def gamma_gamma_trials(
+    amplitude: float, alpha: float, beta: float, bits: int, seed: int, stream: int
+) -> int:
+    """Wrong bits, a fresh intensity for each: `gamma_gamma_ook`."""
+    return _ook(
+        amplitude, bits, seed, stream,
+        lambda rng, n: rng.gamma(alpha, 1 / alpha, n) * rng.gamma(beta, 1 / beta, n),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-untyped-def]
+    """Pixels whose last tick reads otherwise than sent. sent: (ticks + 1, pixels) bits, the first
+    before the first tick. draws: (ticks, pixels), in 0 .. 1. start: charge before. laws: (2, 2, n)
+    distribution functions of a tick's count less `first` (2, 2), by the bit before and the bit."""
+    ticks, pixels = draws.shape
+    wrong = 0
+    for p in range(pixels):
+        v = start[p]
+        spike = False
+        for k in range(ticks):
+            a, b = sent[k, p], sent[k + 1, p]
+            law = laws[a, b]
+            low, high = 0, law.size - 1
+            u = draws[k, p]
+            while low < high:
+                middle = (low + high) // 2
+                if law[middle] > u:
+                    high = middle
+                else:
+                    low = middle + 1
+            v += first[a, b] + low
+            spike = v >= q
+            if spike:
+                v = 0 if rule == 0 else v % q if rule == 1 else v - q
+        wrong += spike != (sent[ticks, p] == 1)
+    return wrong
+
+
+def charge_trials(
+    reset: Reset, q: int, mu_on: float, mu_off: float, bits: int, seed: int, stream: int,
+    warm: int = 24, late: float = 0.0,
+) -> int:  # fmt: skip
+    """Wrong bits of pixels of their own, each of which has seen `warm` random bits before the one
+    that counts, from a charge spread evenly over 0 .. q - 1: `charge_errors`. subtract takes some
+    hundreds to settle."""
+    from scipy.stats import poisson
+
+    rule = {"hard": 0, "residual": 1, "subtract": 2}[reset]
+    rng, errors = _generator(seed, stream), 0
+    bit = np.array([mu_off, mu_on])
+    means = (1 - late) * bit[None, :] + late * bit[:, None]
+    reach = 8 * np.sqrt(means) + 20
+    first = np.maximum(np.floor(means - reach), 0).astype(np.int64)
+    span = int(np.ceil(2 * reach.max())) + 2
+    laws = poisson.cdf(first[..., None] + np.arange(span), means[..., None])
+    for n in _chunks(bits, max(_CHUNK // (warm + 1), 1)):
+        sent = rng.integers(0, 2, (warm + 2, n), dtype=np.uint8)
+        draws, start = rng.random((warm + 1, n)), rng.integers(0, q, n)
+        errors += int(_last_wrong(sent, draws, start, laws, first, q, rule))
+    return errors
+
+
+def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int) -> int:
+    """Codewords with more than (n - k) // 2 wrong symbols, drawn one by one: `rs_word_error`."""
+    rng, errors = _generator(seed, stream), 0
+    for m in _chunks(words, _CHUNK // n):
+        errors += int(((rng.random((m, n)) < p).sum(1) > (n - k) // 2).sum())
+    return errors
+
+
+def burst_word_trials(
+    n: int, k: int, start: float, length: int, depth: int, words: int, seed: int, stream: int
+) -> int:
+    """Codewords of n bytes with more wrong ones than (n - k) // 2 under bursts of `length` bytes:
+    `burst_word_error`. Bytes of `depth` codewords lie interleaved.
+
+    Of a block only every length-th codeword counts (without interleaver every second): no burst
+    reaches two of them, so that they are independent; the blocks are drawn apart.
+    """
+    rng, errors, t = _generator(seed, stream), 0, (n - k) // 2
+    apart = 2 if depth == 1 else length
+    block = depth if depth > 1 else 128
+    while words > 0:
+        begins = rng.random(n * block + length - 1) < start
+        sums = np.concatenate([[0], np.cumsum(begins)])
+        wrong = sums[length:] > sums[:-length]
+        order = wrong.reshape(n, block).T if depth > 1 else wrong.reshape(block, n)
+        # Words nearer than a burst to the block's end would meet its first bytes a row later.
+        last = block - length + 1 if depth > 1 else block
+        bad = order[: max(last, 1) : apart].sum(1)[:words] > t
+        errors += int(bad.sum())
+        words -= bad.size
+    return errors

@@ -1,0 +1,21 @@
+"""`viform link`: error-rate curves, capacity, and files through recordings of a link."""
+
+import typer
+
+from scenarios.commands.link_ber import link_ber
+from scenarios.commands.link_capacity import link_capacity
+from scenarios.commands.link_send import link_send
+
+__all__ = ["link"]
+
+link = typer.Typer(
+    name="link",
+    help="Bytes over light: error rates beside theory, capacity, files through streams.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+link.command("ber")(link_ber)
+link.command("capacity")(link_capacity)
+link.command("send")(link_send)

@@ -1,0 +1,88 @@
+"""What a run of a link leaves in memory for its report."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import Layout
+from link.mode import Mode
+from link.verdict import Verdict
+from scenarios.link_run.errors import Errors
+from scenarios.link_run.rates import Rates
+from scenarios.link_run.reach import CellScene, Reach
+from scenarios.linking import LinkSetting, Payload
+from scenarios.result import Result
+from scenarios.schema import LinkScenario
+
+__all__ = ["Eye", "LinkRun", "Theory"]
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """A sample of soft values, ln P(spikes | on) - ln P(spikes | off), with what was sent: both
+    (n,)."""
+
+    soft: npt.NDArray[np.float32]
+    on: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
+    the mean of 1/(1 + e^|L|). closed: the bound of blurred cells, from geometry, light and
+    threshold (`reach.predict_errors`). sharp: of cells without blur, on their whole pixels and
+    ticks (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
+
+    soft: float | None
+    closed: float | None
+    sharp: float | None
+    interval: tuple[float, float] | None
+
+
+@dataclass
+class LinkRun:
+    """mode, layout: those sent with. received: of `link.receiving`. delivered: whether the bytes in
+    received/ are those that were sent. image: spikes a cycle of every camera pixel over the light's
+    time, (H, W). outline: camera (x, y) of the panel's corners as the receiver found them, (4, 2),
+    None where it did not; truth: the same as they are. delays: ps of every verified group. choice:
+    of the mode, None where it was given. plan: of `scenarios.link_plan`."""
+
+    result: Result
+    scenario: LinkScenario
+    folder: Path
+    setting: LinkSetting
+    payload: Payload
+    mode: Mode
+    layout: Layout
+    verdict: Verdict
+    delivered: bool
+    received: Any
+    errors: Errors
+    theory: Theory
+    rates: Rates
+    eye: Eye | None
+    image: npt.NDArray[np.float32]
+    outline: npt.NDArray[np.float64] | None
+    truth: npt.NDArray[np.float64]
+    delays: npt.NDArray[np.int64]
+    scene: CellScene
+    reach: list[Reach]
+    capacity: float
+    seconds: dict[str, float]
+    began: float
+    choice: Any = None
+    plan: Any = None
+    notes: list[str] = field(default_factory=list)
+
+    def verdict_document(self) -> dict[str, Any]:
+        """What verdict.json says."""
+        return {
+            "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
+            "told": self.verdict.told, "delivered": self.delivered, "file": self.payload.name,
+            "bytes": len(self.payload.data), "mode": asdict(self.mode),
+        }  # fmt: skip

@@ -1,0 +1,182 @@
+"""What came of a transmission: errors beside theory, rates, delays, and the result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, SpikeStream
+from cosim.viform import count_spikes
+from link.air import image_of
+from link.air.geometry import panel_corners
+from link.layout import TRAINING
+from link.theory import clopper_pearson, one_bit_capacity, pixel_errors
+from link.verdict import Verdict
+from scenarios.link_run.delay import group_delays, link_latency
+from scenarios.link_run.errors import Errors, count_errors
+from scenarios.link_run.finished import Eye, LinkRun, Theory
+from scenarios.link_run.light import cell_scene, transmission
+from scenarios.link_run.prepare import PreparedLink
+from scenarios.link_run.rates import link_rates
+from scenarios.link_run.reach import LONGEST, CellScene, Reach, predict_errors, reach
+from scenarios.linking import LEAD
+from scenarios.result import Metric, Result, Throughput
+
+__all__ = ["judge_link"]
+
+LEVEL = 0.999
+"""Of the interval of the raw bit error rate."""
+_DISTANCES = 40
+"""At which the rate is foreseen, from a tenth to thirty times the run's."""
+
+
+def _errors(run: PreparedLink, received: Any) -> Errors:
+    """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
+    held = sorted(received.packed) if received.mode == run.mode else []
+    symbols = [n for n in held if TRAINING <= n < run.sent.symbols]
+    return count_errors(run.sent.bits, received.decided, run.sent.layout, symbols)
+
+
+def _eye(run: PreparedLink, received: Any) -> Eye | None:
+    """The receiver's sample of soft values, with what was sent there."""
+    if received.mode != run.mode or not len(received.soft):
+        return None
+    symbol, cell = received.soft_at.T
+    fine = (symbol >= TRAINING) & (symbol < run.sent.symbols)
+    symbol, cell, soft = symbol[fine], cell[fine], received.soft[fine]
+    on = np.empty(symbol.size, np.bool_)
+    for each in np.unique(symbol):
+        mine = symbol == each
+        on[mine] = run.sent.bits(int(each), 1)[0, cell[mine]]
+    return Eye(soft, on)
+
+
+def _theory(scene: CellScene, run: PreparedLink, errors: Errors, eye: Eye | None) -> Theory:
+    interval = None
+    if errors.bits:
+        low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
+        interval = float(low), float(high)
+    soft = None
+    if eye is not None and eye.soft.size:
+        soft = float((1 / (1 + np.exp(np.abs(eye.soft.astype(np.float64))))).mean())
+    mode, q = run.mode, scene.threshold
+    side = max(int(mode.cell * scene.pixel), 1)
+    false, missed = pixel_errors(
+        q, scene.on * q, scene.background * q, scene.reset, max(mode.ticks - 1, 1), side**2,
+        longest=LONGEST[mode.line],
+    )  # fmt: skip
+    return Theory(soft, predict_errors(scene, mode), (false + missed) / 2, interval)
+
+
+def _reach(run: PreparedLink, scene: CellScene) -> list[Reach]:
+    setting = run.setting
+    here = setting.air.distance
+    nearest = max(here / 10, 2.1 * setting.optics.focal_length)
+    distances = np.geomspace(nearest, 30 * here, _DISTANCES)
+    clear = transmission(setting, here)
+    through = np.array([transmission(setting, d) / clear for d in distances])
+    chip = setting.camera.chip
+    return reach(
+        scene, run.mode, here, setting.optics.focal_length, distances, setting.panel.clock.hz,
+        min(chip.width, chip.height), through,
+    )  # fmt: skip
+
+
+def _capacity(run: PreparedLink, scene: CellScene) -> float:
+    """Bits a second of the whole chip: each pixel's ticks as one-bit slots that begin empty."""
+    camera, q = run.setting.camera, scene.threshold
+    slot = float(one_bit_capacity(q, (scene.on + scene.background) * q, scene.background * q))
+    return slot * camera.chip.width * camera.chip.height * camera.clock.hz
+
+
+def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
+    received, theory, rates = finished.received, finished.theory, finished.rates
+    sent = run.sent.outbox.frames_by(run.sent.groups)
+    right = received.frames_right
+    lost = max(sent - right, 0)
+    low, high = theory.interval or (None, None)
+    delays = finished.delays
+    needed = received.frames_needed
+    return {
+        "raw_bps": Metric(rates.raw, "bit/s"),
+        "coded_bps": Metric(rates.coded, "bit/s"),
+        "goodput_bps": Metric(rates.goodput, "bit/s"),
+        "capacity_bps": Metric(finished.capacity, "bit/s"),
+        "ber": Metric(finished.errors.rate, "1"),
+        "ber_low": Metric(low, "1"),
+        "ber_high": Metric(high, "1"),
+        "ber_theory": Metric(theory.closed, "1"),
+        "ber_sharp": Metric(theory.sharp, "1"),
+        "ber_soft": Metric(theory.soft, "1"),
+        "bits_compared": Metric(finished.errors.bits, "bits"),
+        "fer": Metric(lost / sent if sent else None, "1"),
+        "frames_sent": Metric(sent, "frames"),
+        "frames_received": Metric(right, "frames"),
+        "frames_lost": Metric(lost, "frames"),
+        "frames_needed": Metric(needed, "frames"),
+        "latency_us": Metric(float(np.median(delays)) / 1e6 if delays.size else None, "us"),
+        "file_bytes": Metric(len(run.payload.data), "bytes"),
+        "cell": Metric(run.mode.cell, "panel pixels"),
+        "ticks": Metric(run.mode.ticks, "panel planes"),
+        "parity": Metric(run.mode.parity, "bytes"),
+        "f_number": Metric(run.setting.optics.f_number, "1"),
+    }
+
+
+def _image(stream: SpikeStream) -> npt.NDArray[np.float32]:
+    cycles = max(stream.cycles - LEAD, 1)
+    return (count_spikes(stream, min(LEAD, stream.cycles - 1), stream.cycles) / cycles).astype(
+        np.float32
+    )
+
+
+def _outline(homography: npt.NDArray[np.float64], run: PreparedLink) -> npt.NDArray[np.float64]:
+    corners = panel_corners(run.setting.optics) @ homography.T
+    return np.asarray(corners[:, :2] / corners[:, 2:], np.float64)
+
+
+def judge_link(
+    run: PreparedLink, folder: Path, stream: SpikeStream, received: Any, verdict: Verdict,
+    delivered: bool, seconds: dict[str, float], throughput: list[Throughput], began: float,
+) -> LinkRun:  # fmt: skip
+    """Everything that the documents tell. delivered: the bytes are those that were sent."""
+    setting, layout = run.setting, run.sent.layout
+    camera = setting.camera
+    verified = {each.group: each.tick for each in received.instants if each.right}
+    done = None
+    if delivered and received.delivered_tick is not None:
+        done = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
+    scene = cell_scene(setting)
+    errors, eye = _errors(run, received), _eye(run, received)
+    truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)
+    outline = None
+    if received.registration is not None and received.mode == run.mode:
+        outline = _outline(received.registration.homography, run)
+    if throughput:
+        bits = len(run.payload.data) * 8 / max(seconds["receiver"], 1e-9)
+        throughput = [*throughput, Throughput("receiver", bits, "bit/s")]
+    result = Result(
+        scenario=run.name,
+        outcome="ok" if delivered else "failed",
+        seed=run.scenario.seed,
+        device=run.device.name if run.device is not None else "numba on this processor",
+        simulated_s=run.cycles / camera.clock.hz,
+        tolerance=run.scenario.tolerance,
+        kept=list(run.kept),
+        latency=link_latency(setting, layout, verified),
+        throughput=throughput,
+        files=["scenario.toml", "stream.zarr"],
+    )
+    finished = LinkRun(
+        result, run.scenario, folder, setting, run.payload, run.mode, layout, verdict, delivered,
+        received, errors, _theory(scene, run, errors, eye),
+        link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
+        outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
+        _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, None,
+        [*run.notes, f"{verdict.cause.value}: {verdict.told}"],
+    )  # fmt: skip
+    result.metrics = _metrics(finished, run)
+    return finished

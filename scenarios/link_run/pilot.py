@@ -1,0 +1,131 @@
+"""The pilot from which a mode is chosen: a strip of the panel through the same air and camera.
+
+The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a panel
+may be. Where it is and when its symbols begin is given, not found: the full panel's tags, which are
+larger, tell a receiver that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, Block
+from cosim.opencl import Device
+from cosim.viform import WORD, Words
+from link.air import Aim, Air, image_of
+from link.air.geometry import panel_corners
+from link.detect import make_detector
+from link.layout import TRAINING
+from link.mode import Mode
+from link.sending import Transmission
+from link.timing import Timing
+from scenarios.linking import LinkSetting
+from sensor import CameraSetting, SpikeCamera
+from sensor.sampling import row_offsets
+
+__all__ = ["Pilot", "Strip", "film_pilot", "strip_of"]
+
+WIDTH = 128
+"""Panel pixels of the strip: the least that a mode may have."""
+SYMBOLS = 60
+"""Of random data, after the training."""
+_MARGIN = 12
+"""Camera pixels kept around its image."""
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A narrow panel before a small camera: of the link it is cut from. first_light: ps."""
+
+    setting: LinkSetting
+    camera: CameraSetting
+    aim: Aim
+    first_light: int
+
+    @property
+    def width(self) -> int:
+        """Panel pixels."""
+        return self.setting.optics.width
+
+
+def strip_of(setting: LinkSetting) -> Strip:
+    """Cut out of the panel's middle, and out of the sensor what its image needs."""
+    height, width = setting.camera.chip.height, setting.camera.chip.width
+    optics = replace(setting.optics, width=min(WIDTH, setting.optics.width))
+    corners = panel_corners(optics) @ image_of(optics, setting.aim, setting.air, (height, width)).T
+    xy = corners[:, :2] / corners[:, 2:]
+    low = np.maximum(np.floor(xy.min(axis=0)).astype(int) - _MARGIN, 0)
+    high = np.minimum(np.ceil(xy.max(axis=0)).astype(int) + _MARGIN + 1, (width, height))
+    high = np.maximum(high, low + 2 * _MARGIN)  # out of view: something, which will not work
+    wide, high_rows = (int(n) for n in high - low)
+    chip = replace(setting.camera.chip, width=wide, height=high_rows)
+    camera = replace(
+        setting.camera, chip=chip, row_skew=setting.camera.row_skew * high_rows / height
+    )
+    # The small sensor's middle is elsewhere than the whole one's.
+    x = setting.aim.offset[0] + (width - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
+    y = setting.aim.offset[1] + (height - 1) / 2 - (float(low[1]) + (high_rows - 1) / 2)
+    period = camera.clock.edge(1)
+    # Its first row is sampled at once, in the whole chip as much later.
+    early = round(setting.camera.row_skew * int(low[1]) / height * period)
+    first_light = setting.first_light - early
+    panel = replace(setting.panel, shape=(optics.height, optics.width))
+    narrow = replace(setting, camera=camera, optics=optics, panel=panel)
+    return Strip(narrow, camera, replace(setting.aim, offset=(x, y)), first_light)
+
+
+@dataclass(frozen=True, eq=False)
+class Pilot:
+    """soft: (symbols, cells) float32 of the random data, sent: the same as they were."""
+
+    soft: npt.NDArray[np.float32]
+    sent: npt.NDArray[np.bool_]
+
+    @property
+    def errors(self) -> int:
+        return int(((self.soft > 0) != self.sent).sum())
+
+
+def _timing(strip: Strip, late: npt.NDArray[np.int64], ticks: int) -> Timing:
+    """When symbols fall on ticks, from what was set."""
+    camera, height = strip.camera, strip.camera.chip.height
+    period = PS / camera.clock.hz
+    delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
+    moved = (late - delay) / period  # ticks by which light comes later than a row's own ticks
+    slope, first = np.polynomial.polynomial.polyfit(np.arange(height), moved, 1)[::-1]
+    return Timing(
+        strip.first_light / period + float(first),
+        ticks * camera.clock.hz / strip.setting.panel.clock.hz, float(slope) * height, height,
+    )  # fmt: skip
+
+
+def _film(strip: Strip, sent: Transmission, device: Device | None) -> tuple[Words, Timing, Air]:
+    setting, camera = strip.setting, strip.camera
+    air = Air(
+        sent, setting.panel, setting.optics, strip.aim, setting.air, camera,
+        first_light=strip.first_light, planes=sent.planes,
+    )  # fmt: skip
+    pixels = SpikeCamera(camera, device, late=air.late)
+    dark = strip.first_light + setting.panel.clock.edge(sent.planes)
+    cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
+    parts = []
+    for start in range(0, cycles, 2 * WORD):
+        block = Block(start, min(2 * WORD, cycles - start))
+        parts.append(pixels.step(air.step(None, block), block).words)
+    return np.concatenate(parts), _timing(strip, air.late, sent.mode.ticks), air
+
+
+def film_pilot(strip: Strip, mode: Mode, detector: str, seed: int, device: Device | None) -> Pilot:
+    """Random data in a mode: its cell, ticks and line code. mode: of the strip's size."""
+    size = Transmission(mode, b"0", "pilot")
+    groups = -(-SYMBOLS // size.layout.group)
+    data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
+    sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + groups * size.layout.group)
+    words, timing, air = _film(strip, sent, device)
+    made = make_detector(detector, sent.layout, air.truth, timing)  # type: ignore[arg-type]
+    made.learn(words, 0, sent.bits(0, TRAINING), 0)
+    count = sent.symbols - TRAINING
+    return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

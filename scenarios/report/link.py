@@ -1,0 +1,261 @@
+"""The page of a run of a link."""
+
+from __future__ import annotations
+
+import html
+import shlex
+import time
+
+import numpy as np
+
+from link.verdict import Cause
+from scenarios.link_run.finished import LinkRun
+from scenarios.loading import to_toml
+from scenarios.report.link_figures import (
+    bits,
+    cells_figure,
+    delay_figure,
+    errors_figure,
+    eye_figure,
+    rates_figure,
+    reach_figure,
+    view_figure,
+)
+from scenarios.report.link_tables import kept_section, machine_section
+from scenarios.report.parts import cards, opening, plot, run_time, table, write_page
+
+__all__ = ["write_link_report"]
+
+
+def _rate(value: float | None) -> str:
+    return "none" if value is None else bits(value)
+
+
+def _count(value: float | None, unit: str = "") -> str:
+    return "unknown" if value is None else f"{value:.3g}{unit}"
+
+
+def _cards(run: LinkRun) -> str:
+    error, spent = run.result.error, time.perf_counter() - run.began
+    frames = run.result.metrics
+    high = "" if error.ci is None else f", at most {error.ci[1]:.2g}"
+    told = (
+        "error against full physics: not measured" if error.value is None
+        else f"error against full physics{high}, in half-widths of the bit error rate's interval"
+    )  # fmt: skip
+    lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
+    return cards([
+        ("first", _count(error.value), told),
+        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
+        ("first", str(len(run.result.left_out)), "effects left out"),
+        ("", "whole" if run.delivered else "not delivered",
+         f"{len(run.payload.data):,} bytes, {run.payload.name}"),
+        ("", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
+        ("", _count(run.errors.rate), "raw bit error rate"),
+        ("", f"{lost:.0f} of {sent:.0f}", "frames lost"),
+    ])  # fmt: skip
+
+
+def _view(run: LinkRun) -> str:
+    path = run.folder / "figures" / "view.png"
+    view_figure(run, path)
+    found = "was found by its four AprilTags" if run.outline is not None else "was not found"
+    return (
+        f"<h2>What the camera saw</h2><p>Spikes a cycle, mean over the run. The panel {found}. "
+        f"Distance {run.setting.air.distance:g} m, {run.setting.scale:.3g} camera pixels to a "
+        "panel pixel.</p>" + plot(path, "average image with the panel's outline")
+    )
+
+
+def _rates(run: LinkRun) -> str:
+    path = run.folder / "figures" / "rates.png"
+    rows: list[tuple[str, float | None]] = [
+        ("capacity of the sensor", run.capacity), ("raw", run.rates.raw),
+        ("coded", run.rates.coded), ("goodput", run.rates.goodput),
+    ]  # fmt: skip
+    rates_figure(rows, path)
+    mode = run.mode
+    rows_text = [
+        ["cell", f"{mode.cell} x {mode.cell} panel pixels, "
+         f"{mode.cell * run.setting.scale:.3g} camera pixels to its side"],
+        ["symbol", f"{mode.ticks} plane{'s' * (mode.ticks > 1)} of the panel"],
+        ["line code", mode.line],
+        ["Reed-Solomon", f"(255, {255 - mode.parity})"],
+        ["data cells", f"{run.layout.cells:,} of {run.layout.shape[0] * run.layout.shape[1]:,}"],
+    ]  # fmt: skip
+    return (
+        "<h2>Rates</h2><p>Capacity: of one-bit slots at this light and threshold, for every camera "
+        "pixel and tick. Raw: a bit of every data cell in every symbol. Coded: what line code and "
+        "Reed-Solomon leave of it. Goodput: the file's bits from first light to its last verified "
+        "byte, training, framing and repair frames counted.</p>"
+        + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(run)
+    )  # fmt: skip
+
+
+def _choice(run: LinkRun) -> str:
+    if run.choice is None:
+        return ""
+    rows = [
+        [f"{row.mode.cell} x {row.mode.cell}", str(row.mode.ticks), row.mode.line,
+         f"(255, {255 - row.mode.parity})", _count(row.errors), bits(row.goodput)]
+        for row in run.choice.best(12)
+    ]  # fmt: skip
+    return (
+        "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
+        "air with pilots in each cell size and symbol length; codes were weighed by their word "
+        "errors. The best:</p>"
+        + table(
+            ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "goodput foreseen"], rows
+        )
+    )  # fmt: skip
+
+
+def _errors(run: LinkRun) -> str:
+    path, theory = run.folder / "figures" / "errors.png", run.theory
+    errors_figure(run, path)
+    span = ""
+    if theory.interval is not None:
+        span = f", 99.9 % interval {theory.interval[0]:.2g} to {theory.interval[1]:.2g}"
+    eye = ""
+    if run.eye is not None and run.eye.soft.size:
+        eye_path = run.folder / "figures" / "eye.png"
+        eye_figure(run.eye, eye_path)
+        eye = (
+            f"<h3>The eye</h3><p>{run.eye.soft.size:,} symbols of data cells, by what was sent. "
+            "What lies on the wrong side of 0 was decided wrong; the outermost bins hold what lies "
+            "beyond.</p>" + plot(eye_path, "eye diagram")
+        )  # fmt: skip
+    return (
+        f"<h2>Errors</h2><p>{run.errors.wrong:,} of {run.errors.bits:,} bits on data cells were "
+        f"decided wrong before any code{span}. The soft values' own promise is the mean of "
+        "1/(1 + exp |L|) over a sample: what they would be wrong by if they were the truth. The "
+        "closed form takes each camera pixel and tick of a cell as an independent look at blurred "
+        "cells: an upper bound for such looks, without turbulence, vibration and drift.</p>"
+        + plot(path, "bit error rates") + eye
+    )  # fmt: skip
+
+
+def _why(run: LinkRun) -> list[str]:
+    """Where cells fail, told from the map itself."""
+    wrong, told = run.errors.by_cell, []
+    carries = wrong >= 0
+    if not run.errors.symbols or not carries.any():
+        return ["No symbol was compared."]
+    share = np.where(carries, wrong, 0) / run.errors.symbols
+    mean = share[carries].mean()
+    told.append(f"A cell is wrong in {mean:.2g} of its symbols on average, the worst in "
+                f"{share.max():.2g}.")  # fmt: skip
+    beside = np.zeros_like(carries)
+    beside[:, 1:] |= ~carries[:, :-1]
+    beside[:, :-1] |= ~carries[:, 1:]
+    beside[1:] |= ~carries[:-1]
+    beside[:-1] |= ~carries[1:]
+    edge = np.zeros_like(carries)
+    edge[[0, -1]] = True
+    edge[:, [0, -1]] = True
+    for name, mask in (
+        ("at the panel's edge, where half of the neighbourhood is dark", edge),
+        ("beside tags and pilots", beside & ~edge),
+    ):
+        mine = mask & carries
+        if mine.any():
+            told.append(f"Cells {name}: {share[mine].mean():.2g}.")
+    rows, columns = carries.shape
+    quarter = [
+        share[rows * i // 3 : rows * (i + 1) // 3, columns * j // 3 : columns * (j + 1) // 3]
+        for i in range(3) for j in range(3)
+    ]  # fmt: skip
+    ninth = [float(part.mean()) for part in quarter]
+    told.append(f"Of nine parts of the panel the best has {min(ninth):.2g}, the worst "
+                f"{max(ninth):.2g}: what differs between them is the grids' beat, the rows' timing "
+                "and turbulence.")  # fmt: skip
+    return told
+
+
+def _cells(run: LinkRun) -> str:
+    path = run.folder / "figures" / "cells.png"
+    quality = getattr(run.received, "cell_quality", None)
+    if quality is None:
+        return "<h2>Cells</h2><p>No cell was read.</p>"
+    cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
+    told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
+    return (
+        "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of "
+        "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
+        f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
+    )  # fmt: skip
+
+
+def _delay(run: LinkRun) -> str:
+    path = run.folder / "figures" / "latency.png"
+    if not run.delays.size:
+        return "<h2>Latency</h2><p>No group was verified.</p>"
+    delay_figure(run, path)
+    rows = [
+        [row.stage, f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
+        for row in run.result.latency
+    ]
+    return (
+        "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
+        "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
+        "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's "
+        "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
+        "takes no time here.</p>"
+        + plot(path, "latency by stage")
+        + table(["stage", "least, us", "median, us", "most, us"], rows)
+    )  # fmt: skip
+
+
+def _reach(run: LinkRun) -> str:
+    path = run.folder / "figures" / "reach.png"
+    if not any(row.rate for row in run.reach):
+        return "<h2>Rate against distance</h2><p>No distance is foreseen to work.</p>"
+    reach_figure(run, path)
+    return (
+        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, with this "
+        "panel, lens, light and camera: a resolved panel's image is as bright at any distance, but "
+        "smaller, so cells must grow; nearer than the line begins, the panel does not fit into the "
+        "view. Only the dots were simulated.</p>" + plot(path, "rate against distance")
+    )  # fmt: skip
+
+
+def _verdict(run: LinkRun) -> str:
+    good = run.verdict.cause is Cause.NONE
+    head = "Received whole" if good else f"Verdict: {run.verdict.cause.value}"
+    return f"<h2>{html.escape(head)}</h2><p>{html.escape(run.verdict.told)}</p>"
+
+
+def _again(run: LinkRun) -> str:
+    lines = [
+        f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
+        f"viform link receive {shlex.quote(str(run.folder / 'stream.zarr'))} --out again",
+    ]
+    return (
+        "<h2>Make it again</h2><p>The first line makes the same bits; the second reads the file "
+        f"out of the recording once more.</p><pre>{html.escape(chr(10).join(lines))}</pre>"
+        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+    )
+
+
+def write_link_report(run: LinkRun) -> list[str]:
+    """Writes figures and report.html into the run's folder; their names."""
+    begin = time.perf_counter()
+    (run.folder / "figures").mkdir(exist_ok=True)
+    parts = [
+        _verdict(run), _view(run), _rates(run), _errors(run), _cells(run), _delay(run), _reach(run),
+        kept_section(run), machine_section(run),
+    ]  # fmt: skip
+    run.seconds["report"] = time.perf_counter() - begin
+    chip = run.setting.camera
+    body = [
+        opening(
+            run.scenario.title,
+            f"{chip.chip.title}, {chip.clock.hz / 1e3:g} kHz, a panel of {run.mode.width} x "
+            f"{run.mode.height} pixels at {run.setting.air.distance:g} m",
+            run.result, run.notes,
+        ),
+        _cards(run), *parts, run_time(run.result, run.seconds), _again(run),
+    ]  # fmt: skip
+    write_page(run.folder, run.scenario.title, "".join(body))
+    figures = sorted(path.name for path in (run.folder / "figures").glob("*.png"))
+    return [*(f"figures/{name}" for name in figures), "report.html"]

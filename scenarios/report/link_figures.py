@@ -1,0 +1,234 @@
+"""Figures of a link's run: rates, errors, the eye, the map of cells, delays, distance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarios.link_run.finished import Eye, LinkRun
+from scenarios.report.figures import INK, LINE, MARK, pyplot
+
+__all__ = [
+    "cells_figure", "delay_figure", "errors_figure", "eye_figure", "rates_figure", "reach_figure",
+    "view_figure",
+]  # fmt: skip
+
+BLUE, PALE = "#2f5fa7", "#9db4d8"
+_DOTS = 110
+_WORST = 12.0
+"""Soft values beyond this are drawn at it."""
+
+
+def _plain(ax: Any) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color(LINE)
+    ax.tick_params(which="both", color=LINE, labelcolor=INK, labelsize=8.5)
+    ax.xaxis.label.set_color(INK)
+    ax.yaxis.label.set_color(INK)
+
+
+def bits(rate: float) -> str:
+    """A rate for a reader."""
+    for size, unit in ((1e9, "Gb/s"), (1e6, "Mb/s"), (1e3, "kb/s")):
+        if rate >= size:
+            return f"{rate / size:.3g} {unit}"
+    return f"{rate:.3g} b/s"
+
+
+def _bits_axis(rate: float, _: int) -> str:
+    return bits(rate) if rate else "0"
+
+
+def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
+    """Bars of rates (what, bits a second), None drawn as nothing."""
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8.2, 0.45 * len(rows) + 0.7), layout="constrained")
+    most = max((rate for _, rate in rows if rate), default=1.0)
+    for n, (_, rate) in enumerate(rows):
+        ax.barh(n, rate or 0.0, color=BLUE if n else PALE, height=0.62)
+        told = bits(rate) if rate else "none"
+        ax.text((rate or 0.0) + most * 0.01, n, told, va="center", fontsize=9, color=INK)
+    ax.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=9, color=INK)
+    ax.invert_yaxis()
+    ax.set_xlim(0, most * 1.16)
+    ax.xaxis.set_major_formatter(_bits_axis)
+    _plain(ax)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def errors_figure(run: LinkRun, path: Path) -> None:
+    """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8.2, 2.4), layout="constrained")
+    theory, errors = run.theory, run.errors
+    least = 0.3 / max(errors.bits, 1)
+    shown = [
+        ("measured", errors.rate, theory.interval, MARK),
+        ("the soft values' own promise", theory.soft, None, BLUE),
+        ("closed form, blurred cells (bound)", theory.closed, None, BLUE),
+        ("closed form, sharp cells", theory.sharp, None, BLUE),
+    ]
+    for n, (_, value, interval, colour) in enumerate(shown):
+        if interval is not None:
+            low, high = (max(x, least) for x in interval)
+            ax.plot([low, high], [n, n], color=colour, linewidth=5, alpha=0.35)
+        if value is not None:
+            ax.plot(max(value, least), n, "o", color=colour, markersize=6)
+            told = "none" if value == 0 else f"{value:.2g}"
+            ax.annotate(
+                told, (max(value, least), n), (8, 6), textcoords="offset points", fontsize=8.5,
+                color=INK,
+            )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_xlim(min(least, 1e-8), 1)
+    ax.set_yticks(range(len(shown)), [name for name, *_ in shown], fontsize=9, color=INK)
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.set_xlabel("raw bit error rate, before line code and Reed-Solomon")
+    _plain(ax)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def eye_figure(eye: Eye, path: Path) -> None:
+    """How soft values of cells that were on and off spread: the eye's opening."""
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8.2, 3.0), layout="constrained")
+    top = float(np.quantile(np.abs(eye.soft), 0.999)) * 1.1 + 1e-3
+    edges = np.linspace(-top, top, 121)
+    soft = np.clip(eye.soft, edges[0], edges[-1])
+    for on, colour, name in ((False, BLUE, "off was sent"), (True, MARK, "on was sent")):
+        mine = soft[eye.on == on]
+        count, _ = np.histogram(mine, edges)
+        ax.stairs(
+            count / max(mine.size, 1), edges, fill=True, color=colour, alpha=0.45, linewidth=0,
+            label=name,
+        )  # fmt: skip
+        ax.stairs(count / max(mine.size, 1), edges, color=colour, linewidth=1)
+    ax.axvline(0, color=INK, linewidth=0.8)
+    ax.set_yscale("log")
+    ax.set_ylim(0.5 / max(eye.soft.size / 2, 1), 1)
+    ax.set_xlabel("soft value of a symbol, ln P(spikes | on) - ln P(spikes | off)")
+    ax.set_ylabel("share of symbols")
+    ax.legend(frameon=False, fontsize=9, loc="upper center", ncols=2)
+    _plain(ax)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def cells_figure(
+    quality: npt.NDArray[np.float64], errors: npt.NDArray[np.int64], symbols: int, path: Path
+) -> None:
+    """Two maps of cells: how sure their decisions were, and how often they were wrong. errors: -1
+    where a cell carries no data."""
+    plt = pyplot()
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.9), layout="constrained")
+    carries = errors >= 0
+    sure = np.where(carries, quality, np.nan)
+    high = float(np.nanquantile(sure, 0.99)) if carries.any() else 1.0
+    drawn = left.imshow(sure, cmap="viridis", vmin=0, vmax=max(high, 1e-6), interpolation="nearest")
+    left.set_title("mean |soft value|: sure is bright", fontsize=10, color=INK)
+    figure.colorbar(drawn, ax=left, shrink=0.8)
+    rate = np.where(carries, errors / max(symbols, 1), np.nan)
+    most = float(np.nanmax(rate)) if carries.any() else 0.0
+    drawn = right.imshow(
+        rate, cmap="inferno", vmin=0, vmax=max(most, 1 / max(symbols, 1)), interpolation="nearest"
+    )
+    right.set_title("share of its symbols decided wrong", fontsize=10, color=INK)
+    figure.colorbar(drawn, ax=right, shrink=0.8)
+    for ax in (left, right):
+        ax.set_xticks([])
+        ax.set_yticks([])
+        ax.set_facecolor("#e6e8ec")
+        ax.spines[:].set_color(LINE)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def delay_figure(run: LinkRun, path: Path) -> None:
+    """Stages one after another, each as long as its median, with whiskers from least to most."""
+    plt = pyplot()
+    rows = run.result.latency
+    figure, ax = plt.subplots(figsize=(8.2, 0.42 * len(rows) + 0.8), layout="constrained")
+    at = 0.0
+    for n, row in enumerate(rows):
+        ax.barh(n, row.median_us, left=at, color=BLUE, height=0.55)
+        ax.plot([at + row.min_us, at + row.max_us], [n, n], color=MARK, linewidth=2)
+        ax.annotate(
+            f"{row.median_us:.4g}", (at + max(row.median_us, row.max_us), n), (6, -3),
+            textcoords="offset points", fontsize=8.5, color=INK,
+        )  # fmt: skip
+        at += row.median_us
+    ax.set_yticks(range(len(rows)), [row.stage for row in rows], fontsize=9, color=INK)
+    ax.invert_yaxis()
+    ax.set_xlim(0, ax.get_xlim()[1] * 1.12)
+    ax.set_xlabel("us since a byte came, medians end to end; orange: least to most of the stage")
+    _plain(ax)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def reach_figure(run: LinkRun, path: Path) -> None:
+    """Predicted rate over distance, with the modes, and the measured point."""
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8.2, 3.3), layout="constrained")
+    distance = np.array([r.distance for r in run.reach])
+    rate = np.array([r.rate for r in run.reach])
+    works = rate > 0
+    ax.step(distance[works], rate[works], where="mid", color=BLUE, linewidth=1.4,
+            label="predicted, coded rate of the best mode")  # fmt: skip
+    last = None
+    for row in run.reach:
+        if row.mode is None:
+            continue
+        size = (row.mode.cell, row.mode.ticks)
+        if size != last:
+            ax.annotate(
+                f"{size[0]}x{size[0]}, {size[1]} tick{'s' * (size[1] > 1)}",
+                (row.distance, row.rate), (2, 7), textcoords="offset points", fontsize=7.5,
+                color=INK,
+            )  # fmt: skip
+        last = size
+    here = run.setting.air.distance
+    ax.plot(here, run.rates.coded, "o", color=PALE, label="coded rate of this run's mode")
+    if run.rates.goodput:
+        ax.plot(here, run.rates.goodput, "o", color=MARK, label="measured goodput")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(_some)
+    ax.yaxis.set_major_formatter(_bits_axis)
+    ax.set_xlabel("distance (m)")
+    ax.legend(frameon=False, fontsize=8.5)
+    _plain(ax)
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
+
+
+def _some(x: float, _: int) -> str:
+    """Labels of the ticks between powers of ten: of 2 and 5 alone."""
+    return f"{x:g}" if f"{x:e}"[0] in "25" else ""
+
+
+def view_figure(run: LinkRun, path: Path) -> None:
+    """What the camera saw on average, with the panel's outline as it is and as it was found."""
+    plt = pyplot()
+    height, width = run.image.shape
+    figure, ax = plt.subplots(figsize=(6.4, 6.4 * height / width), layout="constrained")
+    ax.imshow(run.image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+    for corners, colour, name, style in (
+        (run.truth, BLUE, "the panel as it stands", "-"),
+        (run.outline, MARK, "as the receiver found it", "--"),
+    ):
+        if corners is not None:
+            ring = np.vstack([corners, corners[:1]])
+            ax.plot(ring[:, 0], ring[:, 1], style, color=colour, linewidth=1.5, label=name)
+    ax.set_xlim(-0.5, width - 0.5)
+    ax.set_ylim(height - 0.5, -0.5)
+    ax.legend(fontsize=8.5, loc="lower right")
+    ax.axis("off")
+    figure.savefig(path, dpi=_DOTS)
+    plt.close(figure)
