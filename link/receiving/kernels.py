@@ -17,8 +17,8 @@ def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
     """ln P of observed bits of each pixel, (n,), of bits (n, ticks) uint8 of pixels whose
-    light in each symbol is (n, symbols) float64; start (n,): tick at which symbol 0 begins for each.
-    rule: of the reset, 0 residual, 1 hard, 2 subtract."""
+    light in each symbol is (n, symbols) float64; start (n,): tick at which symbol 0 begins for
+    each. rule: of the reset, 0 residual, 1 hard, 2 subtract."""
     count, ticks = bits.shape
     symbols = light.shape[1]
     out = np.zeros(count)
