@@ -83,6 +83,7 @@ def _detect(image: npt.NDArray[Any], factor: float) -> Found:
     setting.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     setting.minMarkerPerimeterRate = 0.02
     setting.adaptiveThreshWinSizeMax = 43
+    ids: Any
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary(), setting).detectMarkers(image)
     tags: dict[int, tuple[int, Floats]] = {}
     if ids is None:

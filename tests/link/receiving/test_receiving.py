@@ -7,14 +7,14 @@ import pytest
 
 from cosim import Viform
 from link.mode import Mode
-from link.receiving import Receiver
+from link.receiving import Received, Receiver
 from link.verdict import Cause
 from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 
 DATA = np.random.Generator(np.random.Philox(key=5)).bytes(6000)
 
 
-def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None) -> object:
+def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None) -> Received:
     """What a receiver makes of a link's stream, in blocks of so many ticks."""
     shown = toy.planes() if planes is None else planes
     receiver = Receiver(shown.shape[1:])
@@ -29,10 +29,13 @@ def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None
     "given",
     [
         {},
-        {"ppm": 1000.0},
+        pytest.param({"ppm": 1000.0}, marks=pytest.mark.slow),
         {"slope": -1.0, "first": 13.8},
-        {"turn": 90.0},
-        {"turn": 217.0, "scale": 0.9, "margin": 60, "mode": Mode(256, 256, 3, 2, "8b10b", 32)},
+        pytest.param({"turn": 90.0}, marks=pytest.mark.slow),
+        pytest.param(
+            {"turn": 217.0, "scale": 0.9, "margin": 60, "mode": Mode(256, 256, 3, 2, "8b10b", 32)},
+            marks=pytest.mark.slow,
+        ),
         {"begin": 60},
         {"shift": lambda t: (0.8 * np.sin(t / 60), 0.6 * np.cos(t / 47))},
     ],
@@ -56,7 +59,7 @@ def test_a_file_arrives_and_the_measurements_are_right(given: dict[str, object])
     # phase in the middle of rows and time; a stream without training knows it from pilots alone
     symbol = round((middle - toy.first) / toy.period)
     row = toy.shape[0] / 2
-    true_start = toy.first + symbol * toy.period + toy.slope / 2
+    true_start = toy.first + symbol * toy.period + toy.slope / 2 - toy.begin
     assert abs(float(got.timing.start(symbol, row)) - true_start) < (0.1 if toy.begin else 0.05)
     assert abs(got.on - toy.on) < 0.1
 
@@ -77,6 +80,7 @@ def test_blocks_do_not_matter_and_symbols_can_be_looked_up() -> None:
         one.decided(0, 1)
 
 
+@pytest.mark.slow
 def test_small_tags_are_registered_by_the_cells() -> None:
     mode = Mode(256, 256, 4, 2, "8b10b", 64)
     toy = small(DATA[:500], mode=mode, scale=0.5)
@@ -113,6 +117,7 @@ def test_nothing_at_all_gets_a_verdict() -> None:
     assert Receiver((10, 10)).finish().verdict.cause is Cause.TRUNCATED
 
 
+@pytest.mark.slow
 def test_each_fault_is_named() -> None:
     toy = small(DATA)
     planes = toy.planes()
@@ -138,10 +143,10 @@ def test_each_fault_is_named() -> None:
 @pytest.mark.parametrize(
     ("given", "cause"),
     [
-        ({"blur": 8.0, "cycles": 100}, Cause.OUT_OF_FOCUS),
+        pytest.param({"blur": 8.0, "cycles": 100}, Cause.OUT_OF_FOCUS, marks=pytest.mark.slow),
         ({"on": 0.2}, Cause.DIM),
         ({"background": 1.3, "cycles": 100}, Cause.SATURATED),
-        ({"ppm": 30000.0}, Cause.WRONG_CLOCK),
+        pytest.param({"ppm": 30000.0}, Cause.WRONG_CLOCK, marks=pytest.mark.slow),
     ],
     ids=["focus", "dim", "sun", "clock"],
 )
