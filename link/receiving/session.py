@@ -209,9 +209,9 @@ class Session:
         if sum(len(part) for part in self.soft) < _SAMPLES:
             stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it meets all symbols
             picked = np.arange(0, soft.size, stride)
-            symbol, cell = np.divmod(picked, soft.shape[1])
+            of, cell = np.divmod(picked, soft.shape[1])
             self.soft.append(soft.ravel()[picked])
-            self.soft_at.append(np.stack([symbol + first, cell], 1).astype(np.int64))
+            self.soft_at.append(np.stack([of + first, cell], 1).astype(np.int64))
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of data cells on the panel, (rows, columns)."""
