@@ -1,0 +1,175 @@
+"""The plan of a link's run: tier, effects of the air and of the camera, in units of the bit error
+rate's interval.
+
+Every bound begins with the share of a lit pixel's charge in a tick by which leaving the effect out
+can move any pixel's charge; `link.air` turns that into the change of the bit error rate over half
+the width of its 99.9 % interval, and the planner sums those up. The effects' bounds of a rate
+(`sensor.effects`) are of images: one spike more or less in a window counts there as a spike, where
+a link asks only on which side of the threshold a tick falls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from cosim import Bound, Effect, Summary
+from cosim.effects import Kind
+from cosim.opencl import Device
+from cosim.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
+from link.air import Change, LinkSummary, Scene, air_effects, ber, ber_units, link_summary
+from link.layout import Layout
+from link.mode import Mode
+from link.theory import clopper_pearson
+from scenarios.linking import LinkSetting
+from sensor import CameraSetting
+from sensor.effects.costs import QUIET
+from sensor.tiers import Tier
+
+__all__ = ["LEVEL", "LinkPlan", "camera_changes", "half_width", "plan_link"]
+
+LEVEL: Final = 0.999
+"""Of the bit error rate's interval."""
+_DEVIATIONS: Final = 8.0
+"""Of a tick's charge, beyond which no threshold decides a bit."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkPlan:
+    """plan: of every effect. scene: what the bounds read. tier: of the camera's pixels. camera: as
+    it is run. kept_air: names of the air's effects that are simulated. own: what the tier's own
+    arithmetic may change."""
+
+    plan: Plan
+    scene: LinkSummary
+    tier: Tier
+    camera: CameraSetting
+    kept_air: frozenset[str]
+    own: float
+
+    @property
+    def kept(self) -> list[str]:
+        """Every effect that is simulated."""
+        return list(self.plan.everywhere)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        return self.plan.left_out
+
+    def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
+        """What is left out, as `result.json` says it. measured: of each, where it was."""
+        return [
+            {
+                "effect": row.effect, "bound": row.bound, "kind": row.kind,
+                "measured": (measured or {}).get(row.effect),
+            }
+            for row in self.plan.rows if row.effect in self.left_out
+        ]  # fmt: skip
+
+
+def half_width(rate: float, bits: int) -> float:
+    """Of the 99.9 % Clopper-Pearson interval of a bit error rate met over so many bits: the unit of
+    a link's error."""
+    low, high = clopper_pearson(round(rate * bits), bits, LEVEL)
+    return float(high - low) / 2
+
+
+def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, tuple[Change, Kind]]:
+    """Of the camera's effects, by name, by how much of a lit pixel's charge in a tick leaving each
+    out can move any pixel's. What differs from pixel to pixel is a standard deviation, met anew in
+    each."""
+    on, q = scene.on, camera.threshold
+    tick = float(camera.clock.period)
+    shot = q if any(e.name == "shot noise" for e in camera.effects) else 0.0
+    noise = math.sqrt(shot + camera.threshold_noise**2) - math.sqrt(shot)
+    swing = (scene.on - scene.off) / on
+    made: dict[str, tuple[float, Kind]] = {
+        # Without it a charge falls on the other side of a threshold up to so many deviations away.
+        "shot noise": (_DEVIATIONS * math.sqrt(q) / on, "estimate"),
+        "threshold noise": (_DEVIATIONS * noise / on, "estimate"),
+        "row-by-row sampling": (swing * camera.row_skew, "proof"),
+        "comparator delay": (swing * camera.comparator_delay / tick, "proof"),
+        "reset dead time": (camera.dead_time / tick, "proof"),
+        "optical cross-talk": (swing * camera.crosstalk, "proof"),
+        "comparator overshoot": (abs(camera.overshoot) / on, "estimate"),
+        "leak": (abs(camera.leak) * tick / on, "estimate"),
+    }
+    changes = {name: (Change(size), kind) for name, (size, kind) in made.items()}
+    if camera.pattern is not None:
+        own = camera.pattern
+        anew = scene.cycles / (camera.chip.width * camera.chip.height)
+        changes["PRNU"] = Change(own.prnu, anew), "estimate"
+        changes["threshold FPN"] = Change(own.threshold_fpn, anew), "estimate"
+        dark = own.dark * (1 + _DEVIATIONS * own.dsnu) * tick / on
+        changes["dark current and DSNU"] = Change(dark), "proof"
+    return changes
+
+
+def _link_effect(effect: Effect, changes: dict[str, tuple[Change, Kind]], lost: float) -> Effect:
+    """An effect of the camera with its bound in the link's unit. lost: share of pixels that are hot
+    or dead."""
+
+    def bound(summary: Summary) -> Bound:
+        if not isinstance(summary, LinkSummary):
+            raise TypeError("the bounds of a link's effects need a LinkSummary")
+        if effect.name == "hot and dead pixels":  # at worst such a pixel decides a cell
+            return Bound(lost / 2 / half_width(ber(summary), summary.bits), "estimate")
+        if effect.name not in changes:  # costs nothing, and is kept
+            return Bound(math.inf, "proof")
+        change, kind = changes[effect.name]
+        return Bound(change.units(summary), kind)
+
+    return replace(effect, bound=bound, scope="plane")
+
+
+def _own(camera: CameraSetting, scene: LinkSummary) -> float:
+    """What the fast tier's arithmetic may change."""
+    from sensor.fast import charge_error
+
+    # Charge that is carried keeps its errors; a reset to zero ends them, but in the dark.
+    cycles = scene.cycles
+    error = charge_error(camera.model, scene.on, cycles) * camera.threshold / scene.on
+    return ESTIMATE_WEIGHT * ber_units(scene, error)
+
+
+def plan_link(
+    setting: LinkSetting,
+    mode: Mode,
+    symbols: int,
+    cycles: int,
+    tolerance: float,
+    device: Device | None,
+    *,
+    forced: Sequence[str] = (),
+    tier: Tier | None = None,
+) -> LinkPlan:
+    """Plans a run of so many symbols, training included. forced: effects to keep whatever their
+    bound. tier: chosen by the tolerance unless given. tolerance: of the change of the bit error
+    rate over half the width of its interval."""
+    camera = setting.camera
+    scene_of = Scene(setting.panel, setting.optics, setting.aim, setting.air)
+    scene = link_summary(
+        scene_of, camera, cell=mode.cell, ticks=mode.ticks, bits=Layout(mode).cells * symbols,
+        cycles=cycles,
+    )  # fmt: skip
+    own = 0.0
+    if tier is None:
+        tier = "exact"
+        if device is not None and tolerance > 0:
+            fast = _own(camera, scene)
+            if fast <= SHARE * tolerance / 2:
+                tier, own = "fast", fast
+    elif tier == "fast":
+        own = _own(camera, scene)
+    changes = camera_changes(camera, scene)
+    lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
+    of_camera = [_link_effect(effect, changes, lost) for effect in camera.kept]
+    of_air = air_effects(scene_of, camera)
+    plan = make_plan([*of_air, *of_camera], scene, tolerance, own=own, forced=forced, base_ns=QUIET)
+    gone = set(plan.left_out)
+    return LinkPlan(
+        plan, scene, tier, camera.without(gone),
+        frozenset(e.name for e in of_air if e.name not in gone), own,
+    )  # fmt: skip
