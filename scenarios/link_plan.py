@@ -39,15 +39,21 @@ _DEVIATIONS: Final = 8.0
 @dataclass(frozen=True, eq=False)
 class LinkPlan:
     """plan: of every effect. scene: what the bounds read. tier: of the camera's pixels. camera: as
-    it is run. kept_air: names of the air's effects that are simulated. own: what the tier's own
-    arithmetic may change."""
+    it is run. of_air: names of the air's effects that act; kept_air: of those that are simulated.
+    own: what the tier's own arithmetic may change."""
 
     plan: Plan
     scene: LinkSummary
     tier: Tier
     camera: CameraSetting
+    of_air: frozenset[str]
     kept_air: frozenset[str]
     own: float
+
+    @property
+    def run_air(self) -> frozenset[str] | None:
+        """What `link.air.Air` is to keep: None where that is everything."""
+        return None if self.kept_air == self.of_air else self.kept_air
 
     @property
     def kept(self) -> list[str]:
@@ -168,8 +174,5 @@ def plan_link(
     of_camera = [_link_effect(effect, changes, lost) for effect in camera.kept]
     of_air = air_effects(scene_of, camera)
     plan = make_plan([*of_air, *of_camera], scene, tolerance, own=own, forced=forced, base_ns=QUIET)
-    gone = set(plan.left_out)
-    return LinkPlan(
-        plan, scene, tier, camera.without(gone),
-        frozenset(e.name for e in of_air if e.name not in gone), own,
-    )  # fmt: skip
+    gone, acting = set(plan.left_out), frozenset(effect.name for effect in of_air)
+    return LinkPlan(plan, scene, tier, camera.without(gone), acting, acting - gone, own)
