@@ -58,4 +58,8 @@ def make_detector(
         from link.detect.threshold import Threshold
 
         return Threshold(layout, registration, timing)
+    if name == "forward-backward":
+        from link.detect.forward_backward import ForwardBackward
+
+        return ForwardBackward(layout, registration, timing, pixel)
     raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {name}")

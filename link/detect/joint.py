@@ -1,8 +1,10 @@
-"""Soft joint decision over the pixels of a cell and the ticks of a symbol.
+"""Soft joint decision over the pixels of a cell, the ticks of a symbol and the symbols beside it.
 
-Given a bit, the pixels of a cell are taken to spike independently of each other, so the log
-likelihood ratios of all its pixels and ticks add up. Each is that of the pixel's class, learned
-from symbols that are known; nothing of the sensor or of the light is given.
+Given a symbol's bit and the one before, the pixels of a cell are taken to spike independently of
+each other, so the log likelihoods of all its pixels and ticks add up; a forward and backward pass
+over the chain of a cell's bits then gives each bit's own. The likelihoods are by the pixels' class,
+learned from symbols that are known; nothing of the sensor or of the light is given. So a tick that
+two symbols share serves both, and so does charge that a symbol leaves to the next one.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.viform import Words
-from link.detect.counting import CONTEXT, PART, PHASES, add_evidence, count_patterns
+from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
 from link.detect.detector import Bits, Soft
 from link.detect.geometry import SHARES, Seen, see
-from link.detect.tables import parts_for, tables
+from link.detect.tables import Tables, parts_for, tables
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
@@ -24,23 +26,27 @@ __all__ = ["LIMIT", "Joint"]
 
 LIMIT: Final = 60.0
 """Of a soft value's size."""
+_AROUND: Final = 2
+"""Symbols before and after those asked for that the chain holds as well."""
 
 Values = npt.NDArray[np.float64]
 
 
 class Joint:
-    """See `Detector`."""
+    """See `Detector`. The soft values of a call's outermost symbols would be changed by symbols
+    further away than two, by little: ticks wholly of one symbol cut the chain."""
 
     def __init__(self, layout: Layout, registration: Registration, timing: Timing) -> None:
         self._layout, self._registration, self._timing = layout, registration, timing
         self._seen = see(layout, registration)
-        self._reads = layout.mode.ticks + 1
+        self._ticks = layout.mode.ticks
         self._time = timing.first, timing.period, timing.slope, float(timing.rows)
         shape = (
-            self._seen.regions, PHASES, parts_for(self._reads), SHARES, 2, 1 << (PART + CONTEXT),
+            self._seen.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
+            1 << (PART + CONTEXT),
         )  # fmt: skip
         self._counts = np.zeros(shape, np.int32)
-        self._tables: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None = None
+        self._tables: Tables | None = None
 
     def _shifts(self, first_symbol: int, count: int) -> Values:
         """(dx, dy) of the image in the middle of each symbol, (count, 2)."""
@@ -50,25 +56,30 @@ class Joint:
     def _learn(
         self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
-        if known.shape[1] != seen.x.size:
-            raise ValueError(f"known must be of {seen.x.size} cells, not {known.shape[1]}")
+        """known: with the symbol before the first one."""
         order = np.argsort(seen.region, kind="stable")
         ends = np.searchsorted(seen.region[order], np.arange(seen.regions), side="right")
         place = seen.places
         count_patterns(
-            words, start_tick, known, first_symbol, self._shifts(first_symbol, len(known)),
-            self._time, self._reads, order, ends, seen.x, seen.y, place.count, place.dx, place.dy,
+            words, start_tick, known, first_symbol, self._shifts(first_symbol, len(known) - 1),
+            self._time, self._ticks, order, ends, seen.x, seen.y, place.count, place.dx, place.dy,
             place.share, self._counts,
         )  # fmt: skip
         self._tables = None
 
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
-        self._learn(self._seen, words, start_tick, known, first_symbol)
+        if known.ndim != 2 or known.shape[1] != self._seen.x.size:
+            raise ValueError(f"known must be of {self._seen.x.size} cells, not {known.shape}")
+        if first_symbol == 0:  # before first light all are off
+            known = np.concatenate([np.zeros((1, known.shape[1]), np.bool_), known])
+            first_symbol = -1
+        self._learn(self._seen, words, start_tick, known, first_symbol + 1)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
         cells = np.flatnonzero(self._layout.pilot)
         seen = see(self._layout, self._registration, cells, columns_alike=True)
-        bits = pilots()[(first_symbol + np.arange(count)) % PERIOD]
+        number = first_symbol + np.arange(-1, count)
+        bits = pilots()[number % PERIOD] & (number >= 0)
         known = np.repeat(bits[:, None], len(cells), axis=1)
         self._learn(seen, words, start_tick, known, first_symbol)
 
@@ -76,12 +87,13 @@ class Joint:
         if not self._counts.any():
             raise ValueError("the detector must have learned from known symbols before")
         if self._tables is None:
-            self._tables = tables(self._counts, self._layout.mode.ticks, self._reads)
+            self._tables = tables(self._counts, self._ticks)
         seen, place = self._seen, self._seen.places
-        out = np.empty((count, seen.x.size), np.float32)
+        out = np.zeros((count, seen.x.size), np.float32)
+        first, symbols = first_symbol - _AROUND, count + 2 * _AROUND
         add_evidence(
-            words, start_tick, first_symbol, self._shifts(first_symbol, count), self._time,
-            self._reads, seen.region, seen.x, seen.y, place.count, place.dx, place.dy, place.share,
-            *self._tables, np.float32(LIMIT), out,
+            words, start_tick, first, symbols, _AROUND, self._shifts(first, symbols), self._time,
+            self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
+            place.share, *self._tables, np.float32(LIMIT), out,
         )  # fmt: skip
         return out

@@ -1,10 +1,10 @@
-"""What was seen under known bits, made into what a spike or its absence says of a bit.
+"""What was seen under known bits, made into what a spike or its absence says of them.
 
-The chance of a spike in a tick is taken to depend on the cell's bit, the pixel's class and its own
-spikes of the ticks just before (charge that has not fired yet is still there). Three layers, each
-the prior of the next one: all of the panel and time, by the share of the tick's light that is the
-cell's in this symbol; by share, tick and phase; the same in each region of the panel, whose light
-may differ.
+The chance of a spike in a tick is taken to depend on the bits of the symbol and of the one before,
+on the pixel's class and on its own spikes of the ticks just before: charge that has not fired yet
+is still there. Three layers, each the prior of the next one: all of the panel and time, by how much
+of the pixel's light is the cell's and for how much of the tick it is on; by share, tick and phase;
+the same in each region of the panel, whose light may differ.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from link.detect.counting import CONTEXT, PART, PHASES
+from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
 from link.detect.geometry import SHARES
 
-__all__ = ["overlap", "parts_for", "spike_counts", "tables"]
+__all__ = ["lit", "parts_for", "spike_counts", "tables"]
 
 _BEFORE: Final = 1 << CONTEXT
-_LIGHTS: Final = 32
-"""Classes of the share of a tick's light, in the first layer."""
+_STEPS: Final = 32
+"""Classes of the part of a tick in which a cell is on, in the first layer."""
 _CLASS_WEIGHT, _REGION_WEIGHT = 8.0, 64.0
 """Observations that a layer's prior counts for in the next one."""
 _LEAST: Final = 1e-4
@@ -29,26 +29,29 @@ _LEAST: Final = 1e-4
 place), so that one tick alone never decides."""
 
 Values = npt.NDArray[np.float64]
+Tables = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
 
 
-def parts_for(reads: int) -> int:
+def parts_for(ticks: int) -> int:
     """Parts of PART ticks."""
-    return -(-reads // PART)
+    return -(-ticks // PART)
 
 
-def overlap(ticks: int, reads: int) -> Values:
-    """Share of each tick that the symbol fills, by class of phase: (PHASES, reads)."""
-    late = (np.arange(PHASES) + 0.5)[:, None] / PHASES
-    at = np.arange(reads)[None, :]
-    return np.minimum(np.clip(at + 1 - late, 0, 1), np.clip(ticks + late - at, 0, 1))
+def lit(ticks: int) -> Values:
+    """Part of each tick in which the cell is on, (PHASES, ticks, PAIRS), by class of phase and by
+    the bits before and after the symbol's begin."""
+    late = ((np.arange(PHASES) + 0.5) / PHASES)[:, None, None]
+    first = (np.arange(ticks) == 0)[None, :, None]
+    pair = np.arange(PAIRS)
+    return np.where(first, late * (pair // 2) + (1 - late) * (pair % 2), pair % 2)
 
 
-def spike_counts(counts: npt.NDArray[np.int32], reads: int) -> Values:
-    """From patterns to ticks: (regions, PHASES, reads, SHARES, bits, contexts, spikes)."""
-    regions, phases, _, shares, bits, patterns = counts.shape
-    shape = (regions, phases, reads, shares, bits, _BEFORE, 2)
-    out, seen = np.zeros(shape), np.arange(patterns)
-    for j in range(reads):
+def spike_counts(counts: npt.NDArray[np.int32], ticks: int) -> Values:
+    """From patterns to ticks: (regions, PHASES, ticks, SHARES, PAIRS, contexts, spikes)."""
+    regions, phases, _, shares, pairs, patterns = counts.shape
+    out = np.zeros((regions, phases, ticks, shares, pairs, _BEFORE, 2))
+    seen = np.arange(patterns)
+    for j in range(ticks):
         part, at = divmod(j, PART)
         before, spike = (seen >> at) & (_BEFORE - 1), (seen >> (at + CONTEXT)) & 1
         for b in range(_BEFORE):
@@ -63,49 +66,44 @@ def _chances(counts: Values, prior: Values, weight: float) -> Values:
     return np.asarray((counts[..., 1] + weight * prior) / (counts.sum(axis=-1) + weight))
 
 
-def _first_layer(counts: Values, light: npt.NDArray[np.intp]) -> Values:
-    """P(spike) by share of a tick's light, whether it is a symbol's first tick, bit and context;
-    as (PHASES, reads, SHARES, bits, contexts)."""
-    pooled = np.zeros((_LIGHTS, 2, 2, _BEFORE, 2))
-    total, reads = counts.sum(axis=0), counts.shape[2]
-    later = np.broadcast_to((np.arange(reads) > 0).astype(np.intp)[None, :, None], light.shape)
-    np.add.at(pooled, (light, later), total)
-    # Laplace, and where a share was not met, the nearest one that was
-    met = pooled.sum(axis=(2, 3, 4)) > 0
-    chance = (pooled[..., 1] + 1) / (pooled.sum(axis=-1) + 2)
-    for k in range(2):
-        other = met[:, k] if met[:, k].any() else met[:, 1 - k]
-        have = np.flatnonzero(other)
-        if not len(have):
-            continue
-        source = k if met[:, k].any() else 1 - k
-        near = have[np.abs(np.arange(_LIGHTS)[:, None] - have[None, :]).argmin(axis=1)]
-        chance[:, k] = chance[near, source]
-    return np.asarray(chance[light, later])
+def _first_layer(counts: Values, ticks: int) -> Values:
+    """P(spike) by share, part of the tick in which the cell is on, and context, interpolated where
+    a part was not met: (PHASES, ticks, SHARES, PAIRS, contexts). counts: over the panel."""
+    on = lit(ticks)
+    step = np.minimum((on * _STEPS).astype(np.intp), _STEPS - 1)
+    met = np.zeros((_STEPS, SHARES, _BEFORE, 2))
+    np.add.at(met, step.ravel(), counts.transpose(0, 1, 3, 2, 4, 5).reshape(-1, *met.shape[1:]))
+    every = met.sum(axis=1, keepdims=True)  # a share not met is as the mean of those that were
+    chance = (met[..., 1] + _CLASS_WEIGHT * (every[..., 1] + 1) / (every.sum(-1) + 2)) / (
+        met.sum(axis=-1) + _CLASS_WEIGHT
+    )
+    have = np.flatnonzero(every.sum(axis=(1, 2, 3)))
+    out = np.empty((*step.shape, SHARES, _BEFORE))
+    for s in range(SHARES):
+        for b in range(_BEFORE):
+            out[..., s, b] = np.interp(step, have, chance[have, s, b])
+    return np.moveaxis(out, 3, 2)
 
 
-def tables(
-    counts: npt.NDArray[np.int32], ticks: int, reads: int
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """(whole, single) of `counting.add_evidence` from counted patterns: ln P(spikes | on) -
-    ln P(spikes | off)."""
-    each = spike_counts(counts, reads)
-    part = (np.arange(SHARES) + 0.5) / SHARES
-    light = overlap(ticks, reads)[:, :, None] * part
-    first = _first_layer(each, np.minimum(light * _LIGHTS, _LIGHTS - 1).astype(np.intp))
-    second = _chances(each.sum(axis=0), first, _CLASS_WEIGHT)
+def tables(counts: npt.NDArray[np.int32], ticks: int) -> Tables:
+    """(whole, single) of `counting.add_evidence` from counted patterns: ln P(spikes | bits), less
+    that of both bits off."""
+    each = spike_counts(counts, ticks)
+    pooled = each.sum(axis=0)
+    second = _chances(pooled, _first_layer(pooled, ticks), _CLASS_WEIGHT)
     third = np.clip(_chances(each, second[None], _REGION_WEIGHT), _LEAST, 1 - _LEAST)
-    off, on = third[:, :, :, :, 0], third[:, :, :, :, 1]
-    single = np.stack([np.log((1 - on) / (1 - off)), np.log(on / off)], axis=-1)
-    return _by_pattern(single, reads), single.astype(np.float32)
+    said = np.log(np.stack([1 - third, third], axis=-1))  # ..., PAIRS, contexts, spikes
+    single = np.moveaxis(said, 4, -1)
+    single = np.ascontiguousarray(single - single[..., :1], np.float32)
+    return _by_pattern(single, ticks), single
 
 
-def _by_pattern(single: Values, reads: int) -> npt.NDArray[np.float32]:
+def _by_pattern(single: npt.NDArray[np.float32], ticks: int) -> npt.NDArray[np.float32]:
     regions, phases, _, shares = single.shape[:4]
     seen: npt.NDArray[Any] = np.arange(1 << (PART + CONTEXT))
-    out = np.zeros((regions, phases, parts_for(reads), shares, seen.size), np.float32)
-    for j in range(reads):
+    out = np.zeros((regions, phases, parts_for(ticks), shares, seen.size, PAIRS), np.float32)
+    for j in range(ticks):
         part, at = divmod(j, PART)
         before, spike = (seen >> at) & (_BEFORE - 1), (seen >> (at + CONTEXT)) & 1
-        out[:, :, part] += single[:, :, j][..., before, spike].astype(np.float32)
+        out[:, :, part] += single[:, :, j][:, :, :, before, spike]
     return out

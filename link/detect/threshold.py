@@ -13,11 +13,16 @@ from cosim.viform import WORD, Words
 from link.detect.counting import PHASES
 from link.detect.detector import Bits, Soft
 from link.detect.geometry import PLACES, Seen, see
-from link.detect.tables import overlap
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
 __all__ = ["Threshold"]
+
+
+def _fullest(ticks: int) -> npt.NDArray[np.intp]:
+    """Tick of a symbol that it fills most, the one it begins in being 0, by class of phase."""
+    late = (np.arange(PHASES) + 0.5) / PHASES
+    return np.where(late < 0.5, 0, 1) if ticks == 1 else np.ones(PHASES, np.intp)
 
 
 class Threshold:
@@ -28,7 +33,7 @@ class Threshold:
         self._layout, self._registration, self._timing = layout, registration, timing
         self._seen = see(layout, registration)
         ticks = layout.mode.ticks
-        self._fullest = overlap(ticks, ticks + 1).argmax(axis=1)
+        self._fullest = _fullest(ticks)
         self._met = np.zeros((2, 2), np.int64)  # by bit and spike
 
     def _spikes(

@@ -13,9 +13,10 @@ _ROOT = 1 / math.sqrt(2)
 
 
 @njit(cache=True)
-def likelihood(bits, light, start, tick, period, on, background, hard, noise, floor, skip):  # type: ignore[no-untyped-def]  # noqa: E501
+def likelihood(bits, light, start, tick, period, on, background, rule, noise, floor, skip):  # type: ignore[no-untyped-def]  # noqa: E501
     """Mean ln P of observed bits (n, ticks) uint8 of pixels whose light in each symbol is (n,
-    symbols) float64; start (n,): tick at which symbol 0 begins for each."""
+    symbols) float64; start (n,): tick at which symbol 0 begins for each.
+    rule: of the reset, 0 residual, 1 hard, 2 subtract."""
     count, ticks = bits.shape
     symbols = light.shape[1]
     total = 0.0
@@ -35,7 +36,9 @@ def likelihood(bits, light, start, tick, period, on, background, hard, noise, fl
                 p = 0.5 * math.erfc(-z if fired else z)
                 total += np.log(floor + (1 - 2 * floor) * p)
             if fired:
-                charge = 0.0 if hard else min(max(charge - 1, 0.0), 1.0)
+                charge = 0.0 if rule == 1 else max(charge - 1, 0.0)
+                if rule == 0:
+                    charge -= math.floor(charge)
             elif charge > 1:
                 charge = 1.0
     return total / (count * max(ticks - skip, 1))

@@ -35,19 +35,26 @@ _NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
 _FLOOR: Final = 0.02
 """Least probability of anything: a pixel that the model does not describe has no veto."""
+_FEW: Final = 200
+"""Pixels of the first search."""
+_MIDDLE: Final = 0.5
+"""Of the rows."""
+_SLOPE_ERROR, _PERIOD_ERROR = 0.1, 0.1
+"""Ticks over the rows, and over the time, by which the pilots' plane may be wrong."""
 _LEAST_PIXELS, _LEAST_TICKS = 100, 16
+_RULES: Final = ("residual", "hard", "subtract")
 _SKIP: Final = 4
 """Ticks until a pixel's charge is known."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """on, background: thresholds a tick that full light adds, and that is always there. hard:
-    whether a spike puts the charge to zero. likelihood: mean ln P of an observed bit."""
+    """on, background: thresholds a tick that full light adds, and that is always there. reset: the
+    rule by which the pixels seem to go. likelihood: mean ln P of an observed bit."""
 
     on: float
     background: float
-    hard: bool
+    reset: str
     likelihood: float
 
 
@@ -146,55 +153,62 @@ def _light(
     return out
 
 
-def likelihood(w: Witnesses, timing: Timing, on: float, background: float, hard: bool) -> float:
+def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
     """Mean ln P of the observed bits."""
     from link.receiving.kernels import likelihood as compiled
 
     return float(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, on, background,
-            hard, _NOISE, _FLOOR, _SKIP,
+            _RULES.index(reset), _NOISE, _FLOOR, _SKIP,
         )
     )  # fmt: skip
 
 
-def fit_timing(w: Witnesses, timing: Timing, *, slope: bool = True) -> tuple[Timing, Levels]:
-    """The timing whose first symbol and slope make the spikes likeliest, and the light's levels."""
+def fit_timing(w: Witnesses, timing: Timing) -> tuple[Timing, Levels]:
+    """The timing that makes the spikes likeliest, and the light's levels."""
     from scipy.optimize import minimize
 
-    few = w.some(200)
-    best: tuple[float, float, float, float, bool] = (-np.inf, 0.0, 1.0, 0.0, True)
-    for hard in (True, False):
-        for on in _ONS:
-            for late in np.arange(_PHASES[0], _PHASES[1], _PHASES[2]):
-                moved = replace(timing, first=timing.first + float(late))
-                found = likelihood(few, moved, on, _BACKGROUNDS[0], hard)
-                best = max(best, (found, float(late), on, _BACKGROUNDS[0], hard))
-    hard = best[4]
-    for background in _BACKGROUNDS[1:]:
-        moved = replace(timing, first=timing.first + best[1])
-        found = likelihood(few, moved, best[2], background, hard)
-        best = max(best, (found, best[1], best[2], background, hard))
+    few = w.some(_FEW)
+    late = np.arange(_PHASES[0], _PHASES[1], _PHASES[2])
+    tried = [
+        (likelihood(few, _moved(timing, w, float(a), 0, 0), on, _BACKGROUNDS[0], rule),
+         float(a), on, _BACKGROUNDS[0], rule)
+        for rule in _RULES for on in _ONS for a in late
+    ]  # fmt: skip
+    best = max(tried)
+    _, a, on, _, rule = best
+    moved = _moved(timing, w, a, 0, 0)
+    tried = [(likelihood(few, moved, on, b, rule), a, on, b, rule) for b in _BACKGROUNDS]
+    _, a, on, background, rule = max(best, *tried)
 
     def cost(p: Floats) -> float:
-        if not (-1.5 < p[0] < 1.5 and abs(p[1]) < 0.5):
+        if not (abs(p[0]) < 1.5 and abs(p[3]) < 0.5 and abs(p[4]) < 0.5):
             return 1e3
-        moved = replace(
-            timing, first=timing.first + p[0] - p[1] / 2, slope=timing.slope + p[1]
-        )
-        return -likelihood(w, moved, float(np.exp(p[2])), float(np.exp(p[3])), hard)
+        moved = _moved(timing, w, p[0], p[3], p[4])
+        held = (p[3] / _SLOPE_ERROR) ** 2 + (p[4] / _PERIOD_ERROR) ** 2
+        fit = likelihood(w, moved, float(np.exp(p[1])), float(np.exp(p[2])), rule)
+        return held / (2 * w.bits.size) - fit
 
-    start = np.array([best[1], 0.0, np.log(best[2]), np.log(best[3])])
-    size = np.array([0.05, 0.05 if slope else 0.0, 0.1, 0.4])
-    simplex = np.vstack([start, start + np.diag(size)])
+    start = np.array([a, np.log(on), np.log(background), 0.0, 0.0])
+    simplex = np.vstack([start, start + np.diag([0.05, 0.1, 0.4, 0.04, 0.04])])
     got = minimize(
         cost, start, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 70, "xatol": 2e-3, "fatol": 1e-6},
+        options={"initial_simplex": simplex, "maxfev": 130, "xatol": 2e-3, "fatol": 1e-6},
     )  # fmt: skip
-    p = got.x
-    moved = replace(timing, first=timing.first + p[0] - p[1] / 2, slope=timing.slope + p[1])
-    levels = Levels(float(np.exp(p[2])), float(np.exp(p[3])), hard, -float(got.fun))
-    return moved, levels
+    p = [float(value) for value in got.x]
+    levels = Levels(float(np.exp(p[1])), float(np.exp(p[2])), rule, -float(got.fun))
+    return _moved(timing, w, p[0], p[3], p[4]), levels
+
+
+def _moved(timing: Timing, w: Witnesses, late: float, slope: float, stretch: float) -> Timing:
+    """Later by `late` ticks in the middle of the witnesses, by `slope` more over all rows, and by
+    `stretch` more over the witnesses' time."""
+    ticks = w.bits.shape[1]
+    middle = (w.tick + ticks / 2 - timing.first) / timing.period
+    period = timing.period * (1 + stretch / ticks)
+    first = timing.first + late - slope * _MIDDLE + middle * (timing.period - period)
+    return replace(timing, first=first, period=period, slope=timing.slope + slope)
 
 
 def match(w: Witnesses, timing: Timing) -> float:
@@ -216,7 +230,7 @@ def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
 
     def cost(late: float) -> float:
         moved = replace(timing, first=timing.first + late)
-        return -likelihood(w, moved, levels.on, levels.background, levels.hard)
+        return -likelihood(w, moved, levels.on, levels.background, levels.reset)
 
     tried = np.linspace(-0.5, 0.5, 9)
     best = float(tried[int(np.argmin([cost(late) for late in tried]))])

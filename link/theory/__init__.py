@@ -2,6 +2,7 @@
 
 from link.theory.capacity import (
     binary_capacity,
+    count_capacity,
     entropy,
     one_bit_capacity,
     poisson_best_duty,
@@ -59,6 +60,7 @@ __all__ = [
     "charge_kernels",
     "clopper_pearson",
     "correlation_time",
+    "count_capacity",
     "count_laws",
     "entropy",
     "extinction_db_per_km",

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from link.theory.charge import poisson_threshold
 
 __all__ = [
-    "binary_capacity", "entropy", "one_bit_capacity", "poisson_best_duty", "poisson_capacity",
+    "binary_capacity", "count_capacity", "entropy", "one_bit_capacity", "poisson_best_duty",
+    "poisson_capacity",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -51,11 +52,10 @@ def poisson_capacity(dark: npt.ArrayLike, average: npt.ArrayLike | None = None) 
     brings many photons does not.
     """
     s = np.asarray(dark, np.float64)
-    q = poisson_best_duty(s)
-    if average is not None:
-        q = np.minimum(q, np.asarray(average, np.float64))
-    if (s < 0).any() or (q < 0).any():
+    most = np.asarray(1.0 if average is None else average, np.float64)
+    if not (s >= 0).all() or not (most >= 0).all():
         raise ValueError("dark and average must be at least 0")
+    q = np.minimum(poisson_best_duty(s), most)
     return np.asarray(_mutual(s, q) / np.log(2))
 
 
@@ -101,3 +101,24 @@ def one_bit_capacity(
 ) -> Array:
     """Bits a tick of a pixel that begins each tick empty and says whether q electrons came."""
     return binary_capacity(*poisson_threshold(q, mean_on, mean_off))[0]
+
+
+def count_capacity(off: Array, on: Array) -> tuple[float, float]:
+    """(bits a use, best share of ON) of a channel of two inputs with these laws of one output,
+    (outputs,) each. The mutual information is concave in the share, so its maximum is the root of
+    D(on | mix) - D(off | mix), which is found by halving."""
+    from scipy.special import rel_entr
+
+    def gap(share: float) -> tuple[float, float]:
+        mix = share * on + (1 - share) * off
+        return float(rel_entr(off, mix).sum()), float(rel_entr(on, mix).sum())
+
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        share = (low + high) / 2
+        dark, light = gap(share)
+        low, high = (share, high) if light > dark else (low, share)
+    share = (low + high) / 2
+    dark, light = gap(share)
+    bits = (share * light + (1 - share) * dark) / float(np.log(2))
+    return min(max(bits, 0.0), 1.0), share

@@ -23,9 +23,9 @@ Reset = Literal["hard", "residual", "subtract"]
 """What is left after a spike: nothing; the charge modulo q; the charge less one q, so that a tick's
 single spike takes off one threshold and the rest waits for the next tick."""
 Array = npt.NDArray[np.float64]
-_DEPTH: Final = 6
-"""Thresholds of waiting charge that `subtract` is followed to. What is cut off is some thousandths
-of the law where a tick brings 1.5 or .1 thresholds; p01 does not hang on it (see below)."""
+_DEPTH: Final = 10
+"""Thresholds of waiting charge that `subtract` is followed to. What is cut off is 2e-4 of the law
+where a tick brings 1.5 or .1 thresholds, and p10 is off by as much of itself."""
 _STATES: Final = 5000
 """Most states that equations are solved for: 200 MB."""
 

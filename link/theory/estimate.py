@@ -43,13 +43,13 @@ def count_laws(
 ) -> tuple[Array, Array]:
     """Laws of a pixel's spikes in an OFF and in an ON symbol, (ticks + 1,) each.
 
-    q, mu_on, mu_off: electrons, a tick. longest: symbols of a run; None: 30, as good as no limit.
+    q, mu_on, mu_off: electrons, a tick. longest: symbols of a run; None: 40, as good as no limit.
     Runs of r symbols have shares ~ 2^-r, as random bits have.
     """
     scale = max(q / _FINEST, 1.0)
     whole = max(round(q / scale), 1)
     off, on = (charge_kernels(reset, whole, m / scale, _DEPTH) for m in (mu_off, mu_on))
-    runs = np.arange(1, (longest or 30) + 1)
+    runs = np.arange(1, (longest or 40) + 1)
     share = 0.5**runs / (0.5**runs).sum()
     at = np.cumsum(share[::-1])[::-1]  # P(a run has an r-th symbol)
     at = at / at.sum()

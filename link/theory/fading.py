@@ -90,9 +90,9 @@ def _log_gamma_nodes(shape: float, deepest: float) -> tuple[Array, Array]:
     from scipy.special import gammaln
 
     deviation = 1 / np.sqrt(shape)
-    left = -min(12 * deviation, 12 / shape) - 45 / shape + min(deepest, 0.0)
+    # Of a narrow law nothing is left beyond 12 deviations; a wide one is followed to the deepest.
+    left = -12 * deviation if shape > 1e3 else -60 / shape - 12 * deviation + min(deepest, 0.0)
     right = min(12 * deviation, np.log1p(60 / shape) + 1)
-    left = max(left, -40 * deviation) if shape > 1e3 else left
     step = min(_FINE * deviation, _COARSE)
     u = np.linspace(left, right, int(np.ceil((right - left) / step)) + 1)
     bend = np.where(np.abs(u) < 1e-3, -(u**2) / 2 - u**3 / 6 - u**4 / 24, u - np.expm1(u))

@@ -4,7 +4,8 @@ Arnold, Loeliger, Vontobel, Kavcic, Wang, "Simulation-based computation of infor
 channels with memory", IEEE Trans. IT 52:3498 (2006): one long random stretch is sent, and
 I(X; Y) = H(Y) - H(Y | X) is read off the normalisations of two recursions over the law of the
 charge: one that knows the bits sent and one that does not. Here each step adds the entropy of its
-predicted bit in place of -log P(the bit that came), which has the same mean and a smaller spread.
+predicted bit, for either bit that may be sent, in place of -log P(the bit that came): the same mean
+and a smaller spread.
 """
 
 from __future__ import annotations
@@ -105,8 +106,9 @@ def _recursion(sent, counts, q, states, rule, p_on, f0, law0, t0, f1, law1, t1, 
     for k in range(sent.size):
         x = sent[k]
         of_blind = (1 - p_on) * _fires(blind, f0, t0, q) + p_on * _fires(blind, f1, t1, q)
-        of_knowing = _fires(knowing, f1, t1, q) if x else _fires(knowing, f0, t0, q)
-        gains[k] = _entropy(of_blind) - _entropy(of_knowing)
+        dark = _entropy(_fires(knowing, f0, t0, q))
+        light = _entropy(_fires(knowing, f1, t1, q))
+        gains[k] = _entropy(of_blind) - (1 - p_on) * dark - p_on * light
         v += counts[k]
         bit = 1 if v >= q else 0
         if bit:

@@ -2,6 +2,8 @@
 
 import typer
 
+from scenarios.commands.link_ber import link_ber
+from scenarios.commands.link_capacity import link_capacity
 from scenarios.commands.link_send import link_send
 
 __all__ = ["link"]
@@ -14,4 +16,6 @@ link = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+link.command("ber")(link_ber)
+link.command("capacity")(link_capacity)
 link.command("send")(link_send)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +13,22 @@ from cosim import InputError, seconds_to_ps
 from cosim.opencl import Device
 from link.air import Air
 from link.layout import TRAINING, Layout
-from link.mode import Mode
+from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.sending import Transmission
 from scenarios.linking import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from scenarios.prepare import choose_device
 from scenarios.progress import Progress
-from scenarios.schema import LinkScenario
+from scenarios.schema import LinkScenario, ModemSection
 from sensor import SpikeCamera
 
+if TYPE_CHECKING:
+    from scenarios.link_run.pilot import Pilot
+
 __all__ = ["PreparedLink", "choose_mode", "prepare_link"]
+
+_LEAST_CELL = 1.2
+"""Camera pixels to a cell's side, at least: nearer to 1 the grids' beat leaves cells without a
+pixel of their own."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,18 @@ def given_mode(scenario: LinkScenario) -> Mode | None:
     return Mode(panel.width, panel.height, *parts)
 
 
+def _candidates(modem: ModemSection, size: tuple[int, int], scale: float) -> list[Mode]:
+    """Modes that the scenario leaves open, of any parity. A cell is not much smaller than a camera
+    pixel; `none`, which limits no run, is taken only where it is asked for."""
+    cells = [c for c in CELLS if c * scale >= _LEAST_CELL] or [CELLS[-1]]
+    return [
+        Mode(*size, cell, ticks, line, PARITIES[0])
+        for cell in (cells if modem.cell == "auto" else [modem.cell])
+        for ticks in (TICKS[:4] if modem.ticks == "auto" else [modem.ticks])
+        for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
+    ]
+
+
 def choose_mode(
     scenario: LinkScenario, setting: LinkSetting, device: Device | None, progress: Progress
 ) -> tuple[Mode, Any]:
@@ -75,9 +94,23 @@ def choose_mode(
     mode = given_mode(scenario)
     if mode is not None:
         return mode, None
-    from scenarios.link_run.pilot import choose_from_pilot
+    from scenarios.link_run.choosing import choose
+    from scenarios.link_run.pilot import film_pilot, strip_of
 
-    choice = choose_from_pilot(scenario, setting, device, progress)
+    modem, strip = scenario.link.modem, strip_of(setting)
+    whole = scenario.link.panel.width, scenario.link.panel.height
+    modes = _candidates(modem, whole, setting.scale)
+    parities = PARITIES if modem.parity == "auto" else (modem.parity,)
+    progress.start("pilots", len(modes))
+
+    def trial(mode: Mode) -> Pilot:
+        narrow = replace(mode, width=strip.width)
+        pilot = film_pilot(strip, narrow, modem.detector, scenario.seed, device)
+        progress.advance(modes.index(mode) + 1)
+        return pilot
+
+    choice = choose(trial, modes, parities, setting.panel.clock.hz)
+    progress.advance(len(modes))
     return choice.mode, choice
 
 

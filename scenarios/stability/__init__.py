@@ -8,6 +8,7 @@ from scenarios.stability.cutting import SAMENESS as _SAMENESS
 from scenarios.stability.denormals import DENORMALS as _DENORMALS
 from scenarios.stability.firing import FIRING as _FIRING
 from scenarios.stability.gathering import GATHERING as _GATHERING
+from scenarios.stability.linking import LINKING as _LINKING
 from scenarios.stability.showing import SHOWING as _SHOWING
 from scenarios.stability.solving import SOLVING as _SOLVING
 from scenarios.stability.ticks import TICKS as _TICKS
@@ -16,7 +17,7 @@ __all__ = ["CASES", "Case", "Row"]
 
 _ALL = (
     *_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_CIRCUITS, *_SOLVING, *_DENORMALS,
-    *_SAMENESS, *_SHOWING,
+    *_SAMENESS, *_SHOWING, *_LINKING,
 )  # fmt: skip
 CASES = {case.number: case for case in sorted(_ALL, key=lambda case: case.number)}
 """Every case by its number."""

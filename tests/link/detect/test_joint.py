@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from link.detect import make_detector
-from link.detect.counting import CONTEXT, PHASES
+from link.detect.counting import CONTEXT, PAIRS, PHASES
 from link.detect.geometry import PLACES, see
 from link.detect.joint import Joint
-from link.detect.tables import overlap, tables
+from link.detect.tables import lit, tables
 from link.layout import TRAINING, Layout, training
 from link.mode import Mode
 from link.timing import Registration, Timing
@@ -47,40 +49,60 @@ def _errors(scene: Scene, detector: Joint) -> float:
     return float(((soft > 0) != scene.bits[TRAINING:]).mean())
 
 
-def test_soft_values_are_the_plain_sum_over_pixels_and_ticks(scene: Scene) -> None:
-    # The plain form: tick by tick, pixel by pixel, from the tables of single ticks.
-    detector = _learned(scene)
-    got = detector.soft(scene.words, 0, TRAINING, 2)
-    _, single = tables(detector._counts, 2, 3)
+def _plain(scene: Scene, detector: Joint, cell: int, first: int, symbols: int) -> list[float]:
+    """What a window of symbols says of a cell's bits: tick by tick, pixel by pixel, and a chain of
+    sums over all sequences of bits."""
+    ticks = scene.layout.mode.ticks
+    _, single = tables(detector._counts, ticks)
     seen = see(scene.layout, scene.registration)
-    spikes = np.stack([scene.words[t // 32] >> (t % 32) & 1 for t in range(len(scene.words) * 32)])
+    said = np.zeros((symbols, PAIRS))
+    for n in range(symbols):
+        middle = float(scene.timing.start(first + n + 0.5, scene.timing.rows / 2))
+        dx, dy = scene.registration.shift(middle)
+        u, v = seen.x[cell] + dx, seen.y[cell] + dy
+        x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        place = seen.region[cell], int((v - y + 0.5) * PLACES), int((u - x + 0.5) * PLACES)
+        start = float(scene.timing.start(first + n, y))
+        for k in range(seen.places.count[place]):
+            row, column = y + seen.places.dy[place][k], x + seen.places.dx[place][k]
+            share = seen.places.share[place][k]
+            for j in range(ticks):
+                at = np.arange(int(start) + j - CONTEXT, int(start) + j + 1)
+                train = (scene.words[at // 32, row, column] >> (at % 32)) & 1
+                before, phase = train[0] + 2 * train[1], int((start % 1) * PHASES)
+                said[n] += single[place[0], phase, j, share, before, train[2]]
+    total = np.array(
+        [
+            sum(said[n, 2 * bits[n] + bits[n + 1]] for n in range(symbols))
+            for bits in itertools.product((0, 1), repeat=symbols + 1)
+        ]
+    )
+    bits = np.array(list(itertools.product((0, 1), repeat=symbols + 1)), bool)[:, 1:]
+    return [
+        float(np.logaddexp.reduce(total[bits[:, n]]) - np.logaddexp.reduce(total[~bits[:, n]]))
+        for n in range(symbols)
+    ]
+
+
+def test_soft_values_are_the_sum_over_all_sequences() -> None:
+    # Slope 1: phases from 0 to 1, where a symbol's first tick says as much of the one before. The
+    # kernel takes ln(1 + e^-x) to be linear, wrong by up to 0.07 each of a few times.
+    scene = _scene(slope=1.0)
+    detector = _learned(scene)
+    got = detector.soft(scene.words, 0, TRAINING, 3)
     for cell in range(0, scene.layout.cells, 397):
-        for n in range(2):
-            middle = float(scene.timing.start(TRAINING + n + 0.5, scene.timing.rows / 2))
-            dx, dy = scene.registration.shift(middle)
-            u, v = seen.x[cell] + dx, seen.y[cell] + dy
-            x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-            place = (
-                seen.region[cell], int((v - y + 0.5) * PLACES), int((u - x + 0.5) * PLACES)
-            )  # fmt: skip
-            start = float(scene.timing.start(TRAINING + n, v))
-            tick, phase = int(start), int((start % 1) * PHASES)
-            total = 0.0
-            for k in range(seen.places.count[place]):
-                row, column = y + seen.places.dy[place][k], x + seen.places.dx[place][k]
-                share = seen.places.share[place][k]
-                for j in range(3):
-                    train = spikes[tick + j - CONTEXT : tick + j + 1, row, column]
-                    before = train[0] + 2 * train[1]
-                    total += single[place[0], phase, j, share, before, train[2]]
-            assert got[n, cell] == pytest.approx(np.clip(total, -60, 60), abs=1e-4)
+        plain = _plain(scene, detector, cell, TRAINING - 2, 7)[2:5]
+        assert got[:, cell] == pytest.approx(np.clip(plain, -60, 60), abs=0.3)
 
 
 def test_how_the_words_are_cut_does_not_matter(scene: Scene) -> None:
     detector = _learned(scene)
     whole = detector.soft(scene.words, 0, TRAINING, 8)
-    w = int(scene.timing.start(TRAINING + 3, 0)) // 32 - 1
-    assert np.array_equal(detector.soft(scene.words[w:], 32 * w, TRAINING + 3, 5), whole[3:])
+    w = int(scene.timing.start(TRAINING + 1, 0)) // 32 - 1
+    part = detector.soft(scene.words[w:], 32 * w, TRAINING + 3, 5)
+    # symbols beyond the window's two change a value by little
+    assert np.mean(np.abs(part - whole[3:]) > 0.1) < 0.01
+    assert ((part > 0) == (whole[3:] > 0)).mean() > 0.9995
 
 
 def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene) -> None:
@@ -88,7 +110,8 @@ def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene) -> None:
     whole = detector.soft(scene.words, 0, 40, 8)
     assert int(scene.timing.start(45, 0)) == 95  # the first of its three ticks alone is left
     cut = detector.soft(scene.words[:3], 0, 40, 8)
-    assert np.array_equal(cut[:5], whole[:5])
+    assert np.array_equal(cut[:3], whole[:3])
+    assert ((cut[:5] > 0) == (whole[:5] > 0)).all()
     assert (cut[6:] == 0).all()
     same = (cut[5] > 0) == (whole[5] > 0)
     assert not np.array_equal(cut[5], whole[5]) and same.mean() > 0.8
@@ -151,14 +174,18 @@ def test_soft_values_are_as_sure_as_they_should_be() -> None:
     soft = detector.soft(scene.words, 0, TRAINING, SYMBOLS - TRAINING)
     wrong = (soft > 0) != scene.bits[TRAINING:]
     chosen = (np.abs(soft) > 0.5) & (np.abs(soft) < 3)
-    assert chosen.sum() > 50
-    assert 0.05 < wrong[chosen].mean() < 0.5
+    assert chosen.sum() > 20
+    assert 0.05 < wrong[chosen].mean() < 0.6
     assert wrong[np.abs(soft) > 15].mean() < 1e-3
 
 
-def test_overlap_of_ticks_is_the_length_of_the_symbol() -> None:
+def test_what_is_lit_of_a_symbol_is_its_length() -> None:
+    # Its own part of the ticks it owns, and its part of the next one's first tick.
     for ticks in (1, 2, 6):
-        assert overlap(ticks, ticks + 1).sum(axis=1) == pytest.approx(ticks)
+        part = lit(ticks)
+        own, left = part[:, :, 1].sum(axis=1), part[:, 0, 2]
+        assert own + left == pytest.approx(ticks)
+        assert (part[:, :, 3] == 1).all() and (part[:, :, 0] == 0).all()
 
 
 def test_what_cannot_be_is_refused(scene: Scene) -> None:

@@ -1,0 +1,150 @@
+"""Detectors side by side on the sensor's own pixel.
+
+A panel is put straight before the pixels: every panel pixel is one camera pixel, in step with its
+clock, no light beside its own and an even background. What differs is then the decision alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.detect.detector import Detector, make_detector
+from link.detect.forward_backward import ForwardBackward
+from link.detect.pixel import PixelLaw, Rule
+from link.layout import TRAINING, Layout, pilots, training
+from link.mode import LineCode, Mode
+from link.timing import Registration, Timing
+
+__all__ = ["Compared", "comparison"]
+
+_FIRST: Final = 8
+"""Tick of first light."""
+_SLOW: Final = 40
+"""Symbols between which forward-backward decides at once."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A detector's errors. what: in words. low, high: Clopper-Pearson limits of the rate at
+    `confidence`. gain: plain receiver's rate over this one's, and its lower limit, the plain one's
+    lower over this one's upper."""
+
+    what: str
+    bits: int
+    errors: int
+    rate: float
+    low: float
+    high: float
+    gain: float | None = None
+    gain_low: float | None = None
+
+
+def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
+    """Training, then random data; in Manchester pairs where the mode says so."""
+    rng = np.random.Generator(np.random.Philox(key=seed))
+    bits = rng.integers(0, 2, (symbols, layout.cells), np.uint8).astype(np.bool_)
+    if layout.mode.line == "manchester":
+        bits[1::2] = ~bits[: symbols // 2 * 2 : 2]
+    bits[:TRAINING] = training(layout.cells)
+    return bits
+
+
+def _spikes(
+    layout: Layout, bits: npt.NDArray[np.bool_], pixel: PixelLaw, seed: int
+) -> npt.NDArray[np.uint32]:
+    """Words of the exact tier's pixels that look at these symbols."""
+    from sensor import EFFECTS, make_pixels
+    from sensor.pixel.fixed_point import to_fixed
+    from sensor.pixel.model import ExactModel, Span
+
+    mode, known = layout.mode, pilots()
+    shape = mode.height, mode.width
+    assert pixel.reset is not None and pixel.off is not None and pixel.on is not None
+    model = ExactModel(
+        pixel.threshold, seed, tuple(EFFECTS.values()), pixel.noise, reset=pixel.reset
+    )
+    camera = make_pixels(model, np.arange(shape[0] * shape[1], dtype=np.uint32), None)
+    off, on = (np.int64(to_fixed(level * pixel.threshold)) for level in (pixel.off, pixel.on))
+    ticks = _FIRST + len(bits) * mode.ticks + 1
+    dark = np.full(shape[0] * shape[1], off)
+    spans = [Span(0, _FIRST, dark)]
+    for n, shown in enumerate(bits):
+        cells = np.zeros(layout.shape[0] * layout.shape[1], np.bool_)
+        cells[layout.data] = shown
+        cells[layout.pilot.ravel()] = known[n % len(known)]
+        lit = np.zeros(shape, np.bool_)
+        wide = np.kron(cells.reshape(layout.shape), np.ones((mode.cell, mode.cell), np.bool_))
+        lit[: wide.shape[0], : wide.shape[1]] = wide
+        spans.append(Span(_FIRST + n * mode.ticks, mode.ticks, np.where(lit.ravel(), on, off)))
+    spans.append(Span(ticks - 1, 1, dark))
+    return camera.expose(spans, ticks).reshape(-1, *shape)
+
+
+def _count(
+    detector: Detector, words: npt.NDArray[np.uint32], bits: npt.NDArray[np.bool_]
+) -> tuple[int, int]:
+    """Bits after the training, and how many of them are decided wrongly."""
+    detector.learn(words, 0, bits[:TRAINING], 0)
+    wrong = 0
+    for n in range(TRAINING, len(bits), _SLOW):
+        part = bits[n : n + _SLOW]
+        wrong += int(((detector.soft(words, 0, n, len(part)) > 0) != part).sum())
+    return (len(bits) - TRAINING) * bits.shape[1], wrong
+
+
+def comparison(
+    *,
+    threshold: float = 100.0,
+    background: float = 0.1,
+    on_level: float = 1.4,
+    reset: Rule = "residual",
+    size: int = 256,
+    symbols: int = 96,
+    seed: int = 1,
+    confidence: float = 0.999,
+) -> list[Compared]:
+    """Error rates of random on-off keying: one pixel and one tick by threshold and by
+    forward-backward, the latter in Manchester as well, then joint over 2 x 2 pixels and over two
+    ticks. threshold: electrons. background, on_level: thresholds a tick, the second of the panel's
+    light alone. size: panel pixels to a side, a multiple of 32; forward-backward gets 128, since it
+    is slow. symbols: more than the training's 48.
+    """
+    from scipy.stats import binomtest
+
+    pixel = PixelLaw(threshold, reset, background, background + on_level)
+    out: list[Compared] = []
+
+    def put(what: str, name: str, side: int, cell: int, ticks: int, line: LineCode) -> None:
+        layout = Layout(Mode(side, side, cell, ticks, line, 32))
+        place = Registration(np.eye(3), np.zeros((0, 3)))
+        timing = Timing(float(_FIRST), float(ticks), 0.0, side)
+        bits = _bits(layout, symbols, seed)
+        words = _spikes(layout, bits, pixel, seed)
+        if name == "forward-backward":
+            detector: Detector = ForwardBackward(layout, place, timing, pixel)
+        else:
+            detector = make_detector(name, layout, place, timing)  # type: ignore[arg-type]
+        total, wrong = _count(detector, words, bits)
+        limits = binomtest(wrong, total).proportion_ci(confidence, "exact")
+        rate, low, high = wrong / total, float(limits.low), float(limits.high)
+        plain = out[0] if out else None
+        out.append(
+            Compared(
+                what, total, wrong, rate, low, high,
+                plain.rate / rate if plain and wrong else None,
+                plain.low / high if plain else None,
+            )
+        )  # fmt: skip
+
+    slow = min(size, 128)
+    put("threshold, one pixel, one tick", "threshold", size, 1, 1, "none")
+    put("forward-backward, one pixel, one tick", "forward-backward", slow, 1, 1, "none")
+    put("threshold, Manchester", "threshold", size, 1, 1, "manchester")
+    put("forward-backward, Manchester", "forward-backward", slow, 1, 1, "manchester")
+    put("joint, 2 x 2 pixels", "joint", size, 2, 1, "none")
+    put("joint, two ticks", "joint", size, 1, 2, "none")
+    return out

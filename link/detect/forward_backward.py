@@ -1,0 +1,226 @@
+"""Detection by the charge that pixels hold, over a window of symbols.
+
+Each pixel with most of its light from one cell is decided by the forward-backward recursion on its
+charge, with random data, and the log likelihood ratios of a cell's pixels add up. It costs some
+thousand times what the joint detector does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from cosim.viform import WORD, Words
+from link.detect.charge import LEVELS, ChargeLaws, charge_laws
+from link.detect.counting import PHASES
+from link.detect.detector import Bits, Soft
+from link.detect.geometry import PLACES, SHARES, Seen, see
+from link.detect.joint import LIMIT
+from link.detect.pixel import PixelLaw, Rule
+from link.detect.trellis import likelihood, posterior
+from link.layout import PERIOD, Layout, pilots
+from link.timing import Registration, Timing
+
+__all__ = ["ForwardBackward"]
+
+_MOSTLY: Final = SHARES // 2
+"""Class of share from which a pixel is looked at."""
+_PIXELS: Final = 4
+"""Pixels of a cell that are, at most."""
+_BEFORE, _AFTER = 6, 2
+"""Symbols around those asked for that the window holds as well, where the words do."""
+_TAUGHT: Final = 96
+"""Cells that the pixel's law is learned from."""
+_ALIGNED: Final = 1e-6
+"""Ticks within which a symbol begins with one."""
+
+
+@njit(cache=True)
+def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
+    """Fills fraction and under_way (ticks,) of ticks from `start` on: see `trellis.likelihood`;
+    symbols counted from `symbol`."""
+    fraction[:] = PHASES + 1
+    under_way[:] = -1
+    for n in range(symbols + 2):
+        begin = first + (symbol + n) * period + slope * row / rows
+        tick = int(np.floor(begin + _ALIGNED))
+        late = begin - tick
+        k = tick - start
+        if 0 <= k < fraction.size:
+            fraction[k] = 0 if late < _ALIGNED else 1 + min(int(late * PHASES), PHASES - 1)
+        under_way[max(k, 0) :] = n
+
+
+@njit(cache=True, parallel=True)
+def _all_cells(  # type: ignore[no-untyped-def]
+    words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
+    share, pairs, chance, low, high, merged, levels, hard, limit, out,
+):  # fmt: skip
+    """out: (n, cells): symbols `skipped` to skipped + n of the window's `symbols`. begin, stop: the
+    window's ticks, counted from the words' first one."""
+    height, width, ticks = words.shape[1], words.shape[2], stop - begin
+    for cell in prange(out.shape[1]):
+        region = region_of[cell]
+        u, v = x0[cell] + shift[0], y0[cell] + shift[1]
+        x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        qx = min(int((u - x + 0.5) * PLACES), PLACES - 1)
+        qy = min(int((v - y + 0.5) * PLACES), PLACES - 1)
+        fraction, under_way = np.empty(ticks, np.int64), np.empty(ticks, np.int64)
+        window(
+            time[0] - time[4], time[1], time[2], time[3], v, symbol, symbols, begin, fraction,
+            under_way,
+        )  # fmt: skip
+        states, train = np.empty((ticks + 1, 2, levels)), np.empty(ticks, np.uint8)
+        said, total = np.zeros(symbols), np.zeros(out.shape[0])
+        for k in range(min(count[region, qy, qx], _PIXELS)):
+            s = int(share[region, qy, qx, k])
+            py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
+            if (s < _MOSTLY and k > 0) or py < 0 or px < 0 or py >= height or px >= width:
+                continue
+            for t in range(ticks):
+                train[t] = (words[(begin + t) >> 5, py, px] >> ((begin + t) & 31)) & 1
+            said[:] = 0.0
+            posterior(
+                train, fraction, under_way, pairs, s, chance, low, high, merged, levels, hard,
+                states, said,
+            )  # fmt: skip
+            for n in range(out.shape[0]):
+                total[n] += said[skipped + n]
+        for n in range(out.shape[0]):
+            out[n, cell] = min(max(total[n], -limit), limit)
+
+
+class ForwardBackward:
+    """See `Detector`. pixel: what is known of the pixels; the rest is learned, as the light and
+    reset rule under which the spikes of known symbols are likeliest. pairs: the symbols are
+    Manchester's, in pairs of opposite ones, and the recursion knows. levels: steps of charge."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        registration: Registration,
+        timing: Timing,
+        pixel: PixelLaw | None = None,
+        *,
+        pairs: bool | None = None,
+        levels: int = LEVELS,
+    ) -> None:
+        self._layout, self._registration, self._timing = layout, registration, timing
+        self._seen = see(layout, registration)
+        self._pixel = pixel or PixelLaw()
+        self._pairs = layout.mode.line == "manchester" if pairs is None else pairs
+        self._levels = levels
+        self._laws: ChargeLaws | None = None
+        if None not in (self._pixel.off, self._pixel.on, self._pixel.reset):
+            self._laws = self._made(self._pixel)
+
+    @property
+    def pixel(self) -> PixelLaw:
+        """As given or learned."""
+        return self._pixel
+
+    def _made(self, pixel: PixelLaw) -> ChargeLaws:
+        shares = np.minimum((np.arange(SHARES) + 0.5) / SHARES, 1.0)
+        shares[-1] = 1.0
+        fractions = np.concatenate([[0.0], (np.arange(PHASES) + 0.5) / PHASES])
+        return charge_laws(pixel, shares, fractions, self._levels)
+
+    def _shift(self, first_symbol: int, count: int) -> tuple[float, float]:
+        middle = self._timing.start(first_symbol + count / 2, self._timing.rows / 2)
+        return self._registration.shift(float(middle))
+
+    def _learn(
+        self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
+    ) -> None:
+        """From the best pixels of cells spread over the panel."""
+        if self._laws is not None:
+            return
+        place, shift = seen.places, self._shift(first_symbol, len(known))
+        picked: list[tuple[Any, ...]] = []
+        pixels = np.linspace(0, seen.x.size - 1, 8 * _TAUGHT).astype(np.intp)
+        for cell in pixels[np.argsort(np.arange(pixels.size) % 8, kind="stable")]:
+            u, v = seen.x[cell] + shift[0], seen.y[cell] + shift[1]
+            x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+            at = (
+                seen.region[cell], min(int((v - y + 0.5) * PLACES), PLACES - 1),
+                min(int((u - x + 0.5) * PLACES), PLACES - 1), 0,
+            )  # fmt: skip
+            row, column, s = y + place.dy[at], x + place.dx[at], int(place.share[at])
+            inside = 0 <= row < words.shape[1] and 0 <= column < words.shape[2]
+            if not inside or len(picked) >= _TAUGHT:
+                continue
+            begin = int(self._timing.start(first_symbol, v)) - start_tick
+            stop = int(self._timing.start(first_symbol + len(known), v)) - start_tick
+            if begin < 0 or stop > len(words) * WORD:
+                continue
+            ticks = np.arange(begin, stop)
+            train = ((words[ticks // WORD, row, column] >> (ticks % WORD)) & 1).astype(np.uint8)
+            fraction, under_way = np.empty((2, len(ticks)), np.int64)
+            time = self._timing
+            window(
+                time.first - start_tick, time.period, time.slope, time.rows, v, first_symbol,
+                len(known), begin, fraction, under_way,
+            )  # fmt: skip
+            picked.append((train, fraction, under_way, known[:, cell].astype(np.int8), s))
+        if not picked:
+            raise ValueError("the known symbols must lie within the words")
+        self._pixel = self._likeliest(picked)
+        self._laws = self._made(self._pixel)
+
+    def _likeliest(self, picked: list[tuple[Any, ...]]) -> PixelLaw:
+        from scipy.optimize import minimize
+
+        def cost(light: npt.NDArray[np.float64], rule: Rule) -> float:
+            off, swing = np.exp(light)
+            laws = self._made(replace(self._pixel, reset=rule, off=off, on=off + swing))
+            given = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
+            return -float(sum(likelihood(*one, *given) for one in picked))
+
+        rules: tuple[Rule, ...] = ("hard", "residual")
+        best, least = self._pixel, np.inf
+        for rule in rules if self._pixel.reset is None else (self._pixel.reset,):
+            bounds = [(np.log(1e-3), np.log(2.0)), (np.log(0.1), np.log(8.0))]
+            found = minimize(
+                cost, np.log([0.05, 1.2]), (rule,), "Nelder-Mead", bounds=bounds,
+                options={"xatol": 0.02, "fatol": 0.5, "maxfev": 50},
+            )  # fmt: skip
+            if found.fun < least:
+                least, (off, swing) = found.fun, np.exp(found.x)
+                best = replace(self._pixel, reset=rule, off=float(off), on=float(off + swing))
+        return best
+
+    def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
+        self._learn(self._seen, words, start_tick, known, first_symbol)
+
+    def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
+        cells = np.flatnonzero(self._layout.pilot)
+        bits = pilots()[(first_symbol + np.arange(count)) % PERIOD]
+        known = np.repeat(bits[:, None], len(cells), axis=1)
+        seen = see(self._layout, self._registration, cells, columns_alike=True)
+        self._learn(seen, words, start_tick, known, first_symbol)
+
+    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
+        if self._laws is None:
+            raise ValueError("the detector must have learned from known symbols before")
+        seen, place, laws, time = self._seen, self._seen.places, self._laws, self._timing
+        before = _BEFORE + (first_symbol - _BEFORE) % 2  # pairs begin at even symbols
+        symbol, symbols = first_symbol - before, before + count + _AFTER
+        edge = [time.start(n, [0, time.rows]) for n in (symbol, symbol + symbols)]
+        begin = max(int(np.floor(edge[0].min())) - start_tick, 0)
+        stop = min(int(np.ceil(edge[1].max())) - start_tick, len(words) * WORD)
+        out = np.zeros((count, seen.x.size), np.float32)
+        if begin >= stop:
+            return out
+        _all_cells(
+            words, begin, stop, symbol, symbols, before,
+            np.array(self._shift(first_symbol, count)),
+            (time.first, time.period, time.slope, float(time.rows), float(start_tick)),
+            seen.region, seen.x, seen.y, place.count, place.dx, place.dy, place.share, self._pairs,
+            laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard,
+            np.float32(LIMIT), out,
+        )  # fmt: skip
+        return out

@@ -1,0 +1,153 @@
+"""Forward-backward recursion on a pixel's charge, and its likelihood under known bits.
+
+Bahl, Cocke, Jelinek and Raviv, IEEE Trans. Inf. Theory 20:284 (1974), on the states (charge, bit of
+the symbol under way). A spike tells that charge passed the threshold; what was beyond stays
+(residual) or is lost (hard).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["likelihood", "posterior"]
+
+
+@njit(cache=True)
+def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-untyped-def]
+    """Chance of a bit after a tick by that before it. begins: whether a symbol begins in it."""
+    if not begins:
+        return 1.0 if after == before else 0.0
+    if known >= 0:
+        return 1.0 if after == known else 0.0
+    if pairs and symbol % 2 == 1:  # the second half of a Manchester pair
+        return 1.0 if after != before else 0.0
+    return 0.5
+
+
+@njit(cache=True)
+def _forward(  # type: ignore[no-untyped-def]
+    now, then, spike, s, f, begins, known, pairs, symbol, chance, low, high, merged, levels, hard
+):
+    """One tick: `then` (2, levels) from `now`; its sum before it is made 1."""
+    then[:] = 0.0
+    for after in range(2):
+        for before in range(2):
+            weight = _prior(after, before, begins, known, pairs, symbol)
+            if merged and begins and known < 0 and not (pairs and symbol % 2 == 1):
+                if before == 1:
+                    continue  # both at once, with the first
+                both = True
+            else:
+                both = False
+            if weight == 0.0:
+                continue
+            first, stop = low[s, f, before, after], high[s, f, before, after]
+            for g in range(levels):
+                mass = weight * (now[0, g] + now[1, g] if both else now[before, g])
+                if mass < 1e-15:
+                    continue
+                if not spike:
+                    for d in range(first, min(stop, levels - g)):
+                        then[after, g + d] += mass * chance[s, f, before, after, d]
+                elif hard:
+                    for d in range(max(first, levels - g), stop):
+                        then[after, 0] += mass * chance[s, f, before, after, d]
+                else:
+                    for d in range(max(first, levels - g), stop):
+                        to = g + d - levels
+                        while to >= levels:
+                            to -= levels
+                        then[after, to] += mass * chance[s, f, before, after, d]
+    total = then.sum()
+    if total > 0.0:
+        then /= total
+    else:  # what these laws rule out: nothing is known any more
+        then[:] = 0.5 / levels
+    return total
+
+
+@njit(cache=True)
+def _backward(  # type: ignore[no-untyped-def]
+    later, now, spike, s, f, begins, known, pairs, symbol, chance, low, high, levels, hard
+):
+    """One tick back: `now` (2, levels), the chance of what follows by state, from `later`."""
+    now[:] = 0.0
+    for after in range(2):
+        for before in range(2):
+            weight = _prior(after, before, begins, known, pairs, symbol)
+            if weight == 0.0:
+                continue
+            first, stop = low[s, f, before, after], high[s, f, before, after]
+            for g in range(levels):
+                total = 0.0
+                if not spike:
+                    for d in range(first, min(stop, levels - g)):
+                        total += chance[s, f, before, after, d] * later[after, g + d]
+                elif hard:
+                    for d in range(max(first, levels - g), stop):
+                        total += chance[s, f, before, after, d] * later[after, 0]
+                else:
+                    for d in range(max(first, levels - g), stop):
+                        to = g + d - levels
+                        while to >= levels:
+                            to -= levels
+                        total += chance[s, f, before, after, d] * later[after, to]
+                now[before, g] += weight * total
+    most = now.sum()
+    if most > 0.0:
+        now /= most
+    else:
+        now[:] = 0.5 / levels
+
+
+@njit(cache=True)
+def likelihood(  # type: ignore[no-untyped-def]
+    train, fraction, symbol, known, s, chance, low, high, merged, levels, hard
+):
+    """ln P(train | bits). train: (ticks,) spikes. fraction: (ticks,) index of where a symbol begins
+    in the tick, the last one for none. symbol: (ticks,) under way at its end. known: (symbols,)
+    int8, -1 where a bit is not."""
+    none = merged.size - 1
+    now, then = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
+    total = 0.0
+    for k in range(train.size):
+        f, n = fraction[k], symbol[k]
+        sure = known[n] if 0 <= n < known.size else -1
+        chanced = _forward(
+            now, then, train[k] > 0, s, f, f < none, sure, False, n, chance, low, high, merged[f],
+            levels, hard,
+        )  # fmt: skip
+        total += np.log(max(chanced, 1e-30))
+        now, then = then, now
+    return total
+
+
+@njit(cache=True)
+def posterior(  # type: ignore[no-untyped-def]
+    train, fraction, symbol, pairs, s, chance, low, high, merged, levels, hard, states, out
+):
+    """Writes ln P(on | train) - ln P(off | train) of symbols to out, (symbols,). states: room for
+    the forward pass, (ticks + 1, 2, levels) float64. pairs: Manchester, its pairs beginning at even
+    symbols; else bits are random and this is the log likelihood ratio."""
+    none, ticks = merged.size - 1, train.size
+    states[0] = 0.5 / levels
+    for k in range(ticks):
+        f = fraction[k]
+        _forward(
+            states[k], states[k + 1], train[k] > 0, s, f, f < none, -1, pairs, symbol[k], chance,
+            low, high, merged[f], levels, hard,
+        )  # fmt: skip
+    later, now = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
+    for k in range(ticks - 1, -1, -1):
+        f, n = fraction[k], symbol[k]
+        if f < none and 0 <= n < out.size:  # the symbol begins here
+            on, off = 0.0, 0.0
+            for g in range(levels):
+                off += states[k + 1, 0, g] * later[0, g]
+                on += states[k + 1, 1, g] * later[1, g]
+            out[n] = np.log(max(on, 1e-30)) - np.log(max(off, 1e-30))
+        _backward(
+            later, now, train[k] > 0, s, f, f < none, -1, pairs, n, chance, low, high, levels, hard
+        )
+        later, now = now, later

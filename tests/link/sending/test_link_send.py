@@ -1,0 +1,65 @@
+"""`viform link send`: a stream file that holds the file, and one line for what cannot be."""
+
+import json
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cosim import InputError
+from cosim.files import open_stream
+from cosim.viform import unpack_planes
+from link.layout import Layout
+from link.mode import Mode
+from link.sending import Transmission
+from scenarios.commands.link_send import link_send
+
+app = typer.Typer()
+app.command()(link_send)
+SMALL = ("--size", "192x160", "--cell", "2", "--ticks", "1", "--line", "4b6b", "--parity", "16")
+
+
+@pytest.mark.parametrize("ending", ["zarr", "npz", "events.npz", "dat"])
+def test_the_stream_holds_the_planes(tmp_path, ending):
+    source, out = tmp_path / "note.txt", tmp_path / f"sent.{ending}"
+    source.write_bytes(b"some bytes")
+    result = CliRunner().invoke(app, [str(source), "--out", str(out), *SMALL, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    sent = Transmission(Mode(192, 160, 2, 1, "4b6b", 16), b"some bytes", "note.txt")
+    stream = open_stream(out, (192, 160) if ending == "dat" else None)
+    assert said["planes"] == stream.cycles == sent.planes and said["clock_hz"] == 40_000
+    assert stream.shape == (160, 192)
+    words = sent.words(0, sent.planes)
+    assert (stream.read_words(0, len(words)) == words).all()
+    assert said["tags"] == list(Layout(sent.mode).mode.tags)
+    assert unpack_planes(words, 0, 1).any()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--size", "961x960"), "--size must be a multiple of 32 from 128 to 4640 pixels, not 961"),
+        (("--size", "big"), "--size must be WIDTHxHEIGHT such as 960x960, not 'big'"),
+        (("--cell", "5"), "--cell must be one of 1, 2, 3, 4, 6, 8, 12, 16, not 5"),
+        (("--line", "nrz"), "--line must be one of none, manchester, 4b6b, 8b10b, not nrz"),
+        (("--parity", "33"), "--parity must be one of 16, 32, 64, 128, not 33"),
+        (("--overhead", "nan"), "--overhead must be 0 or more, not nan"),
+        (("--clock", "40 lux"), "--clock must be a frequency such as '40 kHz', not '40 lux'"),
+        (("--out", "x.mp4"), "--out must be a name ending in .dat, .raw, .npz, .zarr"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, options, says):
+    source, out = tmp_path / "note.txt", tmp_path / "sent.npz"
+    source.write_bytes(b"some bytes")
+    result = CliRunner().invoke(app, [str(source), "--out", str(out), *options])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith(says)
+    assert not out.exists()
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    for name in (tmp_path / "none", tmp_path):
+        result = CliRunner().invoke(app, [str(name), "--out", str(tmp_path / "sent.npz")])
+        assert isinstance(result.exception, InputError)
+        assert str(result.exception).startswith("FILE must be a file that can be read, not")
