@@ -28,7 +28,9 @@ from sensor import CameraSetting
 from sensor.effects.costs import QUIET
 from sensor.tiers import Tier
 
-__all__ = ["LEVEL", "LinkPlan", "camera_changes", "half_width", "plan_link"]
+__all__ = [
+    "LEVEL", "LinkLook", "LinkPlan", "camera_changes", "half_width", "look_link", "plan_link",
+]  # fmt: skip
 
 LEVEL: Final = 0.999
 """Of the bit error rate's interval."""
@@ -134,10 +136,66 @@ def _own(camera: CameraSetting, scene: LinkSummary) -> float:
     """What the fast tier's arithmetic may change."""
     from sensor.fast import charge_error
 
-    # Charge that is carried keeps its errors; a reset to zero ends them, but in the dark.
-    cycles = scene.cycles
-    error = charge_error(camera.model, scene.on, cycles) * camera.threshold / scene.on
+    error = charge_error(camera.model, scene.on, scene.cycles) * camera.threshold / scene.on
     return ESTIMATE_WEIGHT * ber_units(scene, error)
+
+
+def _known(effect: Effect, scene: LinkSummary) -> Effect:
+    """The same effect with its bound in this scene computed once."""
+    bound = effect.bound(scene)
+    return replace(effect, bound=lambda _: bound)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkLook:
+    """What plans of a link go by. scene: what the bounds read. of_air, of_camera: the effects that
+    act, with their bounds. fast: what the fast tier's arithmetic may change; lumped: what a
+    circuit's lumped form may."""
+
+    camera: CameraSetting
+    scene: LinkSummary
+    of_air: tuple[Effect, ...]
+    of_camera: tuple[Effect, ...]
+    fast: float
+    lumped: float = 0.0
+
+    def plan(
+        self,
+        tolerance: float,
+        device: Device | None,
+        *,
+        forced: Sequence[str] = (),
+        tier: Tier | None = None,
+    ) -> LinkPlan:
+        """See `plan_link`."""
+        if tier is None:
+            able = device is not None and tolerance > 0 and self.fast <= SHARE * tolerance / 2
+            tier = "fast" if able else "exact"
+        own = self.lumped + (self.fast if tier == "fast" else 0.0)
+        effects = [*self.of_air, *self.of_camera]
+        plan = make_plan(effects, self.scene, tolerance, own=own, forced=forced, base_ns=QUIET)
+        gone, acting = set(plan.left_out), frozenset(effect.name for effect in self.of_air)
+        return LinkPlan(
+            plan, self.scene, tier, self.camera.without(gone), acting, acting - gone, own
+        )
+
+
+def look_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> LinkLook:
+    """Looks at a run of so many symbols, training included, and camera cycles."""
+    camera = setting.camera
+    scene_of = Scene(setting.panel, setting.optics, setting.aim, setting.air)
+    scene = link_summary(
+        scene_of, camera, cell=mode.cell, ticks=mode.ticks, bits=Layout(mode).cells * symbols,
+        cycles=cycles,
+    )  # fmt: skip
+    changes = camera_changes(camera, scene)
+    lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
+    made = [_link_effect(effect, changes, lost) for effect in camera.kept]
+    return LinkLook(
+        camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),
+        tuple(_known(e, scene) for e in made), _own(camera, scene),
+        ber_units(scene, camera.lumped_error),
+    )  # fmt: skip
 
 
 def plan_link(
@@ -151,28 +209,8 @@ def plan_link(
     forced: Sequence[str] = (),
     tier: Tier | None = None,
 ) -> LinkPlan:
-    """Plans a run of so many symbols, training included. forced: effects to keep whatever their
-    bound. tier: chosen by the tolerance unless given. tolerance: of the change of the bit error
-    rate over half the width of its interval."""
-    camera = setting.camera
-    scene_of = Scene(setting.panel, setting.optics, setting.aim, setting.air)
-    scene = link_summary(
-        scene_of, camera, cell=mode.cell, ticks=mode.ticks, bits=Layout(mode).cells * symbols,
-        cycles=cycles,
-    )  # fmt: skip
-    own = 0.0
-    if tier is None:
-        tier = "exact"
-        if device is not None and tolerance > 0:
-            fast = _own(camera, scene)
-            if fast <= SHARE * tolerance / 2:
-                tier, own = "fast", fast
-    elif tier == "fast":
-        own = _own(camera, scene)
-    changes = camera_changes(camera, scene)
-    lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
-    of_camera = [_link_effect(effect, changes, lost) for effect in camera.kept]
-    of_air = air_effects(scene_of, camera)
-    plan = make_plan([*of_air, *of_camera], scene, tolerance, own=own, forced=forced, base_ns=QUIET)
-    gone, acting = set(plan.left_out), frozenset(effect.name for effect in of_air)
-    return LinkPlan(plan, scene, tier, camera.without(gone), acting, acting - gone, own)
+    """Plans a run of so many symbols, training included, and camera cycles. forced: effects to keep
+    whatever their bound. tier: chosen by the tolerance unless given. tolerance: of the change of
+    the bit error rate over half the width of its interval."""
+    look = look_link(setting, mode, symbols, cycles)
+    return look.plan(tolerance, device, forced=forced, tier=tier)
