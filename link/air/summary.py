@@ -85,7 +85,9 @@ def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
     neighbours = shares.shape[1] - 1
     patterns = np.arange(1 << neighbours)[:, None] >> np.arange(neighbours) & 1
     others = patterns @ shares[:, 1:].T  # (patterns, pixels)
-    swing, wrong = scene.on - scene.off, epsilon * scene.on
+    swing = scene.on - scene.off
+    # Charges that have met can only pass each other, and then tell of the bit again.
+    wrong = np.minimum(epsilon * scene.on, swing * shares[:, 0] / 2)
     both = [
         _outcomes(_fires(scene, scene.off + swing * light + more), scene.ticks)
         for light, more in ((others + shares[:, 0], -wrong), (others, wrong))

@@ -73,7 +73,10 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     told = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
     axes.set_title(f"{name}: error against run time; {told}", fontsize=11, color=INK)
     axes.set_xlabel("time of the camera, ns a pixel-cycle", color=INK)
-    axes.set_ylabel("error against full physics, relative\n(worst tile; bars: 99.9 %)", color=INK)
+    told = "relative\n(worst tile; bars: 99.9 %)"
+    if "bits" in document["reference"]:
+        told = f"of the\n{document['error_of']} (bars: 99.9 %)"
+    axes.set_ylabel(f"error against full physics, {told}", color=INK)
     axes.grid(color=LINE, linewidth=0.5, which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_ylim(bottom=bottom)

@@ -29,7 +29,7 @@ from sensor.fast.units import units_of
 from sensor.pixel.fixed_point import ONE
 from sensor.pixel.model import ExactModel
 
-__all__ = ["rate_bound"]
+__all__ = ["charge_error", "rate_bound"]
 
 _ROUNDINGS: Final = 10 * 2.0**-24
 """Of a cycle's light in float32, relative to the brightest level: gain, dark charge, their product
@@ -100,3 +100,16 @@ def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) 
     peak = 1 / (math.sqrt(2 * math.pi) * spread)
     mean = run * min(high, 1.0) * min(2 * charge * (peak + 1 / low), 1.0)
     return math.sqrt(mean + mean * mean)
+
+
+def charge_error(model: ExactModel, brightest: float, cycles: int) -> float:
+    """By how much a charge that has been gathered for so many cycles without a reset to zero, with
+    the threshold that it is held against, may differ from the exact tier's, in nominal thresholds:
+    an estimate, since roundings go either way. brightest: light of a cycle in electrons, at most.
+    """
+    units = units_of(model)
+    unit, high = 2.0**-units.bits, brightest / model.mean
+    a_cycle = unit / 2 + _ROUNDINGS * high + model.dead / 65536 * unit
+    spikes = 1.0 if model.reset == "hard" else min(high, 1.0) * cycles
+    law = units.error * unit * math.sqrt(max(spikes, 1.0))
+    return 2 * unit + math.sqrt(cycles) * a_cycle + law + cycles / (ONE * model.mean)
