@@ -25,7 +25,7 @@ PHASES: Final = 8
 PAIRS: Final = 4
 """Of bits, that of the symbol before and the symbol's own: 2 before + own."""
 _WIDTH: Final = PART + CONTEXT
-_MASK = np.uint64((1 << _WIDTH) - 1)
+_MASK: Final = (1 << _WIDTH) - 1
 _RUN: Final = 256
 """Cells that a thread takes at once."""
 _STEEP, _WIDE = np.float32(0.24904), np.float32(2.5068)
@@ -53,15 +53,15 @@ def _place(u, v):  # type: ignore[no-untyped-def]
 def _pattern(words, y, x, bit):  # type: ignore[no-untyped-def]
     """_WIDTH spikes of a pixel from tick `bit` of words on, the first one lowest; none beyond."""
     if bit < 0:
-        early = np.uint64(words[0, y, x]) << np.uint64(-bit) if bit > -_WIDTH else np.uint64(0)
+        early = np.int64(words[0, y, x]) << -bit if bit > -_WIDTH else 0
         return early & _MASK
-    w, low = bit >> 5, np.uint64(bit & 31)
+    w = bit >> 5
     if w >= words.shape[0]:
-        return np.uint64(0)
-    both = np.uint64(words[w, y, x])
+        return np.int64(0)
+    both = np.int64(words[w, y, x])
     if (bit & 31) + _WIDTH > 32 and w + 1 < words.shape[0]:
-        both |= np.uint64(words[w + 1, y, x]) << np.uint64(32)
-    return (both >> low) & _MASK
+        both |= np.int64(words[w + 1, y, x] & _MASK) << 32
+    return (both >> (bit & 31)) & _MASK
 
 
 @njit(cache=True, parallel=True)
@@ -93,7 +93,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
                     py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
                     if py < 0 or px < 0 or py >= height or px >= width:
                         continue
-                    s = share[region, qy, qx, k]
+                    s = np.int64(share[region, qy, qx, k])
                     for part in range(counts.shape[2]):
                         seen = _pattern(words, py, px, bit + part * PART)
                         counts[region, phase, part, s, pair, seen] += 1
@@ -162,24 +162,22 @@ def add_evidence(  # type: ignore[no-untyped-def]
                     py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
                     if py < 0 or px < 0 or py >= height or px >= width:
                         continue
-                    s = share[region, qy, qx, k]
+                    s = np.int64(share[region, qy, qx, k])
                     if inside:
                         for part in range(whole.shape[2]):
                             seen = _pattern(words, py, px, bit + part * PART)
-                            said_so = whole[region, phase, part, s, seen]
-                            on += said_so[1]
-                            fell += said_so[2]
-                            both += said_so[3]
+                            on += whole[region, phase, part, s, seen, 1]
+                            fell += whole[region, phase, part, s, seen, 2]
+                            both += whole[region, phase, part, s, seen, 3]
                         continue
                     for j in range(ticks):
                         if bit + j + CONTEXT < 0 or bit + j + CONTEXT >= stop:
                             continue
                         seen = _pattern(words, py, px, bit + j)
-                        before = seen & np.uint64((1 << CONTEXT) - 1)
-                        spike = (seen >> np.uint64(CONTEXT)) & np.uint64(1)
-                        said_so = single[region, phase, j, s, before, spike]
-                        on += said_so[1]
-                        fell += said_so[2]
-                        both += said_so[3]
+                        before = seen & ((1 << CONTEXT) - 1)
+                        spike = (seen >> CONTEXT) & 1
+                        on += single[region, phase, j, s, before, spike, 1]
+                        fell += single[region, phase, j, s, before, spike, 2]
+                        both += single[region, phase, j, s, before, spike, 3]
                 said[n, 0], said[n, 1], said[n, 2], said[n, 3] = 0.0, on, fell, both
             _chain(said, ahead, out, cell, skipped, limit)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from link.detect import make_detector
+from link.detect import make_detector, plain_soft
 from link.detect.counting import CONTEXT, PAIRS, PHASES
 from link.detect.geometry import PLACES, see
 from link.detect.joint import Joint
@@ -195,3 +195,10 @@ def test_what_cannot_be_is_refused(scene: Scene) -> None:
         fresh.learn(scene.words, 0, np.zeros((2, 3), np.bool_), 0)
     with pytest.raises(ValueError, match="detector must be one of"):
         make_detector("best", scene.layout, scene.registration, scene.timing)  # type: ignore[arg-type]
+
+
+def test_the_plain_way_decides_the_same(scene: Scene) -> None:
+    detector = _learned(scene)
+    ours = detector.soft(scene.words, 0, TRAINING, 5)
+    plain = plain_soft(detector, scene.words, 0, TRAINING, 5)
+    assert np.abs(ours - plain).max() < 0.3  # ln(1 + e^-x) taken as linear
