@@ -98,8 +98,8 @@ class Joint:
         out = np.zeros((count, seen.x.size), np.float32)
         first, symbols = first_symbol - AROUND, count + 2 * AROUND
         add_evidence(
-            words, start_tick, first, symbols, AROUND, self.shifts(first, symbols), self._time,
-            self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
+            np.ascontiguousarray(words), start_tick, first, symbols, AROUND,
+            self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
             place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip
         return out

@@ -9,6 +9,7 @@ import pytest
 
 from link.detect import make_detector, plain_soft
 from link.detect.counting import CONTEXT, PAIRS, PHASES
+from link.detect.forward_backward import ForwardBackward
 from link.detect.geometry import PLACES, see
 from link.detect.joint import Joint
 from link.detect.tables import lit, tables
@@ -185,6 +186,19 @@ def test_what_is_lit_of_a_symbol_is_its_length() -> None:
         own, left = part[:, :, 1].sum(axis=1), part[:, 0, 2]
         assert own + left == pytest.approx(ticks)
         assert (part[:, :, 3] == 1).all() and (part[:, :, 0] == 0).all()
+
+
+def test_forward_backward_learns_light_and_reset_by_itself() -> None:
+    scene = _scene(first=5.02, reset="residual", background=0.1)
+    detector = ForwardBackward(scene.layout, scene.registration, scene.timing)
+    detector.learn(scene.words, 0, scene.bits[:TRAINING], 0)
+    law = detector.pixel
+    assert law.reset == "residual"
+    # the blur takes some light from on cells to off ones and leaves their difference smaller
+    assert law.off == pytest.approx(0.1, abs=0.06) and law.on == pytest.approx(1.5, rel=0.2)
+    few = detector.soft(scene.words, 0, TRAINING, 2)
+    wrong = ((few > 0) != scene.bits[TRAINING : TRAINING + 2]).mean()
+    assert wrong < _errors(scene, _learned(scene, "threshold")) / 10
 
 
 def test_what_cannot_be_is_refused(scene: Scene) -> None:
