@@ -259,10 +259,13 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
     frames = f"{right} of {needed if needed is not None else 'unknown'} frames arrived"
     loss = f"{inbox.codewords_wrong} of {inbox.codewords} codewords could not be mended"
     if inbox.codewords == 0 or (ended and share <= _MENDED):
+        how = f"while the panel is on, at tick {recording_stop}"
+        if not ended:
+            how = f"with {session.lit_stop} ticks, before a group of symbols is whole"
         return Verdict(
             Cause.TRUNCATED,
-            f"{frames}, {loss}, and the stream ends at tick {recording_stop} while the panel is "
-            "on; record to the end, or send the file again",
+            f"{frames}, {loss}, and the transmission ends {how}; record to the end, or send the "
+            "file again",
         )
     why = f"{frames}; {loss}"
     hole = _hole(session)

@@ -220,7 +220,7 @@ def _step(
         light, rate = patch.blurred(blur), patch.of(rates)
         curve = _curve(light[patch.use], rate[patch.use])
         shown = _shown(light, curve)
-        along_y, along_x = np.gradient(shown)
+        along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
         rows, columns = np.nonzero(patch.use)
         x, y = columns + float(patch.x), rows + float(patch.y)
         mx, my = project(inverse, x, y)
@@ -262,7 +262,7 @@ def shift_of(
             light, use = patch.blurred(refined.blur), patch.use
             rate = patch.of(rates)[use]
             shown = _shown(light, _curve(light[use], rate))
-            along_y, along_x = np.gradient(shown)
+            along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
             design = -np.stack([along_x[use], along_y[use]], 1)
             rest = rate - shown[use]
             left += design.T @ design

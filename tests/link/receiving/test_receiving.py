@@ -50,8 +50,8 @@ def test_a_file_arrives_and_the_measurements_are_right(given: dict[str, object])
     assert got.mode == toy.sent.mode
     middle = toy.cycles / 2 + toy.begin
     if given.get("shift"):
-        found = [got.registration.shift(t) for t in (40.0, 90.0)]
-        true = [toy.shift(t) for t in (40.0, 90.0)]
+        found = [got.registration.shift(t) for t in (50.0, 110.0)]
+        true = [toy.shift(t) for t in (50.0, 110.0)]
         moved = np.subtract(*found) - np.subtract(*true)
         assert np.abs(moved).max() < 0.1
     else:
