@@ -149,9 +149,9 @@ def see(
         sides = np.round(np.array([[u[1] - u[0], v[1] - v[0]], [u[3] - u[2], v[3] - v[2]]]) / _SAME)
         key = sides.tobytes()
         if key not in known:
-            known[key] = _region_places(
-                sides[0] * _SAME, sides[1] * _SAME, registration.blur, columns_alike
-            )
+            # Through more blur than a cell is long no cell is seen, and its tables have no end.
+            blur = min(registration.blur, float(np.hypot(*sides.T).max()) * _SAME)
+            known[key] = _region_places(sides[0] * _SAME, sides[1] * _SAME, blur, columns_alike)
         places, reach = known[key]
         found.append(places)
         reaches.append(reach)

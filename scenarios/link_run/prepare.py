@@ -17,6 +17,7 @@ from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.sending import Transmission
 from scenarios.link_check import LinkCheck, check_link
 from scenarios.link_plan import LinkPlan, plan_link
+from scenarios.link_run.light import cell_scene
 from scenarios.linking import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from scenarios.prepare import choose_device
 from scenarios.progress import Progress
@@ -31,6 +32,8 @@ __all__ = ["PreparedLink", "choose_mode", "prepare_link"]
 
 _PILOTS = 8
 """At most."""
+_HOPELESS_BLUR = 2.0
+"""Sides of a cell, of blur from which no patch is looked at: nothing would be decided right."""
 _LEAST_CELL = 1.2
 """Camera pixels to a cell's side, at least: nearer to 1 the grids' beat leaves cells without a
 pixel of their own."""
@@ -84,6 +87,8 @@ def _planned(
         plan = plan_link(
             setting, sent.mode, sent.symbols, cycles, tolerance, device, forced=forced, tier=tier
         )
+        if cell_scene(setting).blur > _HOPELESS_BLUR * sent.mode.cell * setting.scale:
+            return plan, LinkCheck(None, dict.fromkeys(plan.left_out), None, 0, None), told, []
         check = check_link(
             setting, sent, plan, detector=scenario.link.modem.detector, seed=scenario.seed,
             device=device, progress=progress,
@@ -135,7 +140,6 @@ def choose_mode(
     if mode is not None:
         return mode, None
     from link.choosing import Trial, choose
-    from scenarios.link_run.light import cell_scene
     from scenarios.link_run.pilot import film_pilot, strip_of
 
     modem, strip = scenario.link.modem, strip_of(setting)
