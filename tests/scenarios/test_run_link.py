@@ -1,0 +1,157 @@
+"""A link from end to end: a file crosses and comes whole, or the cause is named and nothing is
+handed out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from cosim import InputError
+from scenarios.commands.output import SilentProgress
+from scenarios.link_run.finished import LinkRun
+from scenarios.loading import load
+from scenarios.report.link import write_link_report
+from scenarios.run_link import run_link
+
+SMALL = (
+    "sensor.chip=spikeone", "link.panel.width=384", "link.panel.height=224", "link.size=20000",
+    "link.modem.cell=2", "link.modem.ticks=2", "link.modem.line=8b10b", "link.modem.parity=32",
+)  # fmt: skip
+"""384 x 224 panel pixels before 400 x 250 camera pixels, in a mode that is known to work."""
+
+
+def link(out: Path, *assignments, report=lambda run: []):
+    name, scenario = load("light-link", [*SMALL, *assignments])
+    result, folder = run_link(
+        name, scenario, out, progress=SilentProgress(), began=time.perf_counter(), report=report,
+    )  # fmt: skip
+    return result, json.loads((folder / "verdict.json").read_text()), folder
+
+
+@pytest.fixture(scope="module")
+def sent(tmp_path_factory):
+    """A run with its report; what it left in memory."""
+    kept: list[LinkRun] = []
+
+    def report(run: LinkRun) -> list[str]:
+        kept.append(run)
+        return write_link_report(run)
+
+    folder = tmp_path_factory.mktemp("link")
+    file = folder / "a picture.bin"
+    file.write_bytes(hashlib.shake_256(b"link").digest(20_000))
+    result, verdict, out = link(folder / "run", f"link.file={file}", report=report)
+    return result, verdict, out, kept[0], file
+
+
+def test_a_file_crosses_bit_for_bit(sent):
+    result, verdict, folder, _, file = sent
+    assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("ok", "none", True)
+    assert (folder / "received" / file.name).read_bytes() == file.read_bytes()
+    assert [p.name for p in (folder / "received").iterdir()] == [file.name]
+    assert all((folder / name).exists() for name in result.files)
+    assert json.loads((folder / "result.json").read_text())["files"] == result.files
+
+
+def test_rates_and_delays_follow_from_their_definitions(sent):
+    result, _, _, run, file = sent
+    metric = {name: each.value for name, each in result.metrics.items()}
+    hz = 40_000 * (1 + 20e-6)
+    assert metric["raw_bps"] == pytest.approx(run.layout.cells * hz / 2)
+    assert metric["coded_bps"] == pytest.approx(metric["raw_bps"] * 0.8 * 223 / 255)
+    seconds = file.stat().st_size * 8 / metric["goodput_bps"]
+    last = (run.received.delivered_tick + 1) / 40_000 - run.setting.first_light * 1e-12
+    assert seconds == pytest.approx(last)
+    assert metric["goodput_bps"] < metric["coded_bps"] < metric["raw_bps"]
+    assert metric["raw_bps"] < metric["capacity_bps"] <= 400 * 250 * 40e3
+    rows = {row.stage: row for row in result.latency}
+    assert list(rows) == ["encoder", "panel", "air", "readout", "decoder"]
+    assert rows["air"].median_us == pytest.approx(2 / 299.792458, rel=1e-3)
+    # A group is 10 symbols of 2 planes; from its first light to its end at least as long.
+    assert rows["encoder"].max_us == pytest.approx(20 / hz * 1e6, rel=1e-6)
+    assert metric["latency_us"] >= 20 / hz * 1e6
+
+
+def test_errors_are_counted_beside_what_was_sent(sent):
+    _, _, _, run, _ = sent
+    errors = run.errors
+    carried = errors.by_cell >= 0
+    assert errors.wrong == errors.by_cell[carried].sum() == errors.by_symbol.sum()
+    assert errors.bits == errors.symbols * run.layout.cells
+    assert carried.sum() == run.layout.cells
+    low, high = run.theory.interval
+    assert low <= errors.rate <= high
+
+
+def test_the_report_is_one_file_with_every_section(sent):
+    _, _, folder, _, _ = sent
+    page = (folder / "report.html").read_text()
+    for title in ("Received whole", "What the camera saw", "Rates", "The eye", "Which cells fail",
+                  "From a byte to its arrival", "Rate against distance",
+                  "What was kept and what was left out", "Run time"):  # fmt: skip
+        assert title in page
+    assert "http://" not in page and "https://" not in page
+    for name in ("view", "rates", "errors", "eye", "cells", "latency", "reach"):
+        assert (folder / "figures" / f"{name}.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("assignment", "cause"),
+    [
+        ("link.aim.offset_x=240", "out_of_view"),
+        ("link.aim.occluded=0.5", "occluded"),
+        pytest.param("link.panel.clock_offset=50000", "wrong_clock", marks=pytest.mark.slow),
+        pytest.param("link.air.sun=1e5 lux,link.air.sun_angle=0 deg", "saturated",
+                     marks=pytest.mark.slow),
+        pytest.param("duration=6 ms,link.size=200000", "too_large", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
+    assignment, cause, tmp_path
+):
+    result, verdict, folder = link(tmp_path / "run", *assignment.split(","))
+    assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("failed", cause, False)
+    assert not [*(folder / "received").glob("*")]
+    assert verdict["told"]
+
+
+@pytest.mark.parametrize(
+    ("assignments", "said"),
+    [
+        (["link.file=nosuch.bin"], "link.file must be a file that can be read"),
+        (["link.file=."], "link.file must be a file that can be read"),
+        (["link.panel.width=100"], "link.panel.width must be"),
+        (["sensor.readout=continuous"], "sensor.readout must be synchronous in a link"),
+        (["sensor.lens.f_number=2"], "sensor.lens.f_number must be absent in a link"),
+        (["duration=1 ms"], "duration must be at least"),
+        (["link.distance=0.05 m"], ""),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_run_is_refused_before_anything_is_written(assignments, said, tmp_path):
+    with pytest.raises(InputError) as caught:
+        link(tmp_path / "run", *assignments)
+    assert str(caught.value).startswith(said)
+    assert not (tmp_path / "run").exists()
+
+
+def test_scene_and_link_together_and_commands_of_the_other_kind_are_refused(refused):
+    said = refused("run", "light-link", "--set", "scene.kind=star")
+    assert said.startswith("link must be absent in a scenario with a [scene]")
+    assert refused("live", "light-link").startswith("the scenario must be one with a [scene]")
+
+
+@pytest.mark.slow
+def test_four_megabytes_cross_two_metres_at_a_gigabit(tmp_path):
+    name, scenario = load("light-link")
+    result, folder = run_link(
+        name, scenario, tmp_path / "run", progress=SilentProgress(), began=time.perf_counter(),
+        report=write_link_report,
+    )  # fmt: skip
+    assert result.outcome == "ok"
+    assert result.metrics["goodput_bps"].value >= 1e9
+    assert (folder / "received" / "random.bin").stat().st_size == 4_000_000
+    assert "scintillation" in [row["effect"] for row in result.left_out]
