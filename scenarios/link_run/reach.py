@@ -99,6 +99,8 @@ def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
 
 def predict_errors(scene: CellScene, mode: Mode) -> float:
     """The bound on the raw bit error rate of the joint decision."""
+    if scene.blur > mode.cell * scene.pixel:  # a look sees its neighbours more than its own cell
+        return 0.5
     shares = _shares(mode.cell * scene.pixel, scene.blur)
     ticks = np.concatenate([[1 - scene.phase], np.ones(mode.ticks - 1), [scene.phase]])
     own = shares[:, None, :, None, None] * shares[None, :, None, :, None] * ticks
