@@ -39,7 +39,7 @@ from sensor import CameraSetting, SpikeCamera
 from sensor.patches import PatchCamera, PatchPlane
 from sensor.tiers import Tier
 
-__all__ = ["LADDER", "Row", "accuracy"]
+__all__ = ["DRAWS", "LADDER", "Row", "accuracy", "fit_rows", "reference_error"]
 
 LADDER = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
 """Tolerances that are tried. One that gives the plan of a tighter one is not filmed again."""
@@ -76,7 +76,7 @@ class Row:
         }  # fmt: skip
 
 
-def _order(rows: Sequence[Row]) -> float | None:
+def fit_rows(rows: Sequence[Row]) -> float | None:
     """Over the rows that leave something to the tolerance, those that only repeat one aside."""
     floor = min((r.error for r in rows if r.error and not r.tolerance), default=0.0)
     points = [(r.tolerance or 0.0, r.error or 0.0) for r in rows if r.same_as is None]
@@ -133,7 +133,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     seen = look_at(scenario, setting, lens, cycles)
     display = look_through(scenario, setting, white, instants, cycles)[0]
     tiers: list[Tier] = ["exact"]
-    if device is not None and setting.reset == "residual":
+    if device is not None:
         tiers.append("fast")
     ladder = [
         (tier, tolerances, plan)
@@ -179,7 +179,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
                 list(plan.plan.left_out), tolerances[0] if at else None,
             ))  # fmt: skip
     ns = paired.ns("reference") + golden
-    own = _reference_error(setting, plane.numbers[:DRAWS])
+    own = reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.kept]
     if display is not None:
         everything += [effect.name for effect in display.kept]
@@ -195,7 +195,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
             "run_time_s": best.run_time_s, "effects": everything,
             "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
         },
-        "order": _order(rows),
+        "order": fit_rows(rows),
         "floor": {
             "reference": own, "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
         },
@@ -203,7 +203,7 @@ def accuracy(scenario: Scenario, device_name: str | None, progress: Progress) ->
     }  # fmt: skip
 
 
-def _reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
+def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
     """Of the reference itself, relative: its thresholds of these pixels' first spikes against the
     law inverted for them. Its time is closed form, right to roundings."""
     from cosim.philox import philox4x32

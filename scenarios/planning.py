@@ -194,7 +194,7 @@ def plan_run(
     own = setting.lumped_error
     if tier is None:
         tier = "exact"
-        if device is not None and tolerance > 0 and setting.reset == "residual":
+        if device is not None and tolerance > 0:
             fast = fast_bound(setting, scene)
             tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
     if tier == "fast":
@@ -225,6 +225,8 @@ def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     """
     from sensor.fast import units_of
 
+    if setting.reset != "residual":  # not smooth in its charge
+        return ESTIMATE_WEIGHT * _fast_proof(setting, scene)
     units, q = units_of(setting.model), setting.model.mean
     unit = 2.0**-units.bits
     spikes = np.asarray(scene.brightest, np.float64) / q

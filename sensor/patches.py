@@ -7,7 +7,7 @@ instants and their neighbours' light, so each has the very bits that it has on t
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,17 +18,27 @@ from cosim.viform import words_for
 from sensor.crosstalk import crosstalk_map
 from sensor.setting import CameraSetting
 from sensor.tiers import Tier, tier_pixels
-from sensor.tiles import TileGrid
 
-__all__ = ["PatchCamera", "PatchPlane"]
+__all__ = ["Boxes", "PatchCamera", "PatchPlane"]
 
 Words = npt.NDArray[np.uint32]
+
+
+class Boxes(Protocol):
+    """A plane of (height, width) pixels, and the rows y0 to y1 and columns x0 to x1 of each of its
+    numbered boxes; `TileGrid` is one."""
+
+    @property
+    def height(self) -> int: ...
+    @property
+    def width(self) -> int: ...
+    def box(self, tile: int) -> tuple[int, int, int, int]: ...
 
 
 class PatchPlane:
     """Patches of one size, stacked: (patches x rows, columns). tiles: their numbers in the grid."""
 
-    def __init__(self, grid: TileGrid, tiles: list[int]) -> None:
+    def __init__(self, grid: Boxes, tiles: list[int]) -> None:
         boxes = [grid.box(tile) for tile in tiles]
         sizes = {(y1 - y0, x1 - x0) for y0, y1, x0, x1 in boxes}
         if len(sizes) != 1:
@@ -61,7 +71,8 @@ class PatchPlane:
 
 
 class PatchCamera:
-    """Films the patches. flags: of the fast tier's work-items, (rows of the plane, groups)."""
+    """Films the patches. flags: of the fast tier's work-items, (rows of the plane, groups). late:
+    of the chip's rows; see `SpikeCamera`."""
 
     def __init__(
         self,
@@ -70,9 +81,10 @@ class PatchCamera:
         tier: Tier,
         device: Device | None = None,
         flags: npt.NDArray[np.uint8] | None = None,
+        late: npt.NDArray[np.int64] | None = None,
     ) -> None:
         self._pixels = tier_pixels(
-            tier, setting, plane.shape, plane.numbers, plane.row, device, flags
+            tier, setting, plane.shape, plane.numbers, plane.row, device, flags, late
         )
         self._inner = PlaneMap(plane.inner, None)
         mix = crosstalk_map(setting.crosstalk) if setting.crosstalk > 0 else None

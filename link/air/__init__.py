@@ -1,24 +1,34 @@
 """What lies between panel and camera: geometry, lens, air, stray light."""
 
 from link.air.air import Air, lens_psf
+from link.air.effects import Change, air_effects, charge_changes
 from link.air.emission import Source
 from link.air.geometry import image_of
-from link.air.names import NAMES
+from link.air.names import NAMES, Scene
 from link.air.radiometry import Levels, background_lux, f_number_for, levels, on_lux
 from link.air.setting import Aim, AirSetting, Optics
+from link.air.summary import LinkSummary, ber, ber_units, link_summary
 
 __all__ = [
     "NAMES",
     "Aim",
     "Air",
     "AirSetting",
+    "Change",
     "Levels",
+    "LinkSummary",
     "Optics",
+    "Scene",
     "Source",
+    "air_effects",
     "background_lux",
+    "ber",
+    "ber_units",
+    "charge_changes",
     "f_number_for",
     "image_of",
     "lens_psf",
     "levels",
+    "link_summary",
     "on_lux",
 ]

@@ -88,6 +88,7 @@ class Gathering:
     def __init__(self, length: int, symbol: int) -> None:
         self.length, self.symbol = length, symbol
         self.needed = source_symbols(length, symbol)
+        self._done = False
         self._begin()
 
     def _begin(self) -> None:
@@ -103,7 +104,7 @@ class Gathering:
         """The file, with the packet that completes it. A file whose CRC is wrong is thrown away
         with everything that it was made of."""
         number = packet[:4]
-        if number in self._numbers:
+        if self._done or number in self._numbers:
             return None
         self._numbers.add(number)
         try:
@@ -116,6 +117,7 @@ class Gathering:
         if packed is None:
             return None
         file = unpack_file(bytes(packed))
-        if file is None:
+        self._done = file is not None
+        if not self._done:
             self._begin()
         return file

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from scenarios.commands.output import Json, make_progress, print_document
+
+if TYPE_CHECKING:
+    from scenarios.progress import Progress
+    from scenarios.schema import LinkScenario, Scenario
 
 __all__ = ["accuracy"]
 
@@ -28,31 +33,15 @@ def accuracy(
 ) -> None:
     """Measure error against run time: every tier at a ladder of tolerances."""
     from cosim import InputError
-    from scenarios.loading import filmed, load
-    from scenarios.readout import refuse_leftovers
+    from scenarios.loading import load
 
     name, given = load(scenario, assignments, seed=seed)
-    loaded = filmed(given, "accuracy")
-    refuse_leftovers(loaded)
-    if loaded.sensor.readout == "continuous":
-        raise InputError(
-            "sensor.readout", "synchronous or asynchronous", "continuous",
-            "set one of them: the continuous readout has one tier, with nothing to leave out",
-        )  # fmt: skip
+    measure = _measure(name, given, device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
     progress = make_progress()
     try:
-        if loaded.sensor.readout == "asynchronous":
-            from scenarios.event_accuracy import accuracy_events
-            from scenarios.readout import refuse_options
-
-            refuse_options("asynchronous", False, device)
-            document = accuracy_events(loaded, progress)
-        else:
-            from scenarios.accuracy import accuracy as accuracy_latched
-
-            document = accuracy_latched(loaded, device, progress)
+        document = measure(progress)
     finally:
         progress.close()
     if figure is not None:
@@ -65,6 +54,36 @@ def accuracy(
     print(_text(name, document))
     if figure is not None:
         print(f"figure: {figure}")
+
+
+def _measure(
+    name: str, given: Scenario | LinkScenario, device: str | None
+) -> Callable[[Progress], dict[str, Any]]:
+    """What makes the document; refuses what has no accuracy to measure."""
+    from cosim import InputError
+    from scenarios.loading import filmed
+    from scenarios.readout import refuse_leftovers, refuse_options
+    from scenarios.schema import LinkScenario
+
+    if isinstance(given, LinkScenario):
+        from scenarios.link_accuracy import accuracy_link
+
+        return lambda progress: accuracy_link(name, given, device, progress)
+    loaded = filmed(given, "accuracy")
+    refuse_leftovers(loaded)
+    if loaded.sensor.readout == "continuous":
+        raise InputError(
+            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "set one of them: the continuous readout has one tier, with nothing to leave out",
+        )  # fmt: skip
+    if loaded.sensor.readout == "asynchronous":
+        from scenarios.event_accuracy import accuracy_events
+
+        refuse_options("asynchronous", False, device)
+        return lambda progress: accuracy_events(loaded, progress)
+    from scenarios.accuracy import accuracy as accuracy_latched
+
+    return lambda progress: accuracy_latched(loaded, device, progress)
 
 
 def _number(value: float | None) -> str:
@@ -84,8 +103,15 @@ def _text(name: str, document: dict[str, Any]) -> str:
     reference = document["reference"]
     best = reference["ns_per_pixel_cycle"]
     full: list[str] = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
+    told = "the worst tile"
+    if "bits" in reference:
+        told = (
+            f"of the {document['error_of']}, on {reference['bits']:,} bits of "
+            f"{reference['patches']} patches (rate {reference['bit_error_rate']:.3g}, half-width "
+            f"in the run {reference['half_width']:.3g})"
+        )
     lines = [
-        f"{name}: error against full physics, the worst tile, with its 99.9 % interval",
+        f"{name}: error against full physics, {told}, with its 99.9 % interval",
         "",
         f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{'ns a pixel-cycle':>18}"
         f"{'times faster':>14}  left out",
@@ -98,12 +124,12 @@ def _text(name: str, document: dict[str, Any]) -> str:
             continue
         out = [e for e in full if e not in row["effects"]]
         part = [e for e in row.get("left_out", []) if e not in out]
-        told = ", ".join(out + [f"{e} in part" for e in part]) or "nothing"
+        left = ", ".join(out + [f"{e} in part" for e in part]) or "nothing"
         ns = row["ns_per_pixel_cycle"]
         lines.append(
             f"{row['tier']:<10}{_number(row['tolerance']):>10}  {_error(row):<30}"
             f"{_number(row['run_time_s']):>8} s{_number(ns):>18}"
-            f"{_number(best / ns) if ns else '':>14}  {told}"
+            f"{_number(best / ns) if ns else '':>14}  {left}"
         )
     floor = document["floor"]
     order = document["order"]
@@ -113,7 +139,12 @@ def _text(name: str, document: dict[str, Any]) -> str:
         else "order: too few rows leave something to the tolerance to fit one",
         f"the reference's own error: {_number(floor['reference'])}",
     ]  # fmt: skip
-    if floor["monte_carlo"] is not None:
+    if "bits" in reference:
+        lines.append(
+            f"the rate of these bits alone is known to {_number(floor['monte_carlo'])}; the rows "
+            "share the reference's random numbers"
+        )
+    elif floor["monte_carlo"] is not None:
         lines.append(
             f"chance makes {_number(floor['monte_carlo'])} of one window of one tile's mean; the "
             "rows share the reference's random numbers, so errors far below it are resolved"

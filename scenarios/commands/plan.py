@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.commands.output import Json, print_document
+from scenarios.commands.output import Json, make_progress, print_document
 
 __all__ = ["plan"]
 
@@ -30,8 +30,12 @@ def plan(
     from scenarios.forecast import forecast, forecast_events
     from scenarios.loading import filmed, load
     from scenarios.readout import refuse_leftovers, refuse_options
+    from scenarios.schema import LinkScenario
 
     name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    if isinstance(given, LinkScenario):
+        _tell(_plan_link(name, given, device), json)
+        return
     loaded = filmed(given, "plan")
     refuse_leftovers(loaded)
     if loaded.sensor.readout == "continuous":
@@ -44,6 +48,20 @@ def plan(
         document = forecast_events(name, loaded)
     else:
         document = forecast(name, loaded, device)
+    _tell(document, json)
+
+
+def _plan_link(name: str, scenario: Any, device: str | None) -> dict[str, Any]:
+    from scenarios.link_forecast import forecast_link
+
+    progress = make_progress()
+    try:
+        return forecast_link(name, scenario, device, progress)
+    finally:
+        progress.close()
+
+
+def _tell(document: dict[str, Any], json: bool) -> None:
     if json:
         print_document(document)
     else:
@@ -55,7 +73,16 @@ def _number(value: float | None, unit: str = "") -> str:
 
 
 def _what(document: dict[str, Any]) -> str:
-    return "radiance" if document.get("display") else "rate"
+    if "mode" in document:
+        return "the bit error rate's interval (half-widths)"
+    return "the radiance" if document.get("display") else "the rate"
+
+
+def _mode(mode: dict[str, Any]) -> str:
+    return (
+        f"cells of {mode['cell']} x {mode['cell']} panel pixels, {mode['ticks']} ticks a symbol, "
+        f"{mode['line']}, {mode['parity']} bytes of parity"
+    )
 
 
 def _spans(planes: int) -> str:
@@ -70,6 +97,7 @@ def _text(document: dict[str, Any]) -> str:
         f"{document['scenario']}: tolerance {document['tolerance']:g}, {document['tier']} tier on "
         f"{document['device']}",
         *([f"tiles: {told}"] if told else []),
+        *([f"mode: {_mode(document['mode'])}"] if "mode" in document else []),
         "",
         f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
     ]
@@ -82,8 +110,8 @@ def _text(document: dict[str, Any]) -> str:
         lines.append("nothing is left out")
     elif document["promised"] is not None:
         lines.append(
-            f"error promised: at most {_number(document['promised'])} of the {_what(document)} in "
-            "the worst tile"
+            f"error promised: at most {_number(document['promised'])} of {_what(document)}"
+            f"{'' if 'mode' in document else ' in the worst tile'}"
         )
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(

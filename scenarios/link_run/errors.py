@@ -38,9 +38,7 @@ class Errors:
         return self.wrong / self.bits if self.bits else None
 
 
-def count_errors(
-    sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int]
-) -> Errors:
+def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int]) -> Errors:
     """symbols: numbers of those that are compared."""
     by_cell = np.zeros(layout.cells, np.int64)
     by_symbol = np.zeros(len(symbols), np.int64)

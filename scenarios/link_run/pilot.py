@@ -1,8 +1,8 @@
 """The pilot from which a mode is chosen: a strip of the panel through the same air and camera.
 
-The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a panel
-may be. Where it is and when its symbols begin is given, not found: the full panel's tags, which are
-larger, tell a receiver that.
+The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a
+panel may be. Where it is and when its symbols begin is given, not found: the full panel's tags,
+which are larger, tell a receiver that.
 """
 
 from __future__ import annotations
@@ -44,6 +44,11 @@ class Strip:
     camera: CameraSetting
     aim: Aim
     first_light: int
+
+    @property
+    def width(self) -> int:
+        """Panel pixels."""
+        return self.setting.optics.width
 
 
 def strip_of(setting: LinkSetting) -> Strip:
@@ -113,22 +118,14 @@ def _film(strip: Strip, sent: Transmission, device: Device | None) -> tuple[Word
     return np.concatenate(parts), _timing(strip, air.late, sent.mode.ticks), air
 
 
-def film_pilot(
-    strip: Strip, mode: Mode, detector: str, seed: int, device: Device | None
-) -> Pilot:
+def film_pilot(strip: Strip, mode: Mode, detector: str, seed: int, device: Device | None) -> Pilot:
     """Random data in a mode: its cell, ticks and line code. mode: of the strip's size."""
     size = Transmission(mode, b"0", "pilot")
     groups = -(-SYMBOLS // size.layout.group)
-    data = np.random.Generator(np.random.Philox(key=seed)).bytes(
-        size.layout.group_bytes(groups)
-    )
-    sent = Transmission(
-        mode, data, "pilot", most_symbols=TRAINING + groups * size.layout.group
-    )
+    data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
+    sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + groups * size.layout.group)
     words, timing, air = _film(strip, sent, device)
     made = make_detector(detector, sent.layout, air.truth, timing)  # type: ignore[arg-type]
     made.learn(words, 0, sent.bits(0, TRAINING), 0)
     count = sent.symbols - TRAINING
     return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))
-
-

@@ -10,6 +10,7 @@ from scenarios.report.figures import INK, LINE, MARK, pyplot
 
 __all__ = ["accuracy_figure"]
 
+_CHANCE: Final = "chance in one window of one tile's mean"
 _COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
 
 
@@ -49,7 +50,10 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     own = floor["reference"] or 1.0
+    of_bits = "bits" in document["reference"]
     bottom = min([own, *(r["error"] for r in rows if r["error"])]) / 10
+    if of_bits and floor["monte_carlo"]:  # far below what bits can tell there is nothing to see
+        bottom = max(bottom, floor["monte_carlo"] / 1e4)
     tiers = [t for t in ("exact", "fast") if any(r["tier"] == t for r in rows)]
     for n, tier in enumerate(tiers):
         points = _points([r for r in rows if r["tier"] == tier])
@@ -64,7 +68,8 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
             color=_COLOURS[tier], label=f"{tier} tier, tolerance at its points",
         )  # fmt: skip
         _labels(axes, points, _COLOURS[tier], bottom, below=n == 0)
-    _lines(axes, floor, cost)
+    chance = "what these bits alone tell of their rate" if of_bits else _CHANCE
+    _lines(axes, floor | {"reference": own if own > bottom else None}, cost, chance)
     failed = [r for r in rows if r.get("failed")]
     for n, row in enumerate(failed):
         text = f"{row['tier']}, tolerance {row['tolerance']:g}: failed, {row['failed'][:90]}"
@@ -73,7 +78,10 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     told = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
     axes.set_title(f"{name}: error against run time; {told}", fontsize=11, color=INK)
     axes.set_xlabel("time of the camera, ns a pixel-cycle", color=INK)
-    axes.set_ylabel("error against full physics, relative\n(worst tile; bars: 99.9 %)", color=INK)
+    told = "relative\n(worst tile; bars: 99.9 %)"
+    if of_bits:
+        told = f"of the\n{document['error_of']} (bars: 99.9 %)"
+    axes.set_ylabel(f"error against full physics, {told}", color=INK)
     axes.grid(color=LINE, linewidth=0.5, which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_ylim(bottom=bottom)
@@ -84,7 +92,7 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     plt.close(figure)
 
 
-def _lines(axes: Any, floor: dict[str, float | None], cost: float | None) -> None:
+def _lines(axes: Any, floor: dict[str, float | None], cost: float | None, of: str) -> None:
     """What no row can go below, and what the reference costs."""
     if cost:
         axes.axvline(cost, color=INK, linewidth=1, linestyle="--")
@@ -99,6 +107,5 @@ def _lines(axes: Any, floor: dict[str, float | None], cost: float | None) -> Non
     if chance:
         axes.axhline(
             chance, color=MARK, linewidth=1, linestyle=":",
-            label="Monte Carlo floor: chance in one window of one tile's mean; without common "
-            "random numbers <= CI below it",
+            label=f"Monte Carlo floor: {of}; without common random numbers <= CI below it",
         )  # fmt: skip

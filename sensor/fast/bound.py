@@ -1,4 +1,4 @@
-"""How far the fast tier's rate can be from the exact tier's: a proof, not an estimate.
+"""How far the fast tier's rate can be from the exact tier's: a proof where charge is carried.
 
 Let G run linearly from k to k + 1 between the charges at which spikes k and k + 1 fall: spikes plus
 the stored share of the running interval. Its slope is one over a threshold. So where all of these
@@ -12,6 +12,10 @@ and the fraction itself is read with a unit and a threshold's error. This holds 
 hold two spikes, its light being less than the shortest threshold. Light that reaches the longest
 fires in every cycle in both tiers, whose rates then differ by the two fractions alone. In between
 the number of spikes that share a cycle hangs on the last bit, and nothing is promised.
+
+Under `subtract` the same holds while no charge piles up. Under `hard` errors end with the interval,
+but a spike that falls on a cycle's edge in one tier and beyond it in the other loses another
+cycle's light, so that the rate is not smooth in the charge: how often that happens is an estimate.
 """
 
 from __future__ import annotations
@@ -20,11 +24,12 @@ import math
 from typing import Final
 
 from cosim.effects import Bound
+from sensor.effects import SHOT_NOISE
 from sensor.fast.units import units_of
 from sensor.pixel.fixed_point import ONE
 from sensor.pixel.model import ExactModel
 
-__all__ = ["rate_bound"]
+__all__ = ["charge_error", "rate_bound"]
 
 _ROUNDINGS: Final = 10 * 2.0**-24
 """Of a cycle's light in float32, relative to the brightest level: gain, dark charge, their product
@@ -57,18 +62,54 @@ def rate_bound(
         unit = 2.0**-32
     rate = low / (1 + low * dead)
     scale = window * max(min(rate, 1.0), floor)
-    if dead == 0 and low >= units.top * 2.0**-units.bits:
+    top = units.top * 2.0**-units.bits
+    if dead == 0 and low >= top and model.reset != "subtract":
         return Bound(2 / scale, "proof")
-    if high >= shortest or scale == 0:
+    if scale == 0 or (high >= shortest and model.reset != "hard"):
         return Bound(math.inf, "proof")
     run = window if cycles is None else cycles
     # The exact tier rounds too: a slope for as many cycles, and the light that dead time costs.
     a_cycle = unit / 2 + _ROUNDINGS * high + run / (ONE * model.mean)
-    lost = unit + _ROUNDINGS * high + 2.0**-24 / model.mean + (high - low)
-    a_spike = error + dead * lost
+    lost = unit + _ROUNDINGS * high + 2.0**-24 / model.mean
+    a_spike = error + dead * (lost + high - low)
+
+    if model.reset == "hard":
+        longest = min(top / low, run) if low > 0 else run
+        charge = 2 * unit + longest * a_cycle + error + dead * lost
+        value = 4 * charge / shortest + _moved(model, charge, low, high, run) * 2 * high / shortest
+        return Bound(value / scale, "estimate")
 
     def off(n: int) -> float:
         return 2 * unit + n * a_cycle + (n * high / shortest + 1) * a_spike
 
     ends = off(run) + off(run - window) + 2 * (error + unit) + 2 * dead * high
     return Bound(ends / shortest / scale, "proof")
+
+
+def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) -> float:
+    """RMS number of spikes of a run that fall into another cycle under a hard reset: those whose
+    threshold lies within `charge` of what is gathered at some edge. The densities of a threshold at
+    points at least `low` apart sum to its peak and 1 / low at most. All in nominal thresholds.
+
+    Infinite without noise: all spikes of a pixel may then be ties.
+    """
+    shot = model.threshold if SHOT_NOISE in model.effects else 0.0
+    spread = math.sqrt(shot + model.threshold_noise**2) / model.mean
+    if low == 0 or spread == 0:
+        return math.inf
+    peak = 1 / (math.sqrt(2 * math.pi) * spread)
+    mean = run * min(high, 1.0) * min(2 * charge * (peak + 1 / low), 1.0)
+    return math.sqrt(mean + mean * mean)
+
+
+def charge_error(model: ExactModel, brightest: float, cycles: int) -> float:
+    """By how much a charge that has been gathered for so many cycles without a reset to zero, with
+    the threshold that it is held against, may differ from the exact tier's, in nominal thresholds:
+    an estimate, since roundings go either way. brightest: light of a cycle in electrons, at most.
+    """
+    units = units_of(model)
+    unit, high = 2.0**-units.bits, brightest / model.mean
+    a_cycle = unit / 2 + _ROUNDINGS * high + model.dead / 65536 * unit
+    spikes = 1.0 if model.reset == "hard" else min(high, 1.0) * cycles
+    law = units.error * unit * math.sqrt(max(spikes, 1.0))
+    return 2 * unit + math.sqrt(cycles) * a_cycle + law + cycles / (ONE * model.mean)

@@ -2,6 +2,7 @@
 // the spike. Between spikes only light is taken off, so a pixel goes from spike to spike.
 //   NOISE      each spike draws its threshold (draws.cl); else it is the nominal one, `one`
 //   DEAD_TIME  each spike costs `dead` of its cycle's light
+//   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual: one threshold a cycle
 // `top` is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
 // cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
 
@@ -89,6 +90,27 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 #define SHIFT(f)
 #endif
 
+#if defined(RESET_HARD)
+#define START(r, f, threshold) select(r, (threshold) - 1, f)
+#elif defined(RESET_SUBTRACT)
+// Charge piles up to DEEPEST beyond a threshold.
+#define START(r, f, threshold) max((r) + ((f) & (threshold)), (int16)(DEEPEST))
+#endif
+
+#ifdef START
+// At most one spike a cycle, whatever the light.
+#define ANY_CYCLE(add, lost)                                                                      \
+    {                                                                                             \
+        const int16 rest = d - (add), f = rest < 0;                                               \
+        if (some(f & t0))                                                                         \
+            REFILL                                                                                \
+        d = START(rest, f, t0 + (lost));                                                          \
+        SHIFT(f)                                                                                  \
+        used -= as_uint16(f);                                                                     \
+        bits |= as_uint16(f) & bit;                                                               \
+    }
+#define CYCLE(add, lost) ANY_CYCLE(add, lost)
+#else
 // Everything that can happen in a cycle: several thresholds, or more than any.
 #define ANY_CYCLE(add, lost)                                                                      \
     {                                                                                             \
@@ -128,6 +150,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
             bits |= as_uint16(f) & bit;                                                           \
         }                                                                                         \
     }
+#endif
 
 __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
@@ -185,7 +208,11 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
     STATE
     const float16 rate = LEVEL(plane);
     const int16 add = units_of(rate, one), lost = LOST(add);
+#ifdef START
+    const int16 sure = 0;
+#else
     const int16 sure = add >= top + lost;
+#endif
     const int any_sure = some(sure);
     const float16 light = convert_float16(add), reciprocal = 1.0f / (light + 0.5f);
     // No spike at all, with room for the roundings of float.
@@ -206,8 +233,11 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
             const int16 left = stop - at;
             const float16 most = convert_float16(left), root = convert_float16(d) * reciprocal;
             int16 n = convert_int16(root < most ? root : most);
+#ifdef RESET_SUBTRACT
+            n = max(n, 0); // charge may be left over
+#endif
             int16 rest = d - n * add;
-            const int16 over = rest >> 31;
+            const int16 over = (rest >> 31) & (n > 0);
             n += over;
             rest += over & add;
             const int16 go = (rest >= add) & (n < left);
@@ -239,6 +269,9 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
             late |= as_uint16(at > 31) & bit;
             at -= fired;
             used -= as_uint16(fired);
+#ifdef START
+            d = START(d, fired, lost + DRAW);
+#else
             d += fired & (lost + DRAW);
             while (some(d)) {
                 const int16 again = d < 0;
@@ -247,6 +280,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
                 d += again & (lost + DRAW);
                 fresh = 1;
             }
+#endif
         }
         __global uint *word = words + (begin >> 5) * stride;
         store_word(early, word, row, x, width);

@@ -12,7 +12,16 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.light import Light
 from sensor.fast.course import Course, course_of
-from sensor.fast.units import DEAD_TIME, NOISE, Units, first_charge, running, units_of
+from sensor.fast.units import (
+    DEAD_TIME,
+    DEEPEST,
+    NOISE,
+    RESET,
+    Units,
+    first_charge,
+    running,
+    units_of,
+)
 from sensor.pattern import FixedPattern
 from sensor.pixel.fixed_point import LARGEST
 from sensor.pixel.model import ExactModel
@@ -38,8 +47,6 @@ class Ground:
 
     def __post_init__(self) -> None:
         height, width = self.shape
-        if self.model.reset != "residual":
-            raise ValueError(f"reset must be residual in the fast tier, not {self.model.reset}")
         if self.numbers.size != height * width:
             raise ValueError(f"numbers must be {height * width}, not {self.numbers.size}")
         if self.offsets is not None and self.offsets.size not in (1, height):
@@ -57,11 +64,17 @@ class Ground:
         """Flags of each group: what is asked for, as far as the model has it."""
         own = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
         asked = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
-        return np.ascontiguousarray(asked & np.uint8(own))
+        rule = RESET * (self.model.reset != "residual")
+        return np.ascontiguousarray(asked & np.uint8(own) | np.uint8(rule))
 
     @cached_property
     def units(self) -> Units:
         return units_of(self.model)
+
+    @cached_property
+    def deepest(self) -> int:
+        """Least deficit under `subtract`."""
+        return max(DEEPEST, -round(LARGEST / self.model.mean * self.units.one))
 
     @cached_property
     def late(self) -> npt.NDArray[np.int64]:

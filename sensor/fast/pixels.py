@@ -21,7 +21,7 @@ from cosim.viform import words_for
 from sensor.effects import SHOT_NOISE
 from sensor.fast.course import MOST_PLANES, Course, Segment
 from sensor.fast.ground import LANES, Ground
-from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE
+from sensor.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET
 from sensor.pattern import FixedPattern
 from sensor.pixel.model import ExactModel
 
@@ -46,7 +46,7 @@ def _looked_at(piece: Piece, plane: Plane) -> None:
 class FastPixels:
     """Pixels of one plane, exposed to light.
 
-    model: of which the reset rule must be `residual`. shape: (H, W). numbers: of the pixels, (H W,)
+    model: of any reset rule. shape: (H, W). numbers: of the pixels, (H W,)
     uint32. gain: photoelectrons a second for a unit of light. pattern: of these pixels. offsets:
     (H,) int64 ps from a clock edge to the instant at which each row is sampled. flags: (H,
     ceil(W / 16)) uint8, what is kept for each group of sixteen columns: 1 noise, 2 dead time; all
@@ -98,6 +98,9 @@ class FastPixels:
             defines += ["-DNOISE", f"-DSTREAM={int(SHOT_NOISE.stream)}u"]
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
+        if flags & RESET:
+            defines += [f"-DRESET_{self._ground.model.reset.upper()}"]
+            defines += [f"-DDEEPEST=({self._ground.deepest})"]
         source += text("deficit.cl" if flags else "phase.cl")
         made = (self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving"))
         return next(made), next(made)

@@ -95,6 +95,8 @@ class PlainFast:
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
         deficit = self._charge.astype(np.int64)
+        if ground.model.reset != "residual":
+            return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
         # Light that reaches any threshold in a cycle: thresholds come off at the mean.
         certain = mine & (add >= top + lost) & (deficit < add)
         whole = units.one + lost
@@ -114,6 +116,23 @@ class PlainFast:
                 )
             deficit[due] += (threshold + lost)[due]
             due = deficit < 0
+        self._charge[mine] = deficit.astype(np.int32)[mine]
+        return fired
+
+    def _one(self, deficit: Array, lost: Array, noisy: Array, mine: Array) -> Array:
+        """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
+        ground, units = self._ground, self._ground.units
+        fired = mine & (deficit < 0)
+        self._spikes[fired] += np.uint64(1)
+        threshold = np.full(fired.shape, units.one, np.int64)
+        draw = fired & noisy
+        if draw.any():
+            k, numbers = self._spikes[draw], self._numbers[draw]
+            threshold[draw] = drawn(units, k, numbers, ground.model.seed)
+        if ground.model.reset == "hard":
+            deficit = np.where(fired, threshold + lost - 1, deficit)
+        else:
+            deficit = np.maximum(deficit + np.where(fired, threshold + lost, 0), ground.deepest)
         self._charge[mine] = deficit.astype(np.int32)[mine]
         return fired
 

@@ -25,8 +25,10 @@ __all__ = [
     "BITS",
     "CAP",
     "DEAD_TIME",
+    "DEEPEST",
     "EMPTY",
     "NOISE",
+    "RESET",
     "Units",
     "drawn",
     "first_charge",
@@ -41,12 +43,20 @@ NOISE: Final = 1
 """Flag of a group: each spike draws its threshold."""
 DEAD_TIME: Final = 2
 """Flag of a group: each spike costs light."""
+RESET: Final = 4
+"""Flag of every group under another reset rule than carrying the residual: its state is the
+deficit."""
 
 BITS: Final = 28
+_PILED_BITS: Final = 24
+"""The same under `subtract`, where charge beyond the threshold piles up."""
 _LONGEST: Final = 29
 """Thresholds stay below 2^29 units, so that no sum of a few leaves 32 bits."""
 CAP: Final = 1 << 30
 """Most light of a cycle, in units: two of the longest thresholds."""
+DEEPEST: Final = -(1 << 30)
+"""Least deficit under `subtract`: 64 thresholds beyond one, or 2^21 electrons as in the exact tier
+where that is less."""
 EMPTY: Final = -(1 << 30)
 """Stands for a threshold that has not been drawn: nothing added to it is positive."""
 
@@ -118,12 +128,13 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
 
 def units_of(model: ExactModel) -> Units:
     """Units and table for a model's thresholds."""
+    most = _PILED_BITS if model.reset == "subtract" else BITS
     if not model.noisy:
-        one = 1 << BITS
-        return Units(BITS, np.zeros((DEGREE + 1, 2, OCTAVES), np.int32), one, one, 0.0)
+        one = 1 << most
+        return Units(most, np.zeros((DEGREE + 1, 2, OCTAVES), np.int32), one, one, 0.0)
     knots, first = model.table(), _first_table(model)
     longest = int(max(knots.max(), first.max()))
-    bits = min(BITS, floor(_LONGEST - log2(longest / model.q)))
+    bits = min(most, floor(_LONGEST - log2(longest / model.q)))
     scale = 2.0**bits / model.q
     table, error = _fitted(knots, scale)
     # Rounded thrice: the constant, the polynomial in float32, its integer.
@@ -176,7 +187,8 @@ def first_charge(
     noisy = np.rint(model.initial(pixels).deficit * scale)
     at_mean = steady.initial(pixels).deficit
     phase = np.floor((1 - (at_mean + 1) / model.q) * 2.0**32).astype(np.int64).astype(np.uint32)
-    deficit = np.where(flags & NOISE, noisy, np.rint(at_mean * scale)).astype(np.int32)
+    quiet = np.ceil((at_mean + 1) * scale) - 1  # a tie fires
+    deficit = np.where(flags & NOISE, noisy, quiet).astype(np.int32)
     return np.where(flags == 0, phase.view(np.int32), deficit)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,7 +20,7 @@ from sensor.fast import FastPixels, PlainFast, rate_bound
 from sensor.fast.units import quantile, units_of
 from sensor.pixel.fixed_point import LARGEST
 from sensor.pixel.interval import threshold
-from sensor.pixel.model import ExactModel
+from sensor.pixel.model import ExactModel, Reset
 from sensor.pixel.plain import PlainPixels
 from sensor.sampling import row_offsets
 from tests.sensor.piecewise import level, light_between
@@ -65,17 +66,19 @@ def boxed(seed: int, peak: float, count: int) -> Light:
 
 
 CASES = list(itertools.product([1.0, 30.0, 1000.0, 2e6], [0.0, 0.3, 1.0]))
+RULES = [("residual", *case) for case in CASES]
+RULES += [(rule, *CASES[n]) for rule in ("hard", "subtract") for n in (1, 6, 9)]
 
 
-@pytest.mark.parametrize(("electrons", "dead"), CASES)
+@pytest.mark.parametrize(("reset", "electrons", "dead"), RULES)
 def test_kernels_agree_with_plain_numpy_on_every_bit(
-    device: Device, electrons: float, dead: float
+    device: Device, reset: Reset, electrons: float, dead: float
 ) -> None:
     # All four sets of flags, side by side; light from dark to 1.7 thresholds a cycle, rows apart.
     seed = CASES.index((electrons, dead))
     random = np.random.default_rng(seed)
     noise = min(electrons / 20, 500.0) if seed % 2 else 0.0
-    model = ExactModel(electrons, 7, ALL, threshold_noise=noise, dead_time=dead)
+    model = ExactModel(electrons, 7, ALL, threshold_noise=noise, dead_time=dead, reset=reset)
     pattern = DevicePattern(0.1, electrons, 0.2, 0.02, 0.05, electrons * 4e4, 0.05, 3).at(NUMBERS)
     offsets = row_offsets(CLOCK, 7, 0.8, 10e-6, (0, 7)) if seed % 3 else None
     setting = (
@@ -167,6 +170,35 @@ class TestClosedForms:
             assert found[:, :, ::2].all() and not found[:, :, 1::2].any()
             assert (pixels.fraction() >= 0).all() and (pixels.fraction() <= 1).all()
 
+    def test_a_hard_reset_makes_intervals_of_whole_cycles(self, device: Device) -> None:
+        rates = np.random.default_rng(2).integers(1, 2**24, N) / 2.0**23
+        plane = rates.reshape(SHAPE).astype(np.float32)
+        model = ExactModel(1000.0, 1, (), reset="hard")
+        dark = np.zeros_like(plane)
+        edges = [0, 300 * PERIOD, 302 * PERIOD, PS]
+        for middle in (plane, dark):  # light that stands, and light that changes
+            levels = [plane, middle, plane]
+            spans = zip(itertools.pairwise(edges), levels, strict=True)
+            light = Light(tuple(Piece(a, b, p, p) for (a, b), p in spans))
+            pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+            found = run(pixels, light, [0, 100, 640]).sum(axis=0, dtype=int)
+            lit = 640 if middle is plane else 638
+            assert np.array_equal(found, lit // np.ceil(1 / rates).astype(int))
+
+    def test_subtraction_pays_back_what_piled_up(self, device: Device) -> None:
+        plane = np.full(SHAPE, 1.5, np.float32)
+        light = Light((
+            Piece(0, 40 * PERIOD, plane, plane), Piece(40 * PERIOD, PS, plane * 0, plane * 0),
+        ))  # fmt: skip
+        model = ExactModel(1000.0, 1, (), reset="subtract")
+        pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+        found = run(pixels, light, [0, 39, 45, 100])
+        assert found[:60].all() and not found[60:].any()
+        # No more than 64 thresholds are paid back.
+        bright = Light((Piece(0, 40 * PERIOD, plane * 9, plane * 9), *light.pieces[1:]))
+        pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+        assert (run(pixels, bright, [0, 40, 300]).sum(axis=0, dtype=int) == 40 + 64).all()
+
     def test_a_tie_fires(self, device: Device) -> None:
         plane = np.full((1, 3), 0.25, np.float32) + np.float32([0, -(2.0**-26), 2.0**-24])
         model = ExactModel(8.0, 1, (RESIDUAL,))
@@ -254,6 +286,34 @@ def test_the_proven_bound_of_the_rate_is_never_exceeded(device: Device, seed: in
     assert np.mean(found != expected) < 1e-3  # the same draws: spikes differ at near ties alone
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_under_a_hard_reset_the_estimate_holds(device: Device, seed: int) -> None:
+    random, shape, cycles = np.random.default_rng(seed), (40, 100), 640
+    electrons = float(10 ** random.uniform(1, 5))
+    model = ExactModel(electrons, seed, ALL, reset="hard", dead_time=0.2 * (seed % 2))
+    numbers = np.arange(4000, dtype=np.uint32)
+    gain = electrons * 40_000.0
+    brightest = random.uniform(0.3, 1.5)
+    planes = [random.uniform(0.2, brightest, shape).astype(np.float32) for _ in range(30)]
+    knots = np.cumsum(random.integers(PERIOD // 2, 60 * PERIOD, 30)).tolist()
+    spans = zip(itertools.pairwise([0, *knots]), planes, strict=True)
+    made = [Piece(a, b, p, p) for (a, b), p in spans]
+    light = Light((*made, Piece(knots[-1], PS, planes[0], planes[0])))
+    bound = rate_bound(model, 0.2 * electrons, brightest * electrons, cycles)
+    assert bound.kind == "estimate" and bound.value < 0.02
+    fast = FastPixels(model, shape, numbers, device, CLOCK, gain)
+    exact = PlainPixels(model, numbers)
+    before = fast.fraction(), exact_rate(model, exact, numbers)
+    found = run(fast, light, [0, 64, 640])
+    expected = bits(exact.expose(Exposure(CLOCK, gain).spans(light, 0, cycles), cycles), cycles)
+    after = fast.fraction(), exact_rate(model, exact, numbers)
+    off = found.sum(axis=0, dtype=float) - expected.sum(axis=0, dtype=float)
+    off += after[0] - before[0] - after[1] + before[1]
+    rms = float(np.sqrt(np.mean((off / cycles / 0.2) ** 2)))
+    assert 0 < rms <= 2 * bound.value
+    assert np.mean(found != expected) < 1e-3
+
+
 def test_the_bound_says_where_nothing_is_promised() -> None:
     model = ExactModel(1000.0, 1, ALL)
     assert rate_bound(model, 300.0, 600.0, 100).value < 1e-4
@@ -263,6 +323,14 @@ def test_the_bound_says_where_nothing_is_promised() -> None:
     assert rate_bound(model, 0.0, 600.0, 100, floor=1e-3).value < 0.05
     steady = ExactModel(1000.0, 1, (RESIDUAL,))
     assert rate_bound(steady, 600.0, 600.0, 100).value < 2e-6
+    hard = ExactModel(1000.0, 1, ALL, reset="hard")
+    assert rate_bound(hard, 300.0, 600.0, 100).kind == "estimate"
+    assert 2e-6 < rate_bound(hard, 300.0, 600.0, 100).value < 1e-2
+    assert rate_bound(hard, 0.0, 600.0, 100, floor=0.1).value == np.inf
+    assert rate_bound(replace(hard, effects=()), 300.0, 600.0, 100).value == np.inf
+    piled = replace(hard, reset="subtract")
+    assert rate_bound(piled, 300.0, 600.0, 100).value < 1e-4
+    assert rate_bound(piled, 1e5, 1e6, 100).value == np.inf
     # What every cycle adds is kept, and shows in a short window late in a long run.
     short = rate_bound(model, 300.0, 600.0, 100).value
     assert rate_bound(model, 300.0, 600.0, 100, cycles=10**6).value > 100 * short
@@ -307,8 +375,6 @@ def test_light_is_held_where_the_exact_tier_holds_it(device: Device) -> None:
 def test_what_it_cannot_do_is_refused(device: Device) -> None:
     make = partial(FastPixels, device=device, clock=CLOCK, gain=1.0)
     model = ExactModel(100.0, 1, ALL)
-    with pytest.raises(ValueError, match="reset must be residual"):
-        make(ExactModel(100.0, 1, ALL, reset="hard"), SHAPE, NUMBERS)
     with pytest.raises(ValueError, match="numbers must be 315"):
         make(model, SHAPE, NUMBERS[1:])
     with pytest.raises(ValueError, match="flags must have shape"):

@@ -190,7 +190,7 @@ def test_another_layout_or_interleaver_delivers_nothing():
         assert inbox.codewords_wrong == inbox.codewords > 0
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.3, 1.0]))
 def test_damage_never_delivers_a_wrong_file(seed, share):
     """Cells of any value and any quality, groups in any order, repeated or lost."""

@@ -86,7 +86,9 @@ def test_tags_are_found_and_tell_the_mode():
     picture = cv2.copyMakeBorder(mean.astype(np.uint8), 20, 20, 20, 20, cv2.BORDER_CONSTANT)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     corners, ids, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
-    places = {int(n): corner[0].mean(axis=0) - 20 for n, corner in zip(ids.ravel(), corners, strict=True)}
+    places = {
+        int(n): corner[0].mean(axis=0) - 20 for n, corner in zip(ids.ravel(), corners, strict=True)
+    }
     assert Mode.from_tags(tuple(sorted(places, key=lambda n: n % 4))) == mode
     half = sent.layout.tag / 2
     for tag, x, y in zip(

@@ -1,0 +1,180 @@
+"""Effects between panel and camera: what each costs, and what leaving it out can change.
+
+Every bound begins with a share e of a lit pixel's charge by which no pixel's charge in a tick can
+be wrong, whatever the panel shows:
+
+- blur: weights k of panel pixels, adding up to 1, become k': e = sum |k - k'| / 2;
+- a shift by (x, y) camera pixels: what a pixel sees changes by |x| + |y| of its area;
+- any displacement up to r: 4 r + pi r^2 of its area;
+- light that is added or taken away: its share, the largest in the image;
+- chance (vibration, scintillation): its standard deviation, and how long it lasts: an estimate.
+
+`ber_units` (summary.py) says what that does to the bit error rate. What is a mere number in the
+computation costs nothing and is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cosim import Bound, Effect, Summary
+from cosim.effects import Kind, free
+from cosim.streams import Stream
+from link.air.air import lens_psf
+from link.air.fog import extinction, forward_share
+from link.air.geometry import affine_at, image_of, panel_corners
+from link.air.kernel import Psf, kernel_table, taps
+from link.air.motion import DAMPING
+from link.air.names import Scene
+from link.air.radiometry import levels
+from link.air.scintillation import flicker
+from link.air.summary import LinkSummary, ber_units
+from link.air.sun import sun_glare, sun_image
+from sensor import CameraSetting
+
+__all__ = ["Change", "air_effects", "charge_changes"]
+
+_PHASES: Final = 32
+_STILL: Final = 1e6
+"""Seconds, for air that never moves."""
+
+# ns a camera pixel of a new plane of light, on one core at 2.5 GHz beside others' work; the order
+# in which the planner leaves effects out, as in `sensor/effects/costs.py`.
+_COSTS: Final = {
+    "lens blur": 6.0,  # 4 x 4 taps for 2 x 2
+    "diffraction": 1e-3,
+    "defocus": 20.0,
+    "vibration": 1e-3,
+    "fog blur": 4.0,
+    "glare": 1.0,
+    "scintillation": 1e-3,
+    "emitter response": 30.0,  # each plane has an image of its own
+}
+_SOURCES: Final = {
+    "lens blur": "a Gaussian PSF",
+    "diffraction": "Goodman, Introduction to Fourier Optics, eq. 6-31",
+    "defocus": "geometrical disc of a thin lens",
+    "vibration": "a damped resonance driven by noise",
+    "misalignment": "homography of a turned and tilted panel",
+    "fog extinction": "Kim, SPIE 4214:26; Kruse 1962",
+    "airlight": "Koschmieder",
+    "fog blur": "single scattering by diffraction, van de Hulst 1957",
+    "ambient on the panel": "diffuse reflection",
+    "surroundings": "diffuse reflection",
+    "glare": "even veiling glare",
+    "sun": "disc of 0.53 degrees",
+    "scintillation": "Andrews and Phillips 2005; Al-Habash, Andrews and Phillips 2001",
+    "emitter response": "first-order emitter (SpikePanel.rise, decay)",
+}
+
+
+@dataclass(frozen=True)
+class Change:
+    """size: e; a standard deviation where `lasts` is above 0, cycles for which what chance brings
+    stays about the same."""
+
+    size: float
+    lasts: float = 0.0
+
+    @property
+    def kind(self) -> Kind:
+        return "estimate" if self.lasts > 0 else "proof"
+
+    def units(self, scene: LinkSummary) -> float:
+        """What it does to the link's bit error rate."""
+        times = max(scene.cycles / self.lasts, 1.0) if self.lasts > 0 else 0.0
+        return ber_units(scene, self.size, times)
+
+
+def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> float:
+    """e of one PSF for another, in the middle of the panel."""
+    if one == other:
+        return 0.0
+    if max(one.radius, other.radius) > 3:  # its own pixel is hardly seen
+        return 1.0
+    optics = scene.optics
+    made = image_of(optics, scene.aim, scene.air, shape)
+    affine = affine_at(made, (optics.width - 1) / 2, (optics.height - 1) / 2)
+    count = max(taps(affine, one), taps(affine, other))
+    tables = [kernel_table(affine, psf, count, _PHASES) for psf in (one, other)]
+    return float(np.abs(tables[0] - tables[1]).sum(axis=(2, 3)).max() / 2)
+
+
+def _displacement(scene: Scene, shape: tuple[int, int]) -> float:
+    """Most that turning and tilting moves a corner of the panel's image, camera pixels."""
+    flat = replace(scene.aim, rotation=0.0, tilt=(0.0, 0.0))
+    ends = []
+    for aim in (scene.aim, flat):
+        u, v, w = image_of(scene.optics, aim, scene.air, shape) @ panel_corners(scene.optics).T
+        ends.append(np.stack([u / w, v / w]))
+    return float(np.hypot(*(ends[0] - ends[1])).max())
+
+
+def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
+    """Of every effect that acts in the scene, by name."""
+    panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
+    shape = camera.chip.height, camera.chip.width
+    made, psf = levels(optics, air), lens_psf(optics, air.distance)
+    lit, out = made.on, {}
+    out["lens blur"] = _blur_change(scene, shape, psf, replace(psf, sigma=0.0))
+    out["diffraction"] = _blur_change(scene, shape, psf, replace(psf, cutoff=None))
+    out["defocus"] = _blur_change(scene, shape, psf, replace(psf, disc=0.0))
+    out["vibration"] = math.sqrt(2) * aim.vibration
+    moved = _displacement(scene, shape)
+    out["misalignment"] = 4 * moved + math.pi * moved**2
+    if air.visibility is not None:
+        thick = extinction(air.visibility, optics.wavelength_nm, air.particles) * air.distance
+        clear = levels(optics, air, frozenset({"ambient on the panel", "surroundings"}))
+        out["fog extinction"] = max(clear.on, clear.around) * -math.expm1(-thick) / lit
+        out["airlight"] = made.fog / lit
+        # Left out, airlight takes the place of the halo.
+        most = max(clear.on, clear.around, made.fog / max(-math.expm1(-thick), 1e-300))
+        out["fog blur"] = forward_share(thick) * most / lit
+    out["ambient on the panel"] = made.face * (1 + made.halo / made.dimmed) / lit
+    out["surroundings"] = made.around * (1 + made.halo / made.dimmed) / lit
+    brightest = max(made.on, made.around + made.fog)
+    stray = sun_glare(optics, air, aim, shape)
+    out["glare"] = (air.glare * brightest + stray) / lit
+    if air.sun > 0:
+        disc = float(sun_image(optics, aim, air, shape).max())
+        out["sun"] = (disc + stray) / lit
+        out["glare"] += air.glare * disc / lit
+    flickers = flicker(
+        air.structure, optics.wavelength_nm, air.distance,
+        optics.focal_length / optics.f_number, air.wind,
+    )  # fmt: skip
+    out["scintillation"] = math.sqrt(flickers.index)
+    late = max(panel.rise, panel.decay) * panel.clock.hz
+    out["emitter response"] = -late * math.expm1(-1 / late) if late > 0 else 0.0
+    hz = camera.clock.hz
+    # Two correlation times, of a resonance 1 / (damping 2 pi f).
+    lasts = {
+        "vibration": hz / (math.pi * DAMPING * aim.vibration_frequency),
+        "scintillation": 2 * min(flickers.time, _STILL) * hz,
+    }
+    return {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
+
+
+def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:
+    """Every effect that acts in the scene. Their bounds read a `LinkSummary`."""
+    return tuple(_effect(name, change) for name, change in charge_changes(scene, camera).items())
+
+
+def _effect(name: str, change: Change) -> Effect:
+    def bound(summary: Summary) -> Bound:
+        if not isinstance(summary, LinkSummary):
+            raise TypeError("the bounds of a link's effects need a LinkSummary")
+        return Bound(change.units(summary), change.kind)
+
+    def cost(summary: Summary) -> float:
+        return float(_COSTS[name] * np.max(summary.planes))
+
+    streams = {"vibration": Stream.VIBRATION, "scintillation": Stream.SCINTILLATION}
+    return Effect(
+        name, _SOURCES[name], streams.get(name, Stream.NONE), "", str, bound,
+        cost if name in _COSTS else free,
+    )  # fmt: skip

@@ -1,0 +1,149 @@
+"""The error of a link's run: its bit error rate against that of full physics, on a few patches.
+
+Both are counted on the same bits, with the same chance in every pixel, so what counts are the bits
+that only one of the two has wrong. Their two rates have Clopper-Pearson intervals, which together
+hold at 99.9 %; the bits are taken as independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.opencl import Device
+from link.layout import GROUP_BITS, GROUP_SYMBOLS
+from link.mode import Mode
+from link.sending import Transmission
+from link.theory import byte_error, clopper_pearson, rs_word_error
+from scenarios.link_patches import Decided, LinkPatches, Variant
+from scenarios.link_plan import LEVEL, LinkPlan, half_width
+from scenarios.linking import LinkSetting
+from scenarios.progress import Progress
+from scenarios.result import Error
+
+__all__ = ["KIND", "LinkCheck", "Paired", "check_link", "compare", "goodput_change"]
+
+KIND = "bit error rate, half-widths of its interval"
+"""What the error of a link is of."""
+_FULL, _RUN = "reference", "run"
+Wrong = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Two ways on the same bits. bits: compared. full, run: wrong bits of full physics, and as run.
+    value: |difference of the rates| in half-widths; low, high: at 99.9 %."""
+
+    bits: int
+    full: int
+    run: int
+    value: float
+    low: float
+    high: float
+
+
+def compare(full: Wrong, run: Wrong, bits_of_run: int) -> Paired:
+    """full, run: of each bit, whether it was decided wrong. The unit is half the 99.9 % interval of
+    the bit error rate of full physics, met over the run's bits."""
+    bits = full.size
+    more, fewer = int((run & ~full).sum()), int((full & ~run).sum())
+    level = 1 - (1 - LEVEL) / 2
+    up, down = (clopper_pearson(n, bits, level) for n in (more, fewer))
+    low, high = float(up[0] - down[1]), float(up[1] - down[0])
+    unit = half_width(float(full.mean()), bits_of_run)
+    nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
+    return Paired(
+        bits, int(full.sum()), int(run.sum()), abs(more - fewer) / bits / unit, nearest / unit,
+        max(abs(low), abs(high)) / unit,
+    )  # fmt: skip
+
+
+def goodput_change(full: float, run: float, mode: Mode) -> float:
+    """Relative change of the goodput that two bit error rates foretell: the codewords that come
+    through, with independent bits. 0 where none come through either way."""
+    a_byte = round(8 * GROUP_SYMBOLS[mode.line] / GROUP_BITS[mode.line])
+    through = [
+        1 - float(rs_word_error(255, 255 - mode.parity, byte_error(min(rate, 0.5), a_byte)))
+        for rate in (full, run)
+    ]
+    return abs(through[1] - through[0]) / through[0] if through[0] > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class LinkCheck:
+    """paired: the run against full physics, None where nothing could be compared. measured: of each
+    effect that the plan leaves out, what leaving out that one alone changed, in half-widths.
+    goodput: relative change foretold. patches: how many. full_ns: what full physics takes for a
+    pixel-cycle, light included."""
+
+    paired: Paired | None
+    measured: dict[str, float | None]
+    goodput: float | None
+    patches: int
+    full_ns: float | None
+
+    @property
+    def error(self) -> Error:
+        """As `result.json` has it."""
+        if self.paired is None:
+            return Error(None, None, None)
+        return Error(self.paired.value, KIND, (self.paired.low, self.paired.high))
+
+    def beyond(self, tolerance: float) -> bool:
+        """Whether the run is shown to be off by more than was asked for."""
+        return self.paired is not None and tolerance > 0 and self.paired.low > tolerance
+
+    def document(self) -> dict[str, Any]:
+        """For reports: what was compared."""
+        paired = self.paired
+        return {
+            "bits": None if paired is None else paired.bits,
+            "wrong_full_physics": None if paired is None else paired.full,
+            "wrong_as_run": None if paired is None else paired.run,
+            "goodput_change": self.goodput, "patches": self.patches,
+        }  # fmt: skip
+
+
+def _without(setting: LinkSetting, plan: LinkPlan, name: str) -> Variant:
+    """Full physics but for one effect."""
+    if name in plan.of_air:
+        return Variant("reference", setting.camera, plan.of_air - {name})
+    return Variant("reference", setting.camera.without({name}))
+
+
+def check_link(
+    setting: LinkSetting,
+    sent: Transmission,
+    plan: LinkPlan,
+    *,
+    detector: str = "joint",
+    seed: int,
+    device: Device | None,
+    progress: Progress,
+) -> LinkCheck:
+    """Runs a few patches of the link with every effect in the reference tier, as planned, and
+    without each effect alone that the plan leaves out. seed: of patches that lie by chance."""
+    patches = LinkPatches(setting, sent, seed, detector)
+    count = 0 if patches.plane is None else len(patches.plane.tiles)
+    if not patches.bits:  # out of view, or nothing sent but the training
+        return LinkCheck(None, dict.fromkeys(plan.left_out), None, count, None)
+    variants = {
+        _FULL: Variant("reference", setting.camera),
+        _RUN: Variant(plan.tier, plan.camera, plan.run_air),
+    }
+    variants |= {name: _without(setting, plan, name) for name in plan.left_out}
+    decided = patches.film(variants, device, progress)
+    full = decided[_FULL]
+
+    def against(other: Decided) -> Paired:
+        return compare(full.wrong, other.wrong, plan.scene.bits)
+
+    return LinkCheck(
+        against(decided[_RUN]),
+        {name: against(decided[name]).value for name in plan.left_out},
+        goodput_change(full.rate, decided[_RUN].rate, sent.mode),
+        count, full.air_ns + full.camera_ns,
+    )  # fmt: skip

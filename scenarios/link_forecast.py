@@ -1,0 +1,116 @@
+"""What `viform plan` says of a link: the plan of its run, and what it would take on this device."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from cosim import BLOCK, Block
+from cosim.light import PlaneMap
+from link.air import Air
+from scenarios.link_check import KIND
+from scenarios.link_patches import LinkPatches
+from scenarios.link_plan import LinkPlan, look_link
+from scenarios.link_run.prepare import PreparedLink, prepare_link
+from scenarios.progress import Progress
+from scenarios.schema import LinkScenario
+from sensor import SpikeCamera
+from sensor.patches import PatchCamera
+
+__all__ = ["forecast_link"]
+
+BLOCKS: Final = 2
+"""Of the run's beginning that are run; the first warms up, the second is timed."""
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Nanoseconds a pixel-cycle: of the camera as planned, with everything kept, of full physics
+    (None where nothing of the panel is in view), and of making the light as planned."""
+
+    planned: float
+    everything: float
+    full: float | None
+    light: float
+
+
+def _measure(run: PreparedLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
+    s, chip = run.setting, run.setting.camera.chip
+    air = Air(
+        run.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
+        planes=run.sent.planes, kept=plan.run_air,
+    )  # fmt: skip
+    cameras = [
+        SpikeCamera(each.camera, run.device, tier=each.tier, late=air.late)
+        for each in (plan, everything)
+    ]
+    plane = LinkPatches(s, run.sent, run.scenario.seed).plane
+    reference, cut = None, None
+    if plane is not None:
+        reference = PatchCamera(s.camera, plane, "reference", late=air.late)
+        cut = PlaneMap(plane.cut, None)
+    spent = [0.0] * 4
+    pixels = chip.height * chip.width
+    for start in range(0, BLOCKS * BLOCK, BLOCK):
+        block, begin = Block(start, BLOCK), time.perf_counter()
+        light = air.step(None, block)
+        spent[3] = (time.perf_counter() - begin) / pixels
+        for n, camera in enumerate(cameras):
+            begin = time.perf_counter()
+            camera.step(light, block)
+            spent[n] = (time.perf_counter() - begin) / pixels
+        if reference is not None and cut is not None and plane is not None:
+            patches = cut(light)
+            begin = time.perf_counter()
+            reference.step(patches, start, BLOCK)
+            spent[2] = (time.perf_counter() - begin) / plane.numbers.size
+    a, b, c, d = (float(x) for x in np.array(spent) * 1e9 / BLOCK)
+    return _Measured(a, b, c if reference is not None else None, d)
+
+
+def forecast_link(
+    name: str, scenario: LinkScenario, device_name: str | None, progress: Progress
+) -> dict[str, Any]:
+    """The document of `viform plan --json` for a link."""
+    run = prepare_link(name, scenario, device_name, progress)
+    look = look_link(run.setting, run.mode, run.sent.symbols, run.cycles)
+    made = look.plan(scenario.tolerance, run.device)
+    everything = look.plan(0.0, run.device, tier=made.tier)
+    progress.note("timing a few blocks")
+    took = _measure(run, made, everything)
+    chip, plan = run.setting.camera.chip, made.plan
+    total = chip.width * chip.height * run.cycles * 1e-9
+
+    def seconds(ns: float | None) -> float | None:
+        return None if ns is None else ns * total
+
+    return {
+        "scenario": name,
+        "tolerance": scenario.tolerance,
+        "error_of": KIND,
+        "tier": made.tier,
+        "device": run.device.name if run.device is not None else "numba on this processor",
+        "mode": asdict(run.mode),
+        "tiles": {},
+        "display": None,
+        "kept": made.kept,
+        "left_out": [
+            {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
+            for r in plan.rows if r.effect in made.left_out
+        ],
+        "promised": float(plan.total.max()) + made.own,
+        "rows": [asdict(row) for row in plan.rows],
+        "sets": [{"effects": made.kept, "tiles": 1}],
+        "predicted": {
+            "ns_per_pixel_cycle": took.planned,
+            "sensor_s": seconds(took.planned),
+            "scene_s": seconds(took.light),
+            "everything_ns_per_pixel_cycle": took.everything,
+            "everything_s": seconds(took.everything),
+            "full_physics_ns_per_pixel_cycle": took.full,
+            "full_physics_s": seconds(took.full),
+        },
+    }  # fmt: skip

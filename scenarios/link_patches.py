@@ -1,0 +1,262 @@
+"""A link on a few patches of the camera: what a plan of it is checked with.
+
+Patches are squares of camera pixels with the cells whose images lie in them: in the panel's middle,
+where it is brightest, along its edges and near its corners, where registration and timing are at
+their worst, and some by chance. The air is made for the whole plane and cut; the pixels are filmed
+with their own numbers, so that all cameras see the same chance. Every camera's spikes go through a
+detector of their own that learns from the training, with the true registration and timing: what is
+compared are the decisions on the same bits.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, Block, Light
+from cosim.light import PlaneMap
+from cosim.opencl import Device
+from cosim.viform import WORD
+from link.air import Air, image_of
+from link.detect import make_detector
+from link.layout import TRAINING, Layout
+from link.sending import Transmission
+from link.timing import Registration, Timing
+from scenarios.linking import LinkSetting
+from scenarios.progress import Progress
+from sensor import CameraSetting
+from sensor.patches import PatchCamera, PatchPlane
+from sensor.sampling import row_offsets
+from sensor.tiers import Tier
+
+__all__ = ["Decided", "LinkPatches", "Variant", "true_timing"]
+
+SIDE: Final = 48
+"""Camera pixels of a patch, at least, and four cells."""
+MARGIN: Final = 5
+"""Camera pixels between a cell's middle and the patch's edge, beside half the cell."""
+RANDOM: Final = 4
+"""Patches by chance."""
+CYCLES: Final = 256
+"""Of the camera, that are filmed at most, unless the training takes longer."""
+FEWEST: Final = 24
+"""Symbols after the training, at least."""
+_BLOCK: Final = 2 * WORD
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way to simulate the link. air: names of the air's effects, None for all. camera: as it is
+    run."""
+
+    tier: Tier
+    camera: CameraSetting
+    air: frozenset[str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Decided:
+    """wrong: (symbols, cells) bool, decisions that are not what was sent. air_ns, camera_ns: what a
+    pixel-cycle of the plane's light and of the patches' pixels took, the first block aside."""
+
+    wrong: npt.NDArray[np.bool_]
+    air_ns: float
+    camera_ns: float
+
+    @property
+    def rate(self) -> float:
+        """Bit error rate."""
+        return float(self.wrong.mean())
+
+
+@dataclass(frozen=True)
+class _Squares:
+    """Boxes of a plane."""
+
+    height: int
+    width: int
+    boxes: tuple[tuple[int, int, int, int], ...]
+
+    def box(self, tile: int) -> tuple[int, int, int, int]:
+        return self.boxes[tile]
+
+
+@dataclass(frozen=True, eq=False)
+class _PartLayout(Layout):
+    """A layout of which only some data cells are looked at. chosen: as `data`, in order."""
+
+    chosen: npt.NDArray[np.intp]
+
+    @cached_property
+    def data(self) -> npt.NDArray[np.intp]:
+        return self.chosen
+
+
+def true_timing(setting: LinkSetting, late: npt.NDArray[np.int64], ticks: int) -> Timing:
+    """When symbols fall on the camera's ticks, from what was set. late: of its rows, ps."""
+    camera, height = setting.camera, setting.camera.chip.height
+    period = PS / camera.clock.hz
+    delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
+    moved = (late - delay) / period  # ticks by which light comes later than a row's own ticks
+    first, slope = np.polynomial.polynomial.polyfit(np.arange(height), moved, 1)
+    return Timing(
+        setting.first_light / period + float(first),
+        ticks * camera.clock.hz / setting.panel.clock.hz, float(slope) * height, height,
+    )  # fmt: skip
+
+
+class LinkPatches:
+    """The patches of one transmission. seed: of those that lie by chance. detector: its name."""
+
+    def __init__(
+        self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "joint"
+    ) -> None:
+        self._setting, self._sent, self._detector = setting, sent, detector
+        chip, layout = setting.camera.chip, sent.layout
+        self._homography = image_of(
+            setting.optics, setting.aim, setting.air, (chip.height, chip.width)
+        )
+        side = sent.mode.cell * setting.scale
+        size = min(max(SIDE, round(4 * side) + 2 * MARGIN), chip.height, chip.width)
+        x, y = self._centres(layout)
+        seen = (x > 0) & (x < chip.width - 1) & (y > 0) & (y < chip.height - 1)
+        boxes = self._boxes(x[seen], y[seen], size, seed)
+        inside = np.zeros(len(x), np.bool_)
+        reach = side / 2 + MARGIN
+        for y0, y1, x0, x1 in boxes:
+            inside |= (
+                (x >= x0 + reach) & (x <= x1 - 1 - reach)
+                & (y >= y0 + reach) & (y <= y1 - 1 - reach)
+            )  # fmt: skip
+        self.cells = np.flatnonzero(inside)
+        """Which data cells are looked at, (n,), as places in `Layout.data`."""
+        self._part = _PartLayout(sent.mode, layout.data[self.cells])
+        self.plane = None
+        if boxes:
+            grid = _Squares(chip.height, chip.width, tuple(boxes))
+            self.plane = PatchPlane(grid, list(range(len(boxes))))
+        ticks = sent.mode.ticks
+        most = max(CYCLES // ticks - TRAINING, FEWEST)
+        self.symbols = max(min(most, sent.symbols - TRAINING), 0)
+        """After the training."""
+
+    @property
+    def bits(self) -> int:
+        """That are compared."""
+        return self.symbols * len(self.cells)
+
+    def _centres(self, layout: Layout) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """Camera (x, y) of the data cells' middles."""
+        row, column = np.divmod(layout.data, layout.shape[1])
+        side = layout.mode.cell
+        where = Registration(self._homography, np.zeros((0, 3)))
+        return where.camera((column + 0.5) * side - 0.5, (row + 0.5) * side - 0.5)
+
+    def _boxes(
+        self, x: npt.NDArray[Any], y: npt.NDArray[Any], size: int, seed: int
+    ) -> list[tuple[int, int, int, int]]:
+        """Around cells in view: the middle, the ends along both axes and both diagonals, chance."""
+        if not len(x):
+            return []
+        chip, half = self._setting.camera.chip, size // 2
+        dx, dy = x - x.mean(), y - y.mean()
+        chosen = [int(np.argmin(dx**2 + dy**2))]
+        for along in (dx, dy, dx + dy, dx - dy):
+            chosen += [int(np.argmin(along)), int(np.argmax(along))]
+        chosen += np.random.default_rng(seed).permutation(len(x))[:RANDOM].tolist()
+        made: list[tuple[int, int, int, int]] = []
+        for n in chosen:
+            # Drawn in towards the middle, so that a cell at the panel's end lies well within.
+            left = round(float(x[n] - np.sign(dx[n]) * min(half * 0.6, abs(dx[n])))) - half
+            top = round(float(y[n] - np.sign(dy[n]) * min(half * 0.6, abs(dy[n])))) - half
+            left, top = (
+                min(max(left, 0), chip.width - size), min(max(top, 0), chip.height - size),
+            )  # fmt: skip
+            made.append((top, top + size, left, left + size))
+        return list(dict.fromkeys(made))
+
+    def _air(self, kept: frozenset[str] | None) -> Air:
+        s = self._setting
+        return Air(
+            self._sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
+            planes=self._sent.planes, kept=kept,
+        )  # fmt: skip
+
+    def film(
+        self, variants: Mapping[str, Variant], device: Device | None, progress: Progress
+    ) -> dict[str, Decided]:
+        """Decisions of every variant on the same bits. Raises ValueError where no cell with data is
+        in view, or the transmission ends with its training."""
+        if self.plane is None or not self.bits:
+            raise ValueError("at least one data cell must be in view and sent")
+        airs = {kept: self._air(kept) for kept in dict.fromkeys(v.air for v in variants.values())}
+        cameras = {
+            name: PatchCamera(v.camera, self.plane, v.tier, device, late=airs[v.air].late)
+            for name, v in variants.items()
+        }
+        cuts = {kept: PlaneMap(self.plane.cut, None) for kept in airs}
+        clock = self._setting.camera.clock
+        end = self._setting.first_light + self._setting.panel.clock.edge(
+            (TRAINING + self.symbols) * self._sent.ticks
+        )
+        cycles = -(-(clock.cycle_at(end) + 3) // WORD) * WORD
+        words: dict[str, list[npt.NDArray[np.uint32]]] = {name: [] for name in variants}
+        spent: dict[Any, list[float]] = {key: [] for key in (*airs, *variants)}
+        progress.start(f"{len(variants)} ways on {len(self.plane.tiles)} patches", cycles)
+        for start in range(0, cycles, _BLOCK):
+            block = Block(start, min(_BLOCK, cycles - start))
+            lights: dict[frozenset[str] | None, Light] = {}
+            for kept, air in airs.items():
+                begin = time.perf_counter()
+                light = air.step(None, block)
+                spent[kept].append(time.perf_counter() - begin)
+                lights[kept] = cuts[kept](light)
+            for name, camera in cameras.items():
+                begin = time.perf_counter()
+                made = camera.step(lights[variants[name].air], start, block.cycles)
+                spent[name].append(time.perf_counter() - begin)
+                words[name].append(made)
+            progress.advance(block.stop)
+        chip = self._setting.camera.chip
+        size = dict.fromkeys(airs, chip.height * chip.width)
+        return {
+            name: Decided(
+                self._wrong(np.concatenate(words[name]), airs[v.air]),
+                _ns(spent[v.air], size[v.air], cycles),
+                _ns(spent[name], self.plane.numbers.size, cycles),
+            )
+            for name, v in variants.items()
+        }  # fmt: skip
+
+    def _wrong(self, words: npt.NDArray[np.uint32], air: Air) -> npt.NDArray[np.bool_]:
+        """A detector's decisions beside what was sent. words: (n, pixels) of the patches."""
+        assert self.plane is not None
+        chip = self._setting.camera.chip
+        whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
+        whole[:, self.plane.numbers.astype(np.intp)] = words
+        timing = true_timing(self._setting, air.late, self._sent.ticks)
+        made = make_detector(self._detector, self._part, self._registration(air, timing), timing)  # type: ignore[arg-type]
+        seen, sent = whole.reshape(-1, chip.height, chip.width), self._sent
+        made.learn(seen, 0, sent.bits(0, TRAINING)[:, self.cells], 0)
+        soft = made.soft(seen, 0, TRAINING, self.symbols)
+        return np.asarray((soft > 0) != sent.bits(TRAINING, self.symbols)[:, self.cells])
+
+    def _registration(self, air: Air, timing: Timing) -> Registration:
+        """Where the panel's pixels are imaged, with what vibration does to it."""
+        truth, count = air.truth, TRAINING + self.symbols
+        middle = timing.start(np.arange(count) + 0.5, timing.rows / 2)
+        drift = np.column_stack([middle, air.shifts[:count]])
+        return Registration(truth.homography, drift, truth.blur)
+
+
+def _ns(seconds: list[float], pixels: int, cycles: int) -> float:
+    """Nanoseconds a pixel-cycle; the first block, which may compile, aside where there are more."""
+    some = seconds[1:] or seconds
+    each = min(_BLOCK, cycles)
+    return float(np.mean(some)) * 1e9 / (pixels * each)

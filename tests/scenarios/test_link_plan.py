@@ -1,0 +1,201 @@
+"""A link's plan and its check: units, bounds, pairing, and what is noticed when left out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.opencl import Device
+from link.mode import Mode
+from link.sending import Transmission
+from link.theory import clopper_pearson
+from scenarios.link_check import LinkCheck, check_link, compare, goodput_change
+from scenarios.link_patches import LinkPatches, Variant, true_timing
+from scenarios.link_plan import LinkLook, camera_changes, half_width, look_link
+from scenarios.linking import LinkSetting, link_setting
+from scenarios.loading import linked, load
+from sensor import DevicePattern
+
+MODE = Mode(128, 128, 2, 2, "8b10b", 32)
+SMALL = ["sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128"]
+
+
+class Silent:
+    """Progress that nobody looks at."""
+
+    def start(self, what: str, total: int) -> None: ...
+    def advance(self, done: int) -> None: ...
+    def note(self, text: str) -> None: ...
+
+
+def small(*more: str) -> LinkSetting:
+    """A panel of 128 x 128 before SpikeOne."""
+    return link_setting(linked(load("light-link", [*SMALL, *more])[1], "test"))
+
+
+@pytest.fixture(scope="module")
+def setting() -> LinkSetting:
+    return small()
+
+
+@pytest.fixture(scope="module")
+def sent() -> Transmission:
+    data = np.random.default_rng(1).bytes(900)
+    return Transmission(MODE, data, "a.bin", overhead=0.0)
+
+
+@pytest.fixture(scope="module")
+def seen(setting: LinkSetting, sent: Transmission) -> LinkLook:
+    return look_link(setting, MODE, sent.symbols, 200)
+
+
+def test_the_unit_is_half_the_interval_of_the_runs_rate() -> None:
+    # Of no errors in n bits: 1 - (alpha / 2)^(1 / n).
+    assert half_width(0.0, 10**6) == pytest.approx((1 - 0.0005 ** (1 / 10**6)) / 2, rel=1e-9)
+    # Of very many it is z sqrt(p (1 - p) / n), z of 99.9 % being 3.2905.
+    assert half_width(0.1, 10**8) == pytest.approx(3.2905 * math.sqrt(0.09 / 1e8), rel=1e-3)
+
+
+def test_two_ways_are_compared_by_the_bits_that_only_one_has_wrong() -> None:
+    full, run = np.zeros((40, 500), np.bool_), np.zeros((40, 500), np.bool_)
+    full.ravel()[:100] = True
+    run.ravel()[90:350] = True  # 90 are mended, 250 are broken
+    found = compare(full, run, 10**6)
+    unit = half_width(100 / 20_000, 10**6)
+    assert (found.bits, found.full, found.run) == (20_000, 100, 260)
+    assert found.value == pytest.approx(160 / 20_000 / unit)
+    up, down = clopper_pearson(250, 20_000, 0.9995), clopper_pearson(90, 20_000, 0.9995)
+    assert found.low == pytest.approx((up[0] - down[1]) / unit) and found.low > 0
+    assert found.high == pytest.approx((up[1] - down[0]) / unit)
+    assert compare(run, full, 10**6).low > 0  # whichever way it goes
+    same = compare(full, full, 10**6)
+    assert same.value == same.low == 0 and same.high > 0
+    few, many = (compare(np.zeros(n, bool), np.zeros(n, bool), 10**6) for n in (10**3, 10**5))
+    assert few.high > 90 * many.high
+
+
+def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
+    # Pairs with rates of 0.01 and 0.013 that share most errors: 2000 intervals of 99.9 %.
+    rng, missed = np.random.default_rng(5), 0
+    bits, unit = 4000, half_width(0.01, 10**6)
+    for _ in range(2000):
+        shared = rng.random(bits) < 0.008
+        full, run = shared | (rng.random(bits) < 0.002), shared | (rng.random(bits) < 0.005)
+        truth = 0.992 * 0.003
+        found = compare(full, run, 10**6)
+        mine = half_width(full.mean(), 10**6)
+        missed += not found.low * mine <= truth <= found.high * mine
+    assert unit > 0 and missed <= 10  # mean at most 2; P(more than 10) < 1e-5
+
+
+def test_goodput_follows_from_the_codewords_that_come_through() -> None:
+    assert goodput_change(1e-6, 1e-6, MODE) == 0
+    assert goodput_change(1e-6, 2e-6, MODE) < 1e-12  # both are mended
+    assert goodput_change(1e-6, 0.1, MODE) == pytest.approx(1.0)
+    assert goodput_change(0.4, 0.4, MODE) == 0
+
+
+def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkLook) -> None:
+    scene = seen.scene
+    camera = replace(
+        seen.camera, row_skew=0.25, crosstalk=0.04, dead_time=5e-6, comparator_delay=2.5e-6,
+        pattern=DevicePattern(0.01, 4e4, 0.0, 0.02, 0.0, 0.0, 0.0, 1),
+    )  # fmt: skip
+    made = camera_changes(camera, scene)
+    swing = (scene.on - scene.off) / scene.on
+    assert made["row-by-row sampling"][0].size == pytest.approx(0.25 * swing)
+    assert made["comparator delay"][0].size == pytest.approx(0.1 * swing)
+    assert made["optical cross-talk"][0].size == pytest.approx(0.04 * swing)
+    assert made["reset dead time"][0].size == pytest.approx(0.2)
+    assert made["dark current and DSNU"][0].size == pytest.approx(1.0 / scene.on)
+    assert made["PRNU"][0].size == 0.01
+    assert scene.cycles / made["PRNU"][0].lasts == pytest.approx(250 * 400)
+    assert {e.name for e in camera.kept} - {"random initial charge"} <= set(made)
+
+
+def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
+    seen: LinkLook, device: Device
+) -> None:
+    plan = seen.plan(0.1, device)
+    assert "scintillation" in plan.left_out and plan.tier == "fast"
+    assert {"vibration", "lens blur", "row-by-row sampling", "shot noise"} <= set(plan.kept)
+    assert plan.kept_air == plan.of_air - set(plan.left_out) and plan.run_air == plan.kept_air
+    assert float(plan.plan.total.max()) + plan.own <= 0.05
+    rows = {row["effect"]: row for row in plan.documents({"scintillation": 0.5})}
+    assert rows["scintillation"]["measured"] == 0.5
+    assert 0 < rows["scintillation"]["bound"] < 0.05
+    everything = seen.plan(0.0, device)
+    assert everything.tier == "exact" and not everything.left_out and everything.run_air is None
+    assert everything.camera == seen.camera
+    assert seen.plan(0.1, None).tier == "exact"
+    assert "scintillation" in seen.plan(0.1, device, forced=["scintillation"]).kept
+
+
+def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
+    look = look_link(small("link.air.structure=1e-9"), MODE, sent.symbols, 200)
+    assert "scintillation" in look.plan(0.1, device).kept
+
+
+def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
+    setting: LinkSetting, sent: Transmission, seen: LinkLook, device: Device
+) -> None:
+    patches = LinkPatches(setting, sent, 1)
+    assert patches.plane is not None and patches.bits > 3000
+    chip = setting.camera.chip
+    rows = patches.plane.numbers // chip.width
+    assert rows.max() < chip.height and len(np.unique(patches.cells)) == len(patches.cells)
+    skewless = setting.camera.without(["row-by-row sampling"])
+    found = patches.film(
+        {
+            "reference": Variant("reference", setting.camera),
+            "exact": Variant("exact", setting.camera),
+            "fast": Variant("fast", setting.camera),
+            "wrong": Variant("exact", skewless),
+        },
+        device, Silent(),
+    )  # fmt: skip
+    full, bits = found["reference"], seen.scene.bits
+    assert full.rate < 0.05 and full.wrong.shape == (patches.symbols, len(patches.cells))
+    assert full.air_ns > 0 and full.camera_ns > 0
+    for name in ("exact", "fast"):
+        assert compare(full.wrong, found[name].wrong, bits).low == 0
+        assert (full.wrong != found[name].wrong).mean() < 1e-3
+    wrong = compare(full.wrong, found["wrong"].wrong, bits)
+    assert wrong.low > 1
+    assert LinkCheck(wrong, {}, 0.0, 1, 1.0).beyond(1.0)
+
+
+def test_the_check_measures_what_is_left_out(
+    setting: LinkSetting, sent: Transmission, seen: LinkLook, device: Device
+) -> None:
+    plan = seen.plan(0.1, device)
+    found = check_link(setting, sent, plan, seed=1, device=device, progress=Silent())
+    assert set(found.measured) == set(plan.left_out)
+    assert all(value is not None and value >= 0 for value in found.measured.values())
+    error = found.error
+    assert error.value is not None and error.ci is not None
+    assert error.ci[0] <= error.value <= error.ci[1]
+    assert not found.beyond(plan.plan.tolerance)
+    assert found.document()["patches"] == found.patches > 5
+
+
+def test_a_panel_out_of_view_has_nothing_to_compare(sent: Transmission, device: Device) -> None:
+    away = small("link.aim.offset_x=5000")
+    plan = look_link(away, MODE, sent.symbols, 200).plan(0.1, device)
+    found = check_link(away, sent, plan, seed=1, device=device, progress=Silent())
+    assert found.paired is None and found.error.value is None and not found.beyond(0.1)
+    assert found.measured == dict.fromkeys(plan.left_out)
+
+
+def test_true_timing_is_where_rows_meet_the_symbols(setting: LinkSetting) -> None:
+    height, clock = setting.camera.chip.height, setting.camera.clock
+    late = np.linspace(0, clock.edge(1), height).round().astype(np.int64)
+    timing = true_timing(setting, late, 2)
+    # Rows that are sampled as late as their light comes see all symbols begin at one tick.
+    assert timing.slope == pytest.approx(0.0, abs=0.01)
+    assert timing.first == pytest.approx(setting.first_light / clock.edge(1), abs=0.01)
+    still = true_timing(setting, np.zeros(height, np.int64), 2)
+    assert still.slope == pytest.approx(-setting.camera.row_skew, rel=1e-6)
