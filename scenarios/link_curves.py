@@ -169,7 +169,7 @@ def _words(points: int) -> list[Curve]:
 
     unmixed = bursts(1)
     return [
-        curve("rs-scattered", "scattered errors", scattered, alone, 60_000),
+        curve("rs-scattered", "scattered errors, decoded", scattered, alone, 60_000),
         curve(
             "rs-bursts-interleaved", f"bursts of {BURST} bytes, {DEPTH} codewords interleaved",
             interleaved, bursts(DEPTH), 12_000,

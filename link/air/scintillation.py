@@ -24,8 +24,9 @@ import numpy.typing as npt
 
 from cosim.streams import Stream
 from link.air.motion import normal_draws
+from link.theory.scintillation import correlation_time, gamma_gamma, rytov, scintillation_index
 
-__all__ = ["Flicker", "aperture_averaging", "flicker", "gamma_gamma_shape", "rytov_spherical"]
+__all__ = ["Flicker", "aperture_averaging", "flicker"]
 
 Values = npt.NDArray[np.float64]
 _PLACES: Final = 32
@@ -33,12 +34,6 @@ _WAVES: Final = 4000
 """Nodes along the path, and of spatial frequencies."""
 WEAK: Final = 0.3
 """Rytov variance below which flicker is log-normal (Andrews and Phillips: weak is well below 1)."""
-
-
-def rytov_spherical(structure: float, wavelength_nm: float, distance: float) -> float:
-    """Variance of log-irradiance of a point source, weak turbulence, constant Cn2."""
-    k = 2 * math.pi / (wavelength_nm * 1e-9)
-    return 0.4 * 1.23 * structure * k ** (7 / 6) * distance ** (11 / 6)
 
 
 def aperture_averaging(diameter: float, wavelength_nm: float, distance: float) -> float:
@@ -60,14 +55,6 @@ def aperture_averaging(diameter: float, wavelength_nm: float, distance: float) -
     each = q ** (-5 / 3) * (1 - np.cos(q**2 * x * (1 - x)))  # of d(ln q)
     seen, point = (weight @ (each * part).sum(axis=1) for part in ((2 * j1(z) / z) ** 2, 1.0))
     return float(seen / point)
-
-
-def gamma_gamma_shape(variance: float) -> tuple[float, float]:
-    """(a, b) of large and small eddies for a Rytov variance above 0."""
-    s = variance**1.2  # sigma^(12/5)
-    a = 1 / math.expm1(0.49 * variance / (1 + 1.11 * s) ** (7 / 6))
-    b = 1 / math.expm1(0.51 * variance / (1 + 0.69 * s) ** (5 / 6))
-    return a, b
 
 
 @dataclass(frozen=True)
@@ -113,15 +100,16 @@ def flicker(
     structure: float, wavelength_nm: float, distance: float, diameter: float, wind: float
 ) -> Flicker:
     """Of a path of constant Cn2 (m^(-2/3)). distance, diameter: m. wind: m/s."""
-    variance = rytov_spherical(structure, wavelength_nm, distance)
-    time = math.sqrt(wavelength_nm * 1e-9 * distance) / wind if wind > 0 else math.inf
+    wavelength = wavelength_nm * 1e-9
+    variance = float(rytov(structure, wavelength, distance, "spherical"))
+    time = float(correlation_time(wavelength, distance, wind)) if wind > 0 else math.inf
     if variance <= 0:
         return Flicker(0.0, None, time)
     averaging = aperture_averaging(diameter, wavelength_nm, distance)
     if variance < WEAK:
         return Flicker(variance * averaging, None, time)
-    a, b = gamma_gamma_shape(variance)
-    index = averaging * (1 / a + 1 / b + 1 / (a * b))
+    a, b = (float(n) for n in gamma_gamma(variance))
+    index = averaging * float(scintillation_index(a, b))
     # 1/(c a) + 1/(c b) + 1/(c^2 a b) = index, for c
     half = (1 / a + 1 / b) / 2
     inverse = 2 * index / (half * 2 + math.sqrt(4 * half**2 + 4 * index / (a * b)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from link.theory.extinction import Particles
+
 __all__ = ["Aim", "AirSetting", "Optics"]
 
 
@@ -59,7 +61,7 @@ class AirSetting:
     ambient: float = 0.0
     surroundings: float = 0.18
     visibility: float | None = None
-    particles: str = "kim"
+    particles: Particles = "kim"
     structure: float = 0.0
     wind: float = 1.0
     sun: float = 0.0

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.theory.charge import Reset
 
 __all__ = [
@@ -136,10 +137,17 @@ def charge_trials(
 
 
 def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int) -> int:
-    """Codewords with more than (n - k) // 2 wrong symbols, drawn one by one: `rs_word_error`."""
-    rng, errors = _generator(seed, stream), 0
+    """Codewords of random bytes that the decoder does not give back, each of their bytes wrong by
+    chance on its own: `rs_word_error`. n: 255. What it takes for another codeword counts as well:
+    both happen beyond (n - k) // 2 wrong bytes, and never below."""
+    if n != WORD_BYTES:
+        raise ValueError(f"n must be {WORD_BYTES}, not {n}")
+    rng, errors, code = _generator(seed, stream), 0, ReedSolomon(n - k)
     for m in _chunks(words, _CHUNK // n):
-        errors += int(((rng.random((m, n)) < p).sum(1) > (n - k) // 2).sum())
+        data = rng.integers(0, 256, (m, k), dtype=np.uint8)
+        wrong = rng.integers(1, 256, (m, n), dtype=np.uint8) * (rng.random((m, n)) < p)
+        back, ok, _ = code.decode(code.encode(data) ^ wrong.astype(np.uint8))
+        errors += int((~ok | (back != data).any(1)).sum())
     return errors
 
 

@@ -14,9 +14,8 @@ from link.air.scintillation import (
     Flicker,
     aperture_averaging,
     flicker,
-    gamma_gamma_shape,
-    rytov_spherical,
 )
+from link.theory import rytov
 from tests.link.air.scenes import AIR, FIRST, make
 
 Z = 4.9
@@ -108,7 +107,7 @@ def test_aperture_averaging_is_that_of_the_integral() -> None:
         return 8 * math.pi**2 * 0.033 * k**2 * 1e-16 * total * length / 200
 
     point = variance(0.0)
-    assert rytov_spherical(1e-16, 555.0, length) == pytest.approx(point, rel=0.02)
+    assert rytov(1e-16, 555e-9, length, "spherical") == pytest.approx(point, rel=0.02)
     for diameter in (0.003, 0.01, 0.05, 0.2):
         found = aperture_averaging(diameter, 555.0, length)
         assert found == pytest.approx(variance(diameter) / point, rel=0.02)
@@ -116,16 +115,6 @@ def test_aperture_averaging_is_that_of_the_integral() -> None:
     large = aperture_averaging(30.0, 555.0, length)
     assert large == pytest.approx(1 / (0.214 * d2 ** (7 / 6)), rel=0.05)
     assert aperture_averaging(0.0, 555.0, length) == pytest.approx(1)
-
-
-def test_published_gamma_gamma_shapes() -> None:
-    for variance, a, b, index in (
-        (0.2, 11.65, 10.12, 0.193), (1.0, 4.39, 2.56, 0.706), (3.5, 4.23, 1.36, 1.145),
-    ):  # fmt: skip
-        shape = gamma_gamma_shape(variance)
-        assert shape == pytest.approx((a, b), abs=0.0051)
-        made = 1 / shape[0] + 1 / shape[1] + 1 / (shape[0] * shape[1])
-        assert made == pytest.approx(index, abs=0.0011)
 
 
 @pytest.mark.parametrize("air", [Flicker(0.04, None, 2e-3), Flicker(0.706, (4.39, 2.56), 2e-3)])
