@@ -99,7 +99,7 @@ class Joint:
         first, symbols = first_symbol - AROUND, count + 2 * AROUND
         add_evidence(
             np.ascontiguousarray(words), start_tick, first, symbols, AROUND,
-            self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
-            place.share, *laws, np.float32(LIMIT), out,
+            self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y,
+            place.count, place.dx, place.dy, place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip
         return out
