@@ -22,6 +22,7 @@ from cosim.opencl import Device
 from cosim.viform import words_for
 from display import GL_INSTALL, probe_gl
 from scenarios.bench_display import display_rows
+from scenarios.bench_link import link_rows
 from scenarios.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.effects import SHOT_NOISE
@@ -192,7 +193,7 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows
 
 
-PARTS = {"sensor": _sensor, "display": display_rows}
+PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows}
 """Parts that have a benchmark."""
 
 

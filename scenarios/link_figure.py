@@ -38,7 +38,7 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
             ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
             ax.minorticks_off()
         bottom = min((min(c["theory"]) for c in curves), default=_FLOOR)
-        ax.set_ylim(max(bottom / 3, _FLOOR), 1)
+        ax.set_ylim(max(bottom / 3, _FLOOR), 30 if panel == "fading" else 1)  # room for its names
         ax.set_title(title, fontsize=11, color=INK, loc="left")
         ax.set_xlabel(label, fontsize=9, color=INK)
         words = any(c["trial"] == "codeword" for c in curves)
@@ -47,7 +47,8 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(colors=INK, labelsize=8.5)
-        ax.legend(fontsize=7.5, frameon=False, loc=PLACES[panel])
+        if curves:
+            ax.legend(fontsize=7.5, frameon=False, loc=PLACES[panel])
     judged, level = document["points_judged"], document["level"]
     figure.suptitle(
         "Lines: theory. Points: Monte Carlo, filled from 100 errors on; bars: Clopper-Pearson, "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 from link.mode import Mode
 from scenarios.link_capacity import Given
 from scenarios.link_run.light import cell_scene
@@ -10,7 +12,7 @@ from scenarios.schema import LinkScenario
 
 __all__ = ["PLAIN", "given_of"]
 
-PLAIN = {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 32}
+PLAIN: Final[dict[str, Any]] = {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 32}
 """Parts of a mode that are looked at where the scenario leaves them to a run's pilot."""
 
 

@@ -126,7 +126,7 @@ def load(
     for section, key in _PATHS if folder is not None else ():
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
-            inner[key] = str(folder / inner[key])  # type: ignore[operator]
+            inner[key] = str(folder / inner[key])
     for assignment in assignments or []:
         _set(data, assignment)
     if tolerance is not None:

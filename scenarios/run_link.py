@@ -86,7 +86,8 @@ def run_link(
     chip = run.setting.camera.chip
     check_room(place, run.cycles * chip.width * chip.height)
     with claimed(name, out, resume) as folder:
-        seconds, throughput = film_link(run, folder, resume, progress)
+        filmed, throughput = film_link(run, folder, resume, progress)
+        seconds = run.seconds | filmed
         try:
             stream = ZarrStream(folder / STREAM)
             received = receive_stream(run, stream, seconds, progress)

@@ -67,7 +67,7 @@ _SOURCES: Final = {
     "surroundings": "diffuse reflection",
     "glare": "even veiling glare",
     "sun": "disc of 0.53 degrees",
-    "scintillation": "Andrews and Phillips 2005; Churnside 1991; Al-Habash 2001",
+    "scintillation": "Andrews and Phillips 2005; Al-Habash, Andrews and Phillips 2001",
     "emitter response": "first-order emitter (SpikePanel.rise, decay)",
 }
 

@@ -25,7 +25,7 @@ from cosim.lens import diffraction_mtf
 __all__ = ["Psf", "kernel_table", "taps"]
 
 Values = npt.NDArray[np.float64]
-_GRID: Final = 512
+_GRID: Final = 384
 """Samples along a side of the kernel's square."""
 _TAIL: Final = 2.6
 """Standard deviations of blur within the taps; what lies beyond is put back among them."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -107,6 +108,7 @@ def _project(padded, wide, high, inverse, dx, dy, tables, regions, phases, count
             out[row, column] = total
 
 
+@lru_cache(maxsize=2)
 def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
     """An even disc of `radius` pixels on a grid, its edge by area, adding up to 1."""
     reach, fine = math.ceil(radius + 0.5), 16

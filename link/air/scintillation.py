@@ -3,11 +3,11 @@
 Every point of the panel is a source of spherical waves: Rytov variance 0.4 x 1.23 Cn2 k^(7/6)
 L^(11/6) (Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., 2005), its
 index by Al-Habash, Andrews and Phillips (Opt. Eng. 40:1554, 2001), 1/a + 1/b + 1/(a b). A lens of
-diameter D averages it by [1 + 0.214 (k D^2 / 4 L)^(7/6)]^-1 (Churnside, Appl. Opt. 30:1982, 1991,
-small inner scale). Weak flicker is log-normal, the rest gamma-gamma, whose a and b are raised alike
-until the averaged index comes out (assumed). In time it follows an Ornstein-Uhlenbeck process of
-correlation exp(-t / t_c), t_c = sqrt(wavelength L) / wind, through the quantile function, so each
-symbol's factor has exactly the law.
+diameter D averages it (`aperture_averaging`; no inner scale). Weak flicker is log-normal, the rest
+gamma-gamma, whose a and b are raised alike until the averaged index comes out (assumed). In time it
+follows Ornstein-Uhlenbeck processes of correlation exp(-t / t_c), t_c = sqrt(wavelength L) / wind,
+through the quantile functions of log-normal light or of both Gamma factors, so each symbol's factor
+has exactly the law.
 
 One factor serves the whole image. Points of a panel further apart than about the lens flicker on
 their own; that all fade together is the worst case for a code that spreads its bytes over them.
@@ -28,6 +28,9 @@ from link.air.motion import normal_draws
 __all__ = ["Flicker", "aperture_averaging", "flicker", "gamma_gamma_shape", "rytov_spherical"]
 
 Values = npt.NDArray[np.float64]
+_PLACES: Final = 32
+_WAVES: Final = 4000
+"""Nodes along the path, and of spatial frequencies."""
 WEAK: Final = 0.3
 """Rytov variance below which flicker is log-normal (Andrews and Phillips: weak is well below 1)."""
 
@@ -39,9 +42,24 @@ def rytov_spherical(structure: float, wavelength_nm: float, distance: float) -> 
 
 
 def aperture_averaging(diameter: float, wavelength_nm: float, distance: float) -> float:
-    """Index behind a lens over that at a point."""
-    k = 2 * math.pi / (wavelength_nm * 1e-9)
-    return float(1 / (1 + 0.214 * (k * diameter**2 / (4 * distance)) ** (7 / 6)))
+    """Index behind a lens over that at a point, weak turbulence: what the lens leaves of
+
+        int int q^(-8/3) (1 - cos(q^2 x (1 - x))) (2 J1(q d x) / (q d x))^2 dq dx
+
+    over its value at d = 0; x from the source in L, q in sqrt(k / L), d^2 = k D^2 / (4 L) (Andrews
+    and Phillips, 2005, chapter 10). It goes to 1 / (0.214 d^(7/3)) for large lenses (Churnside,
+    Appl. Opt. 30:1982, 1991); his fit 1 / (1 + 0.214 d^(7/3)) is two thirds too much at d^2 = 1.4.
+    """
+    from scipy.special import j1
+
+    d = math.sqrt(2 * math.pi / (wavelength_nm * 1e-9) * diameter**2 / (4 * distance))
+    x, weight = np.polynomial.legendre.leggauss(_PLACES)
+    x = ((x + 1) / 2)[:, None]
+    q = np.exp(np.linspace(math.log(1e-3 / max(d, 1.0)), math.log(1e3), _WAVES))
+    z = np.maximum(q * d * x, 1e-9)
+    each = q ** (-5 / 3) * (1 - np.cos(q**2 * x * (1 - x)))  # of d(ln q)
+    seen, point = (weight @ (each * part).sum(axis=1) for part in ((2 * j1(z) / z) ** 2, 1.0))
+    return float(seen / point)
 
 
 def gamma_gamma_shape(variance: float) -> tuple[float, float]:

@@ -6,7 +6,9 @@ the standard's parity of 32), conventional basis.
 Compiled here, not a library's: galois 0.4.11 takes 4 s to import, 13 s to build, 11 s for its first
 encode and decode in each process (nothing of it is cached), and decodes 0.65 Mb/s with 8 errors a
 word (37 of clean words); reedsolo 1.7.0 ships as pure Python, 0.24 Mb/s to encode and 0.08 to
-decode that. The tests hold this one against galois.
+decode that. This one, on the same core with parity 32: starts in 1 s once compiled (8 s the first
+time), encodes 850 Mb/s, decodes 900 of clean words, 150 with 8 errors a word, 85 with 16. The tests
+hold it against galois.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[n
         discrepancy = np.uint8(0)
         for i in range(min(length, r - 1) + 1):
             discrepancy ^= PRODUCT[locator[i], syndromes[r - 1 - i]]
-        for i in range(parity, 0, -1):
+        for i in range(r, 0, -1):  # neither degree is above r yet
             other[i] = other[i - 1]
         other[0] = 0
         if discrepancy == 0:
@@ -80,12 +80,12 @@ def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[n
         if 2 * length <= r + count - 1:
             spare[:] = locator
             inverse = PRODUCT[EXP[_N - LOG[discrepancy]]]
-            for i in range(parity + 1):
+            for i in range(r + 1):
                 locator[i] ^= row[other[i]]
                 other[i] = inverse[spare[i]]
             length = r + count - length
         else:
-            for i in range(parity + 1):
+            for i in range(r + 1):
                 locator[i] ^= row[other[i]]
     return length
 

@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.detect.detector import Detector, make_detector
-from link.detect.forward_backward import ForwardBackward
+from link.detect.detector import Detector, DetectorName, make_detector
 from link.detect.pixel import PixelLaw, Rule
 from link.layout import TRAINING, Layout, pilots, training
 from link.mode import LineCode, Mode
@@ -25,6 +24,10 @@ _FIRST: Final = 8
 """Tick of first light."""
 _SLOW: Final = 40
 """Symbols between which forward-backward decides at once."""
+
+
+_FEW: Final = 64
+"""Symbols that forward-backward gets at most, since it is slow."""
 
 
 @dataclass(frozen=True)
@@ -110,24 +113,23 @@ def comparison(
     """Error rates of random on-off keying: one pixel and one tick by threshold and by
     forward-backward, the latter in Manchester as well, then joint over 2 x 2 pixels and over two
     ticks. threshold: electrons. background, on_level: thresholds a tick, the second of the panel's
-    light alone. size: panel pixels to a side, a multiple of 32; forward-backward gets 128, since it
-    is slow. symbols: more than the training's 48.
+    light alone. size: panel pixels to a side, a multiple of 32; forward-backward gets 128
+    and fewer symbols, since it is slow. symbols: more than the training's 48.
     """
     from scipy.stats import binomtest
 
     pixel = PixelLaw(threshold, reset, background, background + on_level)
     out: list[Compared] = []
 
-    def put(what: str, name: str, side: int, cell: int, ticks: int, line: LineCode) -> None:
+    def put(
+        what: str, name: DetectorName, side: int, cell: int, ticks: int, line: LineCode
+    ) -> None:
         layout = Layout(Mode(side, side, cell, ticks, line, 32))
         place = Registration(np.eye(3), np.zeros((0, 3)))
         timing = Timing(float(_FIRST), float(ticks), 0.0, side)
-        bits = _bits(layout, symbols, seed)
+        bits = _bits(layout, min(symbols, _FEW) if name == "forward-backward" else symbols, seed)
         words = _spikes(layout, bits, pixel, seed)
-        if name == "forward-backward":
-            detector: Detector = ForwardBackward(layout, place, timing, pixel)
-        else:
-            detector = make_detector(name, layout, place, timing)  # type: ignore[arg-type]
+        detector = make_detector(name, layout, place, timing, pixel=pixel)
         total, wrong = _count(detector, words, bits)
         limits = binomtest(wrong, total).proportion_ci(confidence, "exact")
         rate, low, high = wrong / total, float(limits.low), float(limits.high)

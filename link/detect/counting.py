@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numba import njit, prange
 
-from link.detect.geometry import PLACES
+from link.detect.geometry import PLACES, SHARES
 
 __all__ = ["CONTEXT", "PAIRS", "PART", "PHASES", "add_evidence", "count_patterns"]
 
@@ -25,7 +25,8 @@ PHASES: Final = 8
 PAIRS: Final = 4
 """Of bits, that of the symbol before and the symbol's own: 2 before + own."""
 _WIDTH: Final = PART + CONTEXT
-_MASK = np.uint64((1 << _WIDTH) - 1)
+_PATTERNS: Final = 1 << _WIDTH
+_MASK: Final = _PATTERNS - 1
 _RUN: Final = 256
 """Cells that a thread takes at once."""
 _STEEP, _WIDE = np.float32(0.24904), np.float32(2.5068)
@@ -53,15 +54,27 @@ def _place(u, v):  # type: ignore[no-untyped-def]
 def _pattern(words, y, x, bit):  # type: ignore[no-untyped-def]
     """_WIDTH spikes of a pixel from tick `bit` of words on, the first one lowest; none beyond."""
     if bit < 0:
-        early = np.uint64(words[0, y, x]) << np.uint64(-bit) if bit > -_WIDTH else np.uint64(0)
+        early = np.int64(words[0, y, x]) << -bit if bit > -_WIDTH else 0
         return early & _MASK
-    w, low = bit >> 5, np.uint64(bit & 31)
+    w = bit >> 5
     if w >= words.shape[0]:
-        return np.uint64(0)
-    both = np.uint64(words[w, y, x])
+        return np.int64(0)
+    both = np.int64(words[w, y, x])
     if (bit & 31) + _WIDTH > 32 and w + 1 < words.shape[0]:
-        both |= np.uint64(words[w + 1, y, x]) << np.uint64(32)
-    return (both >> low) & _MASK
+        both |= np.int64(words[w + 1, y, x] & _MASK) << 32
+    return (both >> (bit & 31)) & _MASK
+
+
+@njit(cache=True)
+def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
+    """The same of a pixel at a place of `size`, in flat words of `count`, from bit >= 0 on."""
+    w = bit >> 5
+    if w >= count:
+        return np.int64(0)
+    both = np.int64(flat[w * size + at])
+    if (bit & 31) + _WIDTH > 32 and w + 1 < count:
+        both |= np.int64(flat[(w + 1) * size + at] & _MASK) << 32
+    return (both >> (bit & 31)) & _MASK
 
 
 @njit(cache=True, parallel=True)
@@ -93,7 +106,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
                     py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
                     if py < 0 or px < 0 or py >= height or px >= width:
                         continue
-                    s = share[region, qy, qx, k]
+                    s = np.int64(share[region, qy, qx, k])
                     for part in range(counts.shape[2]):
                         seen = _pattern(words, py, px, bit + part * PART)
                         counts[region, phase, part, s, pair, seen] += 1
@@ -147,6 +160,12 @@ def add_evidence(  # type: ignore[no-untyped-def]
     """
     height, width = words.shape[1], words.shape[2]
     stop, cells = words.shape[0] * 32, out.shape[1]
+    # flat, since the compiler does not take apart what it indexes by six numbers
+    flat_words, flat_whole = words.reshape(-1), whole.reshape(-1)
+    flat_count, flat_share = count.reshape(-1), share.reshape(-1)
+    flat_dx, flat_dy = dx.reshape(-1), dy.reshape(-1)
+    most, parts, reach = dx.shape[3], whole.shape[2], max(np.abs(dx).max(), np.abs(dy).max())
+    size, count_words = height * width, words.shape[0]
     for run in prange(-(-cells // _RUN)):
         said = np.empty((symbols, PAIRS), np.float32)
         ahead = np.empty((symbols, 2), np.float32)
@@ -158,28 +177,30 @@ def add_evidence(  # type: ignore[no-untyped-def]
                 bit = tick - start - CONTEXT
                 inside = bit >= 0 and bit + CONTEXT + ticks <= stop
                 on, fell, both = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-                for k in range(count[region, qy, qx]):
-                    py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
-                    if py < 0 or px < 0 or py >= height or px >= width:
+                place = (region * PLACES + qy) * PLACES + qx
+                law = (region * PHASES + phase) * parts
+                clear = reach <= x < width - reach and reach <= y < height - reach
+                for k in range(place * most, place * most + flat_count[place]):
+                    py, px, s = y + flat_dy[k], x + flat_dx[k], np.int64(flat_share[k])
+                    if not clear and (py < 0 or px < 0 or py >= height or px >= width):
                         continue
-                    s = share[region, qy, qx, k]
                     if inside:
-                        for part in range(whole.shape[2]):
-                            seen = _pattern(words, py, px, bit + part * PART)
-                            said_so = whole[region, phase, part, s, seen]
-                            on += said_so[1]
-                            fell += said_so[2]
-                            both += said_so[3]
+                        at = py * width + px
+                        for part in range(parts):
+                            seen = _pattern_at(flat_words, size, count_words, at, bit + part * PART)
+                            told = (((law + part) * SHARES + s) * _PATTERNS + seen) * PAIRS
+                            on += flat_whole[told + 1]
+                            fell += flat_whole[told + 2]
+                            both += flat_whole[told + 3]
                         continue
                     for j in range(ticks):
                         if bit + j + CONTEXT < 0 or bit + j + CONTEXT >= stop:
                             continue
                         seen = _pattern(words, py, px, bit + j)
-                        before = seen & np.uint64((1 << CONTEXT) - 1)
-                        spike = (seen >> np.uint64(CONTEXT)) & np.uint64(1)
-                        said_so = single[region, phase, j, s, before, spike]
-                        on += said_so[1]
-                        fell += said_so[2]
-                        both += said_so[3]
+                        before = seen & ((1 << CONTEXT) - 1)
+                        spike = (seen >> CONTEXT) & 1
+                        on += single[region, phase, j, s, before, spike, 1]
+                        fell += single[region, phase, j, s, before, spike, 2]
+                        both += single[region, phase, j, s, before, spike, 3]
                 said[n, 0], said[n, 1], said[n, 2], said[n, 3] = 0.0, on, fell, both
             _chain(said, ahead, out, cell, skipped, limit)

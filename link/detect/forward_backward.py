@@ -21,7 +21,7 @@ from link.detect.detector import Bits, Soft
 from link.detect.geometry import PLACES, SHARES, Seen, see
 from link.detect.joint import LIMIT
 from link.detect.pixel import PixelLaw, Rule
-from link.detect.trellis import likelihood, posterior
+from link.detect.trellis import likelihood, posterior, window
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
@@ -35,24 +35,6 @@ _BEFORE, _AFTER = 6, 2
 """Symbols around those asked for that the window holds as well, where the words do."""
 _TAUGHT: Final = 96
 """Cells that the pixel's law is learned from."""
-_ALIGNED: Final = 1e-6
-"""Ticks within which a symbol begins with one."""
-
-
-@njit(cache=True)
-def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
-    """Fills fraction and under_way (ticks,) of ticks from `start` on: see `trellis.likelihood`;
-    symbols counted from `symbol`."""
-    fraction[:] = PHASES + 1
-    under_way[:] = -1
-    for n in range(symbols + 2):
-        begin = first + (symbol + n) * period + slope * row / rows
-        tick = int(np.floor(begin + _ALIGNED))
-        late = begin - tick
-        k = tick - start
-        if 0 <= k < fraction.size:
-            fraction[k] = 0 if late < _ALIGNED else 1 + min(int(late * PHASES), PHASES - 1)
-        under_way[max(k, 0) :] = n
 
 
 @njit(cache=True, parallel=True)
@@ -178,7 +160,7 @@ class ForwardBackward:
             off, swing = np.exp(light)
             laws = self._made(replace(self._pixel, reset=rule, off=off, on=off + swing))
             given = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
-            return -float(sum(likelihood(*one, *given) for one in picked))
+            return -float(sum(likelihood(*(*one, *given)) for one in picked))
 
         rules: tuple[Rule, ...] = ("hard", "residual")
         best, least = self._pixel, np.inf

@@ -22,8 +22,9 @@ PLACES: Final = 8
 """Sub-pixel places along each axis."""
 SHARES: Final = 16
 """Classes of share, evenly from 0 to 1."""
-LEAST: Final = 0.15
-"""Share below which a pixel is not looked at: it tells little, and its neighbours' cells more."""
+LEAST: Final = 0.35
+"""Share below which a pixel is not looked at: its other cells disturb more than it tells. Measured:
+of 0.1 to 0.45 this makes the fewest errors, on 2 x 2 cells."""
 _MOST: Final = 24
 """Pixels looked at for a cell."""
 _FINE: Final = 16

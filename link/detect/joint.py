@@ -15,18 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.viform import Words
+from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
 from link.detect.detector import Bits, Soft
 from link.detect.geometry import SHARES, Seen, see
-from link.detect.tables import Tables, parts_for, tables
+from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["LIMIT", "Joint"]
+__all__ = ["AROUND", "LIMIT", "Joint"]
 
 LIMIT: Final = 60.0
 """Of a soft value's size."""
-_AROUND: Final = 2
+AROUND: Final = 2
 """Symbols before and after those asked for that the chain holds as well."""
 
 Values = npt.NDArray[np.float64]
@@ -37,20 +38,20 @@ class Joint:
     further away than two, by little: ticks wholly of one symbol cut the chain."""
 
     def __init__(self, layout: Layout, registration: Registration, timing: Timing) -> None:
-        self._layout, self._registration, self._timing = layout, registration, timing
-        self._seen = see(layout, registration)
+        self._layout, self._registration, self.timing = layout, registration, timing
+        self.seen = see(layout, registration)
         self._ticks = layout.mode.ticks
         self._time = timing.first, timing.period, timing.slope, float(timing.rows)
         shape = (
-            self._seen.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
+            self.seen.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
             1 << (PART + CONTEXT),
         )  # fmt: skip
         self._counts = np.zeros(shape, np.int32)
         self._tables: Tables | None = None
 
-    def _shifts(self, first_symbol: int, count: int) -> Values:
+    def shifts(self, first_symbol: int, count: int) -> Values:
         """(dx, dy) of the image in the middle of each symbol, (count, 2)."""
-        middle = self._timing.start(first_symbol + np.arange(count) + 0.5, self._timing.rows / 2)
+        middle = self.timing.start(first_symbol + np.arange(count) + 0.5, self.timing.rows / 2)
         return np.array([self._registration.shift(float(t)) for t in middle]).reshape(count, 2)
 
     def _learn(
@@ -61,19 +62,27 @@ class Joint:
         ends = np.searchsorted(seen.region[order], np.arange(seen.regions), side="right")
         place = seen.places
         count_patterns(
-            words, start_tick, known, first_symbol, self._shifts(first_symbol, len(known) - 1),
+            words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
             self._time, self._ticks, order, ends, seen.x, seen.y, place.count, place.dx, place.dy,
             place.share, self._counts,
         )  # fmt: skip
         self._tables = None
 
+    def tables(self) -> Tables:
+        """What was learned, as `counting.add_evidence` takes it."""
+        if not self._counts.any():
+            raise ValueError("the detector must have learned from known symbols before")
+        if self._tables is None:
+            self._tables = learned.tables(self._counts, self._ticks)
+        return self._tables
+
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
-        if known.ndim != 2 or known.shape[1] != self._seen.x.size:
-            raise ValueError(f"known must be of {self._seen.x.size} cells, not {known.shape}")
+        if known.ndim != 2 or known.shape[1] != self.seen.x.size:
+            raise ValueError(f"known must be of {self.seen.x.size} cells, not {known.shape}")
         if first_symbol == 0:  # before first light all are off
             known = np.concatenate([np.zeros((1, known.shape[1]), np.bool_), known])
             first_symbol = -1
-        self._learn(self._seen, words, start_tick, known, first_symbol + 1)
+        self._learn(self.seen, words, start_tick, known, first_symbol + 1)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
         cells = np.flatnonzero(self._layout.pilot)
@@ -84,16 +93,13 @@ class Joint:
         self._learn(seen, words, start_tick, known, first_symbol)
 
     def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
-        if not self._counts.any():
-            raise ValueError("the detector must have learned from known symbols before")
-        if self._tables is None:
-            self._tables = tables(self._counts, self._ticks)
-        seen, place = self._seen, self._seen.places
+        laws = self.tables()
+        seen, place = self.seen, self.seen.places
         out = np.zeros((count, seen.x.size), np.float32)
-        first, symbols = first_symbol - _AROUND, count + 2 * _AROUND
+        first, symbols = first_symbol - AROUND, count + 2 * AROUND
         add_evidence(
-            words, start_tick, first, symbols, _AROUND, self._shifts(first, symbols), self._time,
-            self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
-            place.share, *self._tables, np.float32(LIMIT), out,
+            np.ascontiguousarray(words), start_tick, first, symbols, AROUND,
+            self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y, place.count, place.dx, place.dy,
+            place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip
         return out

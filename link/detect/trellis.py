@@ -7,10 +7,17 @@ the symbol under way). A spike tells that charge passed the threshold; what was 
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numba import njit
 
-__all__ = ["likelihood", "posterior"]
+from link.detect.counting import PHASES
+
+__all__ = ["likelihood", "posterior", "window"]
+
+_ALIGNED: Final = 1e-6
+"""Ticks within which a symbol begins with one."""
 
 
 @njit(cache=True)
@@ -151,3 +158,19 @@ def posterior(  # type: ignore[no-untyped-def]
             later, now, train[k] > 0, s, f, f < none, -1, pairs, n, chance, low, high, levels, hard
         )
         later, now = now, later
+
+
+@njit(cache=True)
+def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
+    """Fills fraction and under_way (ticks,) of ticks from `start` on: see `likelihood`;
+    symbols counted from `symbol`."""
+    fraction[:] = PHASES + 1
+    under_way[:] = -1
+    for n in range(symbols + 2):
+        begin = first + (symbol + n) * period + slope * row / rows
+        tick = int(np.floor(begin + _ALIGNED))
+        late = begin - tick
+        k = tick - start
+        if 0 <= k < fraction.size:
+            fraction[k] = 0 if late < _ALIGNED else 1 + min(int(late * PHASES), PHASES - 1)
+        under_way[max(k, 0) :] = n

@@ -15,6 +15,7 @@ from cosim.viform import WORD
 from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
 from link.receiving.clocking import Clocking, clock_by_pilots, pilot_signal
+from link.receiving.fitting import fit_by_known
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
@@ -39,6 +40,8 @@ _CONTRAST: Final = 0.02
 """Least difference of the tags' white and black, spikes a tick."""
 _MATCH: Final = 0.15
 """Least correlation with the training."""
+_SMALL_TAG: Final = 4.0
+"""Camera pixels to a tag's module below which the cells register the panel better."""
 _PILOT_SYMBOLS: Final = 64
 """Of the timing by pilots alone."""
 
@@ -185,6 +188,11 @@ def _time(
         w = choose_witnesses(recording, layout, registration, begun, known, low)
         if w is not None and match(w, begun) > _MATCH:
             timing, levels = fit_timing(w, begun)
+            scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
+            if scale * layout.module < _SMALL_TAG:
+                better = fit_by_known(recording, layout, registration, timing, levels, known, low)
+                if better is not None:
+                    refined = replace(refined, homography=better)
             return Acquired(layout, refined, timing, levels, lit, (low, high), evidence)
     # it does not: symbols are counted so that the first one seen is of a group
     count = int(np.ceil((seen - rough.first) / rough.period))
@@ -192,9 +200,7 @@ def _time(
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
     known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)
-    w = choose_witnesses(
-        recording, layout, registration, begun, known_part, begin, of_pilots=True
-    )
+    w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
     if w is None:
         return None
     timing, levels = fit_timing(w, begun)

@@ -8,6 +8,7 @@ the rows' slope by one robust plane fit.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -171,9 +172,7 @@ def _plane(
         for _ in range(4):
             used = design[keep] * weight[keep, None]
             ridge = np.diag([1e-9, 1e9 if flat else 1e-9, 1e9 if alike else 1e-9])
-            solved = np.linalg.solve(
-                used.T @ used + ridge, used.T @ (late[keep] * weight[keep])
-            )
+            solved = np.linalg.solve(used.T @ used + ridge, used.T @ (late[keep] * weight[keep]))
             off = late - design @ solved
             width = 1.4826 * float(np.median(np.abs(off[keep]))) + 0.02
             keep = np.abs(off) < 3 * width
@@ -201,7 +200,7 @@ def _phases(
     offsets = np.arange(-reach, reach + _STEP / 2, _STEP)
     out: list[tuple[float, float, float, float]] = []
     edges = np.linspace(lit[0], lit[1], count + 1).astype(int)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         ticks = np.arange(a, b, dtype=np.float64) + signal.first
         part = signal.bits[a:b] - signal.bits[a:b].mean(0)
         for n, row in enumerate(signal.rows):

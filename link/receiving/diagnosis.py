@@ -10,7 +10,7 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.mode import TICKS
 from link.receiving.acquiring import Evidence
-from link.receiving.clocking import global_clock
+from link.receiving.clocking import global_clock, pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
@@ -36,10 +36,13 @@ _SEEN: Final = 6.5
 """Standard deviations of the pilots' peak in a whole image that show that a panel sends."""
 _BLURRED: Final = 0.7
 """Standard deviations of blur, in cells, from which the panel is said to be out of focus."""
-_CELL: Final = 0.8
+_CELL: Final = 1.5
 """Camera pixels to a cell's side below which cells are too small."""
 _HOLE: Final = 0.03
 """Share of the panel without light that is said to be hidden."""
+_BLOB, _SHARP = 0.04, 0.03
+"""Share of the image that light stands on at least, and of its variance that is fine detail at
+most, of a panel out of focus."""
 _MENDED: Final = 0.02
 """Share of codewords lost up to which decoding is said to work."""
 
@@ -81,7 +84,11 @@ def _of_panel(recording: Recording, e: Evidence) -> Verdict:
             f"the tags' white fires {e.refined.white:.3g} times a tick, their black "
             f"{e.refined.black:.3g}; open the lens or lower the threshold",
         )
-    wrong = _clock(recording, (e.mode.ticks,))
+    signal = pilot_signal(recording, Layout(e.mode), e.refined.homography)
+    wrong = None
+    if signal is not None:
+        low, high = (tick - signal.first for tick in e.lit)
+        wrong = _clock((signal.bits @ signal.pixels)[max(low, 0) : high], e.mode.ticks)
     if wrong is not None:
         return wrong
     if e.lit[1] - e.lit[0] < max(_SHORT, 16 * e.mode.ticks):
@@ -97,13 +104,16 @@ def _of_panel(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def _clock(recording: Recording, ticks: tuple[int, ...]) -> Verdict | None:
-    nominal, ppm, score = global_clock(recording.totals(2), ticks, *_CLOCKS)
+def _clock(pilots: Floats, ticks: int) -> Verdict | None:
+    """Of the spikes of all pilots in each tick."""
+    if len(pilots) < _SHORT:
+        return None
+    _, ppm, score = global_clock(pilots, (ticks,), *_CLOCKS)
     if score < _SEEN or abs(ppm) < _CLOCK:
         return None
     return Verdict(
         Cause.WRONG_CLOCK,
-        f"the panel's clock is {ppm:+.0f} parts per million off the camera's (symbols of {nominal} "
+        f"the panel's clock is {ppm:+.0f} parts per million off the camera's (symbols of {ticks} "
         "planes); set both to the same frequency",
     )
 
@@ -137,9 +147,7 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
     where = _missing_places(e, missing)
     height, width = recording.shape
     outside = [
-        corner
-        for corner, (x, y) in where.items()
-        if not (0 <= x < width and 0 <= y < height)
+        corner for corner, (x, y) in where.items() if not (0 <= x < width and 0 <= y < height)
     ]
     told = " and ".join(names[corner] for corner in missing)
     if outside:
@@ -150,8 +158,8 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
         )
     return Verdict(
         Cause.OCCLUDED,
-        f"{len(seen)} of 4 tags are in view; that at the {told} is hidden or unreadable, though its "
-        "place is within the image; clear the line of sight",
+        f"{len(seen)} of 4 tags are in view; that at the {told} is hidden or unreadable, though "
+        "its place is within the image; clear the line of sight",
     )
 
 
@@ -200,39 +208,41 @@ def _sharpness(rates: npt.NDArray[np.float32]) -> float:
 
 def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     totals = recording.totals(2)
-    nominal, ppm, score = global_clock(totals, TICKS, 2000.0, 500.0)
+    _, _, score = global_clock(totals, TICKS, 2000.0, 500.0)
     sends = score >= _SEEN
     lit = e.rates > 0.5 * e.most
     rows, columns = np.flatnonzero(lit.any(1)), np.flatnonzero(lit.any(0))
-    height, width = recording.shape
     sharp = _sharpness(e.rates)
     at_edge = (
         lit[0].mean() > 0.2 or lit[-1].mean() > 0.2
         or lit[:, 0].mean() > 0.2 or lit[:, -1].mean() > 0.2
     )  # fmt: skip
-    figure = f"the pilots' peak is {score:.1f} standard deviations high" if sends else (
-        f"no pilots show (peak {score:.1f} standard deviations)"
+    figure = (
+        f"the pilots' peak is {score:.1f} standard deviations high"
+        if sends
+        else (f"no pilots show (peak {score:.1f} standard deviations)")
     )
     if len(rows) and len(columns):
         figure += f", light stands on {lit.mean():.0%} of the image"
-    if sends and sharp < 0.02 and not at_edge:
+    blob = not at_edge and lit.mean() > _BLOB and e.most > 0.05
+    if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
-            f"a panel sends ({figure}), but no tag is readable and only {sharp:.1%} of the image's "
-            "variance is fine detail; focus the lens at the panel",
+            f"something bright is in view ({figure}), but no tag is readable and only {sharp:.1%} "
+            "of the image's variance is fine detail; focus the lens at the panel",
         )
     if sends and not at_edge:
         small = f"{columns[-1] - columns[0] + 1} x {rows[-1] - rows[0] + 1}"
         return Verdict(
-            Cause.OUT_OF_FOCUS if sharp < 0.05 else Cause.TOO_SMALL,
+            Cause.OUT_OF_FOCUS if sharp < 2 * _SHARP else Cause.TOO_SMALL,
             f"a panel sends ({figure}), about {small} camera pixels large, but no tag is readable; "
             "focus the lens, or step nearer",
         )
     if e.most < 0.1:
         return Verdict(
             Cause.DIM,
-            f"no tag is readable and the brightest pixels fire {e.most:.2g} times a tick ({figure});"
-            " open the lens or lower the threshold",
+            f"no tag is readable and the brightest pixels fire {e.most:.2g} times a tick "
+            f"({figure}); open the lens or lower the threshold",
         )
     return Verdict(
         Cause.OUT_OF_VIEW,
@@ -240,9 +250,7 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def explain_loss(
-    session: Session, evidence: Evidence, recording_stop: int
-) -> Verdict:
+def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> Verdict:
     """Of a transmission that was found, but did not arrive whole."""
     inbox, refined, layout = session.inbox, session.refined, session.layout
     needed, right = inbox.frames_needed, inbox.frames_right
@@ -251,10 +259,13 @@ def explain_loss(
     frames = f"{right} of {needed if needed is not None else 'unknown'} frames arrived"
     loss = f"{inbox.codewords_wrong} of {inbox.codewords} codewords could not be mended"
     if inbox.codewords == 0 or (ended and share <= _MENDED):
+        how = f"while the panel is on, at tick {recording_stop}"
+        if not ended:
+            how = f"with {session.lit_stop} ticks, before a group of symbols is whole"
         return Verdict(
             Cause.TRUNCATED,
-            f"{frames}, {loss}, and the stream ends at tick {recording_stop} while the panel is "
-            "on; record to the end, or send the file again",
+            f"{frames}, {loss}, and the transmission ends {how}; record to the end, or send the "
+            "file again",
         )
     why = f"{frames}; {loss}"
     hole = _hole(session)

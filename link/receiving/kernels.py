@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 import numpy as np
+from numba import njit
 
 __all__ = ["likelihood"]
 
@@ -13,15 +13,18 @@ _ROOT = 1 / math.sqrt(2)
 
 
 @njit(cache=True)
-def likelihood(bits, light, start, tick, period, on, background, rule, noise, floor, skip):  # type: ignore[no-untyped-def]  # noqa: E501
-    """Mean ln P of observed bits (n, ticks) uint8 of pixels whose light in each symbol is (n,
-    symbols) float64; start (n,): tick at which symbol 0 begins for each.
-    rule: of the reset, 0 residual, 1 hard, 2 subtract."""
+def likelihood(  # type: ignore[no-untyped-def]
+    bits, light, start, tick, period, on, background, rule, noise, floor, skip
+):
+    """ln P of observed bits of each pixel, (n,), of bits (n, ticks) uint8 of pixels whose
+    light in each symbol is (n, symbols) float64; start (n,): tick at which symbol 0 begins for
+    each. rule: of the reset, 0 residual, 1 hard, 2 subtract."""
     count, ticks = bits.shape
     symbols = light.shape[1]
-    total = 0.0
+    out = np.zeros(count)
     for i in range(count):
         charge = 0.5
+        total = 0.0
         for k in range(ticks):
             at = (tick + k - start[i]) / period
             whole = math.floor(at)
@@ -41,4 +44,5 @@ def likelihood(bits, light, start, tick, period, on, background, rule, noise, fl
                     charge -= math.floor(charge)
             elif charge > 1:
                 charge = 1.0
-    return total / (count * max(ticks - skip, 1))
+        out[i] = total
+    return out

@@ -10,7 +10,7 @@ of a pixel where the art is not the same on both sides; with g free they are som
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -75,7 +75,9 @@ class Refined:
     black: float
 
 
-def project(homography: Floats, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Floats, Floats]:
+def project(
+    homography: npt.NDArray[Any], x: npt.ArrayLike, y: npt.ArrayLike
+) -> tuple[Floats, Floats]:
     """Points through a homography."""
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     h = homography
@@ -137,12 +139,12 @@ def _curve(light: Floats, rate: Floats) -> Floats:
     bend = np.diff(np.eye(knots), 2, axis=0)
     stiff = 1e-3 * len(light) / knots
     left = hats.T @ hats + stiff * bend.T @ bend + 1e-9 * np.eye(knots)
-    return np.linalg.solve(left, hats.T @ rate)
+    return np.asarray(np.linalg.solve(left, hats.T @ rate), np.float64)
 
 
 def _shown(light: Floats, curve: Floats) -> Floats:
     """g of an image of light."""
-    return np.interp(light, np.linspace(0, 1, len(curve)), curve)
+    return np.asarray(np.interp(light, np.linspace(0, 1, len(curve)), curve))
 
 
 def refine_homography(
@@ -188,15 +190,22 @@ def refine_homography(
 
 def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
     """The one of which a function of the blurred art alone explains the rates best."""
-    best, least = _FIRST_BLUR, np.inf
+    left: list[float] = []
     for blur in _BLURS:
-        left = 0.0
+        total = 0.0
         for patch in patches:
             light, rate = patch.blurred(blur)[patch.use], patch.of(rates)[patch.use]
-            left += float(np.sum((rate - _shown(light, _curve(light, rate))) ** 2))
-        if left < least:
-            best, least = blur, left
-    return best
+            total += float(np.sum((rate - _shown(light, _curve(light, rate))) ** 2))
+        left.append(total)
+        if total > 1.5 * min(left):
+            break
+    at = int(np.argmin(left))
+    if not 0 < at < len(left) - 1:
+        return _BLURS[at]
+    x, y = np.log(_BLURS[at - 1 : at + 2]), np.array(left[at - 1 : at + 2])
+    bend, tilt, _ = np.polyfit(x - x[1], y, 2)
+    step = -tilt / (2 * bend) if bend > 0 else 0.0
+    return float(np.exp(np.clip(x[1] + step, x[0], x[2])))
 
 
 def _step(
@@ -211,7 +220,7 @@ def _step(
         light, rate = patch.blurred(blur), patch.of(rates)
         curve = _curve(light[patch.use], rate[patch.use])
         shown = _shown(light, curve)
-        along_y, along_x = np.gradient(shown)
+        along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
         rows, columns = np.nonzero(patch.use)
         x, y = columns + float(patch.x), rows + float(patch.y)
         mx, my = project(inverse, x, y)
@@ -253,7 +262,7 @@ def shift_of(
             light, use = patch.blurred(refined.blur), patch.use
             rate = patch.of(rates)[use]
             shown = _shown(light, _curve(light[use], rate))
-            along_y, along_x = np.gradient(shown)
+            along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
             design = -np.stack([along_x[use], along_y[use]], 1)
             rest = rate - shown[use]
             left += design.T @ design

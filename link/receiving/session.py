@@ -39,6 +39,8 @@ _LATE: Final = 0.03
 """Ticks that the timing may be off before it is changed."""
 _MOVED: Final = 1 / 16
 """Ticks that the phase may move before the detector learns again."""
+_SLACK: Final = 4.0
+"""Ticks after the tags go dark that may still belong to the last symbol."""
 _HELD: Final = 2048
 """Symbols whose decisions are held."""
 _SAMPLED: Final = 2048
@@ -107,13 +109,16 @@ class Session:
         registration = Registration(self.refined.homography, drift, self.refined.blur)
         if self._next is None:
             self._next = self._first_group(max(lit[0], recording.first))
-        group, last = self.layout.group, min(lit[1] + 1, recording.stop)
+        group = self.layout.group
+        # rows end one after another, and half a group that is not there does no harm
+        slack = min(_SLACK, group * self.layout.mode.ticks / 2)
+        last = min(lit[1] + slack, float(recording.stop))
         many = max(1, _CHUNK // group)
         detector = self._detector(recording, registration, lit)
         while True:
             first = TRAINING + self._next * group
             count = 0
-            while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last + 0.5:
+            while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last:
                 count += 1
             if not count:
                 break
@@ -209,9 +214,9 @@ class Session:
         if sum(len(part) for part in self.soft) < _SAMPLES:
             stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it meets all symbols
             picked = np.arange(0, soft.size, stride)
-            symbol, cell = np.divmod(picked, soft.shape[1])
+            of, cell = np.divmod(picked, soft.shape[1])
             self.soft.append(soft.ravel()[picked])
-            self.soft_at.append(np.stack([symbol + first, cell], 1).astype(np.int64))
+            self.soft_at.append(np.stack([of + first, cell], 1).astype(np.int64))
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of data cells on the panel, (rows, columns)."""

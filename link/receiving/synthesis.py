@@ -15,19 +15,25 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import PERIOD, TRAINING, Layout, pilots, training
+from link.layout import PERIOD, Layout, pilots
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
 
 __all__ = [
-    "Levels", "Witnesses", "fit_timing", "choose_witnesses", "known_cells",
-    "known_pilots", "match", "nudge",
+    "Levels",
+    "Witnesses",
+    "choose_witnesses",
+    "fit_timing",
+    "known_cells",
+    "known_pilots",
+    "light_on",
+    "likelihoods",
+    "match",
+    "nudge",
 ]
 
 Floats = npt.NDArray[np.float64]
-_BOX: Final = 1 / 12
-"""Variance of a pixel's square, in its sides squared."""
 _PHASES: Final = (-1.0, 1.0, 0.125)
 _ONS: Final = (0.6, 1.0, 1.4, 2.0, 3.0)
 _BACKGROUNDS: Final = (0.02, 0.1, 0.25)
@@ -60,10 +66,11 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class Witnesses:
-    """Pixels that are computed: rows (n,); light of each symbol from `begin` on, (n, symbols)
-    float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
+    """Pixels that are computed: rows and columns (n,); light of each symbol from `begin` on, (n,
+    symbols) float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
 
     rows: Floats
+    columns: Floats
     light: Floats
     begin: int
     bits: npt.NDArray[np.uint8]
@@ -73,7 +80,11 @@ class Witnesses:
         """Evenly chosen ones of them."""
         pick = slice(None, None, max(1, len(self.rows) // count))
         return replace(
-            self, rows=self.rows[pick], light=self.light[pick], bits=self.bits[pick]
+            self,
+            rows=self.rows[pick],
+            columns=self.columns[pick],
+            light=self.light[pick],
+            bits=self.bits[pick],
         )
 
 
@@ -125,44 +136,71 @@ def choose_witnesses(
         return None
     bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
     bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
-    light = _light(layout, h, registration.blur, u, v, known)
-    return Witnesses(v, light, begin, bits, low)
+    light = light_on(layout, h, registration.blur, u, v, known)
+    return Witnesses(v, u, light, begin, bits, low)
 
 
-def _light(
+def light_on(
     layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, known: npt.NDArray[Any]
 ) -> Floats:
     """Share of full light on camera pixels in each symbol, (pixels, n)."""
-    mode = layout.mode
-    scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
-    variance = blur**2 + _BOX * (1 + scale**2)
-    reach = int(np.clip(np.ceil(2.6 * np.sqrt(variance) / scale), 1, 12))
-    near = np.arange(-reach, reach + 1)
-    x0, y0 = project(np.linalg.inv(h), u, v)
-    qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
-    qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
-    cu, cv = project(h, qx, qy)
-    weight = np.exp(-((cu - u[:, None]) ** 2 + (cv - v[:, None]) ** 2) / (2 * variance))
-    weight /= weight.sum(1, keepdims=True)
-    rows, columns = layout.shape
-    row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
-    column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
+    row, column, weight = _taps(layout, h, blur, u, v)
     out = np.empty((len(u), len(known)))
     for n, cells in enumerate(known):
         out[:, n] = np.sum(weight * cells[row, column], axis=1)
     return out
 
 
-def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
-    """Mean ln P of the observed bits."""
+def _taps(
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]:
+    """Cell row and column of the panel pixels around camera pixels, and their weights, each
+    (pixels, taps)."""
+    mode = layout.mode
+    scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
+    spread = max(blur, 0.05)
+    reach = int(np.clip(np.ceil((2.6 * spread + (1 + scale) / 2) / scale), 1, 14))
+    near = np.arange(-reach, reach + 1)
+    x0, y0 = project(np.linalg.inv(h), u, v)
+    qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
+    qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
+    cu, cv = project(h, qx, qy)
+    weight = _overlap(cu - u[:, None], spread, scale) * _overlap(cv - v[:, None], spread, scale)
+    rows, columns = layout.shape
+    row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
+    column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
+    return row, column, weight / weight.sum(1, keepdims=True)
+
+
+def _overlap(distance: Floats, blur: float, side: float) -> Floats:
+    """Light along one axis between a camera pixel and a panel pixel of `side` at a distance,
+    through a Gaussian blur: a box of 1, one of `side` and the Gaussian, convolved."""
+    from scipy.special import ndtr
+
+    value = np.zeros_like(distance)
+    for sign, edge in ((1, (1 + side) / 2), (-1, (1 - side) / 2), (-1, (side - 1) / 2),
+                       (1, -(1 + side) / 2)):  # fmt: skip
+        z = (distance + edge) / blur
+        value += sign * blur * (z * ndtr(z) + np.exp(-z * z / 2) / np.sqrt(2 * np.pi))
+    return value / side
+
+
+def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
+    """ln P of the observed bits of each pixel, (n,)."""
     from link.receiving.kernels import likelihood as compiled
 
-    return float(
+    return np.asarray(
         compiled(
-            w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, on, background,
-            _RULES.index(reset), _NOISE, _FLOOR, _SKIP,
+            w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,
+            levels.background, _RULES.index(levels.reset), _NOISE, _FLOOR, _SKIP,
         )
     )  # fmt: skip
+
+
+def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
+    """Mean ln P of the observed bits."""
+    total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
+    return total / (len(w.rows) * max(w.bits.shape[1] - _SKIP, 1))
 
 
 def fit_timing(w: Witnesses, timing: Timing) -> tuple[Timing, Levels]:

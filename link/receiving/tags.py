@@ -16,7 +16,7 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 
-__all__ = ["Found", "art_of", "fit_homography", "find_tags", "tag_places"]
+__all__ = ["Found", "art_of", "find_tags", "fit_homography", "tag_places"]
 
 Floats = npt.NDArray[np.float64]
 _ENLARGED: Final = (1.0, 2.0, 3.0)
@@ -67,9 +67,7 @@ def find_tags(rates: npt.NDArray[np.float32]) -> Found:
         for blur in (0.0, 0.6):
             image = cv2.GaussianBlur(grey, (0, 0), blur) if blur else grey
             if factor > 1:
-                image = cv2.resize(
-                    image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC
-                )
+                image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
             found = _detect(image, factor)
             if len(found.tags) > len(best.tags):
                 best = found
@@ -85,6 +83,7 @@ def _detect(image: npt.NDArray[Any], factor: float) -> Found:
     setting.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     setting.minMarkerPerimeterRate = 0.02
     setting.adaptiveThreshWinSizeMax = 43
+    ids: Any
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary(), setting).detectMarkers(image)
     tags: dict[int, tuple[int, Floats]] = {}
     if ids is None:
@@ -146,4 +145,4 @@ def fit_homography(found: Found, layout: Layout) -> tuple[Floats, float] | None:
     if np.linalg.det(out[:2, :2] - np.outer(out[:2, 2], out[2, :2])) <= 0:
         return None
     size = float(np.linalg.norm(camera[2] - camera[0])) / (TAG_MODULES - 2)
-    return (out, off) if off <= max(_OFF, size) else None
+    return (np.asarray(out, np.float64), off) if off <= max(_OFF, size) else None

@@ -44,4 +44,12 @@ def drift_by_tags(
     spread = float(np.sqrt(np.mean(np.var(drift[:, 1:], axis=0))))
     if spread < _REAL * float(np.mean(errors)):
         return np.zeros((0, 3))
-    return drift
+    # to the ends of what was lit, as the image moved there last
+    ends = []
+    for at_end, next_to, tick in ((drift[0], drift[1], lit[0]), (drift[-1], drift[-2], lit[1])):
+        speed = (at_end[1:] - next_to[1:]) / (at_end[0] - next_to[0])
+        reach = float(np.clip(tick - at_end[0], -WORD, WORD))
+        ends.append([at_end[0] + reach, *(at_end[1:] + speed * reach)])
+    low_end = [ends[0]] if ends[0][0] < drift[0, 0] else []
+    high_end = [ends[1]] if ends[1][0] > drift[-1, 0] else []
+    return np.array([*low_end, *drift.tolist(), *high_end])

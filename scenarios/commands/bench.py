@@ -100,11 +100,12 @@ def bench(
     if ceiling["value"] is not None:
         print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
     names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
-    print(f"{'':<20} {'tier':<7} {'':>9} {'':<15} {names}")
+    wide = max(len(row["tier"]) for row in document["rows"])
+    print(f"{'':<20} {'tier':<{wide}} {'':>9} {'':<15} {names}")
     for row in document["rows"]:
         share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
         plain = "" if row["plain_ratio"] is None else f"{row['plain_ratio']:.1f}"
         print(
-            f"{row['name']:<20} {row['tier']:<7} {row['value']:9.3g} {row['unit']:<15} "
+            f"{row['name']:<20} {row['tier']:<{wide}} {row['value']:9.3g} {row['unit']:<15} "
             f"{row['realtime']:11.3g} {share:>10} {plain:>8}"
         )

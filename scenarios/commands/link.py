@@ -4,6 +4,7 @@ import typer
 
 from scenarios.commands.link_ber import link_ber
 from scenarios.commands.link_capacity import link_capacity
+from scenarios.commands.link_receive import link_receive
 from scenarios.commands.link_send import link_send
 
 __all__ = ["link"]
@@ -19,3 +20,4 @@ link = typer.Typer(
 link.command("ber")(link_ber)
 link.command("capacity")(link_capacity)
 link.command("send")(link_send)
+link.command("receive")(link_receive)

@@ -18,11 +18,15 @@ def link_ber(
     out: Annotated[
         Path | None, typer.Option(help="a folder for ber.png, ber.svg and ber.json; made new")
     ] = None,
+    detectors: Annotated[
+        bool, typer.Option(help="also compare detectors on the sensor's pixels, a minute")
+    ] = True,
     json: Json = False,
 ) -> None:
     """Draw error rates against theory; exit 1 when a point of 100 errors or more disagrees."""
     from cosim import InputError
     from scenarios.link_curves import error_curves, measure_curves
+    from scenarios.link_detectors import compare_detectors
 
     if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
         raise InputError(
@@ -40,6 +44,7 @@ def link_ber(
 
         document = measure_curves(curves, seed, told)
         progress.advance(len(curves))
+        document["detectors"] = compare_detectors(seed) if detectors else []
     finally:
         progress.close()
     if out is not None:
@@ -93,4 +98,22 @@ def _text(document: dict[str, Any]) -> str:
         f"{document['pointwise_level']:.6g} each, which holds for all together at "
         f"{document['level']:.2g} (Bonferroni)"
     )
-    return "\n".join(lines)
+    return "\n".join([*lines, *_detectors(document["detectors"])])
+
+
+def _detectors(rows: list[dict[str, Any]]) -> list[str]:
+    """A table of detectors side by side."""
+    if not rows:
+        return []
+    limits = "99.9 % interval"
+    head = f"  {'':<40}{'theory':>10} {'measured':>10}  {limits:<21}{'errors':>7} {'bits':>8}  gain"
+    lines = ["", "Detectors on exact pixels: residual reset, Q = 100 e, ON 1.5 Q, OFF 0.1 Q", head]
+    for row in rows:
+        theory = "" if row["theory"] is None else f"{row['theory']:.3g}"
+        gain = "" if row["gain_low"] is None else f"at least {row['gain_low']:.3g} times"
+        span = f"[{row['low']:.3g}, {row['high']:.3g}]"
+        lines.append(
+            f"  {row['what']:<40}{theory:>10} {row['rate']:10.3g}  {span:<21}{row['errors']:7} "
+            f"{row['bits']:8}  {gain}"
+        )
+    return lines

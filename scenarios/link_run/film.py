@@ -25,7 +25,7 @@ STREAM = "stream.zarr"
 def _identity(run: PreparedLink) -> str:
     """Text that names a run's inputs."""
     text = to_toml(run.scenario.model_copy(update={"title": ""})) + viform_version()
-    text += f"{run.mode} {run.tier} {sorted(run.kept)}"
+    text += f"{run.mode} {run.plan.tier} {sorted(run.plan.left_out)}"
     text += hashlib.sha256(run.payload.data).hexdigest()
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -39,7 +39,7 @@ def film_link(
     air = run.make_air()
     sensor = run.make_camera(air.late)
     recorder = Recorder(store, sensor.shape, cycles, camera.clock)
-    stages: dict[str, Any] = {"air": air, **run.checks(air), "sensor": sensor, "recorder": recorder}
+    stages: dict[str, Any] = {"air": air, "sensor": sensor, "recorder": recorder}
     checkpoint = Checkpoint(folder / CHECKPOINT, _identity(run))
     if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
         raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")

@@ -123,7 +123,18 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ticks": Metric(run.mode.ticks, "panel planes"),
         "parity": Metric(run.mode.parity, "bytes"),
         "f_number": Metric(run.setting.optics.f_number, "1"),
+        "goodput_error": Metric(run.check.goodput, "1"),
+        "full_physics": Metric(_full_physics(run), "s"),
+        "camera": Metric(finished.seconds["air"] + finished.seconds["sensor"], "s"),
     }
+
+
+def _full_physics(run: PreparedLink) -> float | None:
+    """Seconds that the reference tier with every effect would take, from what the patches took."""
+    chip = run.setting.camera.chip
+    if run.check.full_ns is None:
+        return None
+    return run.check.full_ns * 1e-9 * run.cycles * chip.width * chip.height
 
 
 def _image(stream: SpikeStream) -> npt.NDArray[np.float32]:
@@ -160,12 +171,14 @@ def judge_link(
         throughput = [*throughput, Throughput("receiver", bits, "bit/s")]
     result = Result(
         scenario=run.name,
-        outcome="ok" if delivered else "failed",
+        outcome="failed" if not delivered else "degraded" if run.short else "ok",
         seed=run.scenario.seed,
         device=run.device.name if run.device is not None else "numba on this processor",
         simulated_s=run.cycles / camera.clock.hz,
         tolerance=run.scenario.tolerance,
-        kept=list(run.kept),
+        error=run.check.error,
+        kept=run.plan.kept,
+        left_out=run.plan.documents(run.check.measured),
         latency=link_latency(setting, layout, verified),
         throughput=throughput,
         files=["scenario.toml", "stream.zarr"],
@@ -175,8 +188,8 @@ def judge_link(
         received, errors, _theory(scene, run, errors, eye),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
-        _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, None,
-        [*run.notes, f"{verdict.cause.value}: {verdict.told}"],
+        _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, run.plan,
+        [*run.notes, *run.short, f"{verdict.cause.value}: {verdict.told}"],
     )  # fmt: skip
     result.metrics = _metrics(finished, run)
     return finished

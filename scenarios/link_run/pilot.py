@@ -1,8 +1,8 @@
 """The pilot from which a mode is chosen: a strip of the panel through the same air and camera.
 
-The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a panel
-may be. Where it is and when its symbols begin is given, not found: the full panel's tags, which are
-larger, tell a receiver that.
+The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a
+panel may be. Where it is and when its symbols begin is given, not found: the full panel's tags,
+which are larger, tell a receiver that.
 """
 
 from __future__ import annotations

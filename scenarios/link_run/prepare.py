@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +15,22 @@ from link.air import Air
 from link.layout import TRAINING, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.sending import Transmission
+from scenarios.link_check import LinkCheck, check_link
+from scenarios.link_plan import LinkPlan, plan_link
 from scenarios.linking import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from scenarios.prepare import choose_device
 from scenarios.progress import Progress
 from scenarios.schema import LinkScenario, ModemSection
 from sensor import SpikeCamera
+from sensor.tiers import Tier
 
 if TYPE_CHECKING:
-    from scenarios.link_run.pilot import Pilot
+    from link.choosing import Choice
 
 __all__ = ["PreparedLink", "choose_mode", "prepare_link"]
 
+_PILOTS = 8
+"""At most."""
 _LEAST_CELL = 1.2
 """Camera pixels to a cell's side, at least: nearer to 1 the grids' beat leaves cells without a
 pixel of their own."""
@@ -33,84 +38,127 @@ pixel of their own."""
 
 @dataclass(frozen=True)
 class PreparedLink:
-    """A checked run. cycles: of the camera. kept: effects of the air that are simulated. tier: of
-    the camera's pixels. choice: how the mode was chosen, None where it was given."""
+    """A checked run. cycles: of the camera. choice: how the mode was chosen, None where it was
+    given. plan: what is kept; check: what of the plan was measured on patches of the link. short:
+    promises that do not hold with everything kept."""
 
     name: str
     scenario: LinkScenario
     payload: Payload
     setting: LinkSetting
     mode: Mode
-    choice: Any
+    choice: Choice | None
     sent: Transmission
     cycles: int
     device: Device | None
-    kept: Collection[str]
-    tier: str
+    plan: LinkPlan
+    check: LinkCheck
     notes: list[str]
+    short: list[str]
+    seconds: dict[str, float]
 
     def make_air(self) -> Air:
         """The stage that shines."""
         s = self.setting
         return Air(
             self.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
-            planes=self.sent.planes, kept=None,
+            planes=self.sent.planes, kept=self.plan.run_air,
         )  # fmt: skip
 
     def make_camera(self, late: npt.NDArray[np.int64]) -> SpikeCamera:
         """The stage that sees."""
-        return SpikeCamera(self.setting.camera, self.device, late=late)
+        return SpikeCamera(self.plan.camera, self.device, tier=self.plan.tier, late=late)
 
-    def checks(self, air: Air) -> dict[str, Any]:
-        """Stages that measure the error of what was left out."""
-        return {}
+
+def _planned(
+    scenario: LinkScenario, setting: LinkSetting, sent: Transmission, cycles: int,
+    device: Device | None, progress: Progress,
+) -> tuple[LinkPlan, LinkCheck, list[str], list[str]]:  # fmt: skip
+    """The plan, checked on patches; an effect is put back as long as they show that the run would
+    be off by more than was asked for. Then notes, and what is short with everything kept."""
+    tolerance = scenario.tolerance
+    forced: list[str] = []
+    told: list[str] = []
+    tier: Tier | None = None
+    while True:
+        plan = plan_link(
+            setting, sent.mode, sent.symbols, cycles, tolerance, device, forced=forced, tier=tier
+        )
+        check = check_link(
+            setting, sent, plan, detector=scenario.link.modem.detector, seed=scenario.seed,
+            device=device, progress=progress,
+        )  # fmt: skip
+        if not check.beyond(tolerance):
+            return plan, check, told, []
+        assert check.paired is not None
+        off = f"off by {check.paired.value:.2g} where {tolerance:g} was asked for"
+        if plan.left_out:
+            worst = max(plan.left_out, key=lambda name: check.measured.get(name) or 0.0)
+            forced.append(worst)
+            told.append(f"{worst} was put back: patches without it were {off}")
+        elif plan.tier == "fast":
+            tier = "exact"
+            told.append(f"the exact tier was taken: patches in the fast one were {off}")
+        else:
+            return plan, check, told, [f"with every effect kept the run is {off}"]
 
 
 def given_mode(scenario: LinkScenario) -> Mode | None:
     """The mode that the scenario names, None where a part of it is to be chosen."""
     modem, panel = scenario.link.modem, scenario.link.panel
-    parts = (modem.cell, modem.ticks, modem.line, modem.parity)
-    if "auto" in parts:
+    cell, ticks, line, parity = modem.cell, modem.ticks, modem.line, modem.parity
+    if cell == "auto" or ticks == "auto" or line == "auto" or parity == "auto":
         return None
-    return Mode(panel.width, panel.height, *parts)
+    return Mode(panel.width, panel.height, cell, ticks, line, parity)
 
 
-def _candidates(modem: ModemSection, size: tuple[int, int], scale: float) -> list[Mode]:
-    """Modes that the scenario leaves open, of any parity. A cell is not much smaller than a camera
-    pixel; `none`, which limits no run, is taken only where it is asked for."""
-    cells = [c for c in CELLS if c * scale >= _LEAST_CELL] or [CELLS[-1]]
+def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting) -> list[Mode]:
+    """Modes that the scenario leaves open. Cells are somewhat larger than a camera pixel. Taken
+    only where they are asked for: symbols of one tick, which share it with a neighbour unless the
+    phase is 0, and the line code `none`, which limits no run."""
+    cells = [c for c in CELLS if c * setting.scale >= _LEAST_CELL] or [CELLS[-1]]
     return [
-        Mode(*size, cell, ticks, line, PARITIES[0])
+        Mode(*size, cell, ticks, line, parity)
         for cell in (cells if modem.cell == "auto" else [modem.cell])
-        for ticks in (TICKS[:4] if modem.ticks == "auto" else [modem.ticks])
+        for ticks in (TICKS[1:4] if modem.ticks == "auto" else [modem.ticks])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
+        for parity in (PARITIES if modem.parity == "auto" else [modem.parity])
     ]
 
 
 def choose_mode(
-    scenario: LinkScenario, setting: LinkSetting, device: Device | None, progress: Progress
-) -> tuple[Mode, Any]:
-    """The mode, and how it was chosen."""
+    scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
+    progress: Progress,
+) -> tuple[Mode, Choice | None]:  # fmt: skip
+    """The mode, and how it was chosen. size: of the file, bytes."""
     mode = given_mode(scenario)
     if mode is not None:
         return mode, None
-    from scenarios.link_run.choosing import choose
+    from link.choosing import Trial, choose
+    from scenarios.link_run.light import cell_scene
     from scenarios.link_run.pilot import film_pilot, strip_of
 
     modem, strip = scenario.link.modem, strip_of(setting)
-    whole = scenario.link.panel.width, scenario.link.panel.height
-    modes = _candidates(modem, whole, setting.scale)
-    parities = PARITIES if modem.parity == "auto" else (modem.parity,)
-    progress.start("pilots", len(modes))
+    modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
+    progress.start("pilots", _PILOTS)
+    tried = 0
 
-    def trial(mode: Mode) -> Pilot:
+    def trial(mode: Mode) -> Trial:
+        nonlocal tried
         narrow = replace(mode, width=strip.width)
         pilot = film_pilot(strip, narrow, modem.detector, scenario.seed, device)
-        progress.advance(modes.index(mode) + 1)
-        return pilot
+        tried += 1
+        progress.advance(tried)
+        return Trial.of(narrow, pilot.sent, pilot.soft)
 
-    choice = choose(trial, modes, parities, setting.panel.clock.hz)
-    progress.advance(len(modes))
+    camera = setting.camera
+    choice = choose(
+        trial, modes, size=size, hz=setting.panel.clock.hz, most_trials=_PILOTS,
+        threshold=camera.threshold if camera.reset == "hard" else None,
+        background=cell_scene(setting).background,
+        most_overhead=modem.overhead,
+    )  # fmt: skip
+    progress.advance(_PILOTS)
     return choice.mode, choice
 
 
@@ -137,16 +185,51 @@ def prepare_link(
 ) -> PreparedLink:
     """Everything of the run, checked. Raises InputError."""
     payload, setting = payload_of(scenario), link_setting(scenario)
-    opened = choose_device(device)
-    mode, choice = choose_mode(scenario, setting, opened, progress)
+    opened, seconds = choose_device(device), {}
+    begin = time.perf_counter()
+    mode, choice = choose_mode(scenario, setting, len(payload.data), opened, progress)
+    if choice is not None:
+        seconds["pilots"] = time.perf_counter() - begin
     modem = scenario.link.modem
-    sent = Transmission(
-        mode, payload.data, payload.name, interleave=modem.interleave, overhead=modem.overhead,
-        most_symbols=_symbols_in(scenario, setting, mode),
-    )  # fmt: skip
+    most = _symbols_in(scenario, setting, mode)
+    begin = time.perf_counter()
+    try:
+        sent = Transmission(
+            mode, payload.data, payload.name, interleave=modem.interleave,
+            overhead=modem.overhead, most_symbols=most,
+        )  # fmt: skip
+    except ValueError as exc:
+        raise InputError(
+            "link.modem", "a mode that the panel has room for", str(exc),
+            "take smaller cells or a larger panel",
+        ) from exc  # fmt: skip
+    seconds["sender"] = time.perf_counter() - begin
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
+    begin = time.perf_counter()
+    plan, check, told, short = _planned(scenario, setting, sent, cycles, opened, progress)
+    seconds["plan and check"] = time.perf_counter() - begin
+    notes = [*_notes(setting, choice), *told]
     return PreparedLink(
-        name, scenario, payload, setting, mode, choice, sent, cycles, opened, (), "exact", []
+        name, scenario, payload, setting, mode, choice, sent, cycles, opened, plan, check, notes,
+        short, seconds,
     )  # fmt: skip
+
+
+def _notes(setting: LinkSetting, choice: Choice | None) -> list[str]:
+    """What a user must know before the run."""
+    notes = []
+    if setting.chosen_f_number:
+        notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
+    if choice is not None:
+        mode = choice.mode
+        told = (
+            f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} and "
+            f"Reed-Solomon (255, {255 - mode.parity})"
+        )
+        notes.append(
+            f"{told}: chosen from pilots" if choice.holds
+            else f"no mode is foreseen to work; taken, as the surest: {told}"
+        )  # fmt: skip
+    return notes

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from link.layout import GROUP_BITS, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
-from link.theory import byte_error, rs_word_error
+from link.theory import Reset, byte_error, rs_word_error
 
 __all__ = ["LONGEST", "CellScene", "Reach", "predict_errors", "reach"]
 
@@ -49,7 +49,7 @@ class CellScene:
     background: float
     threshold: float
     noise: float
-    reset: str
+    reset: Reset
     phase: float
 
 

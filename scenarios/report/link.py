@@ -95,18 +95,20 @@ def _rates(run: LinkRun) -> str:
 def _choice(run: LinkRun) -> str:
     if run.choice is None:
         return ""
+    tried = [row for row in run.choice.rows if row.goodput is not None]
+    rest = len(run.choice.rows) - len(tried)
     rows = [
         [f"{row.mode.cell} x {row.mode.cell}", str(row.mode.ticks), row.mode.line,
-         f"(255, {255 - row.mode.parity})", _count(row.errors), bits(row.goodput)]
-        for row in run.choice.best(12)
+         f"(255, {255 - row.mode.parity})", _count(row.errors), _count(row.byte),
+         bits(row.goodput) if row.goodput else "none"]
+        for row in sorted(tried, key=lambda row: -row.goodput)[:12]
     ]  # fmt: skip
+    head = ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "bytes", "goodput foreseen"]
     return (
         "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
-        "air with pilots in each cell size and symbol length; codes were weighed by their word "
-        "errors. The best:</p>"
-        + table(
-            ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "goodput foreseen"], rows
-        )
+        "air with pilots; Reed-Solomon and the fountain were weighed by the wrong bytes, at their "
+        f"upper limit and half as many again. {rest} modes were not tried, being slower than what "
+        "works or asking for more than what does not. The best:</p>" + table(head, rows)
     )  # fmt: skip
 
 

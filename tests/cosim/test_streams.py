@@ -21,6 +21,8 @@ def test_streams_are_distinct_and_keep_their_numbers():
     assert numbers == {
         "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "METASTABILITY": 3, "PATTERN": 16,
         "SKIPPED": 48, "READING": 49, "CONTINUOUS": 64,
+        "VIBRATION": 80,
+        "SCINTILLATION": 81,
     }  # fmt: skip
     assert all(0 <= number < 2**32 for number in numbers.values())
 

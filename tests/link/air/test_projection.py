@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from cosim import InputError
 from cosim.lens import Lens
@@ -46,10 +44,10 @@ def compared(scale: float, degrees: float, psf: Psf, airy: float = 0.0, across: 
     return np.asarray(Projection(made, panel, camera, psf)(plane, shift) - exact)
 
 
-@pytest.mark.parametrize("scale", [0.3, 0.7, 1.0, 2.0, 4.0])
-@pytest.mark.parametrize("degrees", [0.0, 0.3, 20.0, 45.0, 200.0])
+@pytest.mark.parametrize("scale", [0.3, 0.7, 1.0, 1.9, 4.0])
+@pytest.mark.parametrize("degrees", [0.3, 45.0, 200.0])
 def test_boxes_are_those_of_direct_integration(scale: float, degrees: float) -> None:
-    error = compared(scale, degrees, Psf(), fine=32)
+    error = compared(scale, degrees, Psf(), fine=24)
     assert np.sqrt((error**2).mean()) < 0.012
     assert np.abs(error).max() < 0.05
 
@@ -59,7 +57,7 @@ def test_boxes_are_those_of_direct_integration(scale: float, degrees: float) -> 
     [
         (0.5, 30.0, 0.3, 0.0, 0.0, 0.0),
         (1.0, 0.3, 0.3, 0.0, 0.0, 2e-3),
-        (1.0, 45.0, 0.3, 0.0, 0.0, 5e-3),
+        (1.0, 45.0, 0.3, 0.0, 0.0, 2.5e-3),
         (2.0, 10.0, 0.5, 0.0, 0.0, 0.0),
         (1.0, 20.0, 0.0, 1.2, 0.0, 0.0),
         (1.0, 20.0, 0.0, 0.0, 0.3, 0.0),
@@ -76,12 +74,14 @@ def test_blur_is_that_of_direct_integration(
     assert np.abs(error).max() < 0.05
 
 
-@settings(max_examples=12, deadline=None)
-@given(st.floats(-2, 2), st.floats(-2, 2), st.floats(0.6, 2), st.floats(-180, 180))
+@pytest.mark.parametrize(
+    ("dx", "dy", "scale", "degrees"),
+    [(0.4, -1.3, 1.0, 0.0), (1.7, 0.2, 0.6, 50.0), (-0.05, 0.02, 1.0, 0.3)],
+)
 def test_a_shift_moves_the_image(dx: float, dy: float, scale: float, degrees: float) -> None:
-    error = compared(scale, degrees, Psf(0.3), shift=(dx, dy), fine=6)
-    assert np.sqrt((error**2).mean()) < 0.02
-    assert np.abs(error).max() < 0.1
+    error = compared(scale, degrees, Psf(), shift=(dx, dy), fine=24)
+    assert np.sqrt((error**2).mean()) < 0.012
+    assert np.abs(error).max() < 0.05
 
 
 @pytest.mark.parametrize("psf", [Psf(), Psf(0.3, 0.0, 9.5), Psf(2.0, 4.0, 2.0)])

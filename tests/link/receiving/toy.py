@@ -135,7 +135,9 @@ def small(data: bytes = b"", mode: Mode = MODE, *, spare: int = 16, turn: float 
     return Toy(sent, shape, at, cycles, **given)  # type: ignore[arg-type]
 
 
-def corner_error(found: npt.NDArray[np.float64], true: npt.NDArray[np.float64], mode: Mode) -> float:
+def corner_error(
+    found: npt.NDArray[np.float64], true: npt.NDArray[np.float64], mode: Mode
+) -> float:
     """Largest distance of two homographies over the panel, camera pixels."""
     x, y = np.meshgrid(np.linspace(0, mode.width - 1, 9), np.linspace(0, mode.height - 1, 9))
     points = np.stack([x.ravel(), y.ravel()], 1)[None]

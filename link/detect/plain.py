@@ -1,0 +1,76 @@
+"""The joint detector as numpy writes it: the same sums over whole arrays, for benchmarks and tests.
+
+One symbol and one pixel of every cell at a time, then the chain of bits over all cells, with the
+logarithm of a sum exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.viform import WORD, Words
+from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
+from link.detect.detector import Soft
+from link.detect.geometry import PLACES, Seen
+from link.detect.joint import AROUND, LIMIT, Joint
+
+__all__ = ["plain_soft"]
+
+
+def _said(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
+    """ln P(spikes | bits) of a symbol less that of both off, (cells, PAIRS). The words must hold
+    the symbol, and the sensor every pixel."""
+    seen: Seen = detector.seen
+    whole, _ = detector.tables()
+    time, place = detector.timing, seen.places
+    dx, dy = detector.shifts(symbol, 1)[0]
+    u, v = seen.x + dx, seen.y + dy
+    x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
+    qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
+    qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
+    begin = time.start(symbol, y)
+    tick = np.floor(begin).astype(np.intp)
+    phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
+    out = np.zeros((seen.x.size, PAIRS), np.float32)
+    count = place.count[seen.region, qy, qx]
+    for part in range(whole.shape[2]):
+        bit = tick - CONTEXT - start_tick + part * PART
+        w, low = bit // WORD, (bit % WORD).astype(np.uint64)
+        later = np.minimum(w + 1, len(words) - 1)
+        for k in range(count.max()):
+            px, py = x + place.dx[seen.region, qy, qx, k], y + place.dy[seen.region, qy, qx, k]
+            both = words[w, py, px].astype(np.uint64)
+            both |= words[later, py, px].astype(np.uint64) << np.uint64(WORD)
+            pattern = (both >> low) & np.uint64((1 << (PART + CONTEXT)) - 1)
+            share = place.share[seen.region, qy, qx, k]
+            told = whole[seen.region, phase, part, share, pattern.astype(np.intp)]
+            out += np.where((k < count)[:, None], told, np.float32(0))
+    return out
+
+
+def plain_soft(
+    detector: Joint, words: Words, start_tick: int, first_symbol: int, count: int
+) -> Soft:
+    """As `Joint.soft` gives it, but for its linear approximation."""
+    symbols = count + 2 * AROUND
+    said = [_said(detector, words, start_tick, first_symbol - AROUND + n) for n in range(symbols)]
+    ahead = [np.zeros((2, said[0].shape[0]), np.float32)]
+    for each in said:
+        off, on = ahead[-1]
+        ahead.append(
+            np.stack([
+                np.logaddexp(off + each[:, 0], on + each[:, 2]),
+                np.logaddexp(off + each[:, 1], on + each[:, 3]),
+            ])
+        )  # fmt: skip
+    off = on = np.zeros(said[0].shape[0], np.float32)
+    out = np.empty((count, said[0].shape[0]), np.float32)
+    for n in range(symbols - 1, AROUND - 1, -1):
+        if n - AROUND < count:
+            out[n - AROUND] = ahead[n + 1][1] + on - ahead[n + 1][0] - off
+        each = said[n]
+        off, on = (
+            np.logaddexp(each[:, 0] + off, each[:, 1] + on),
+            np.logaddexp(each[:, 2] + off, each[:, 3] + on),
+        )
+    return np.clip(out, -LIMIT, LIMIT)

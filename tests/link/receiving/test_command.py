@@ -1,0 +1,47 @@
+"""`viform link receive`: a stream file in, a file or a verdict out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from cosim import InputError, Viform
+from cosim.files import write_stream
+from scenarios.commands.link_receive import link_receive
+from tests.link.receiving.toy import CLOCK, small
+
+DATA = np.random.Generator(np.random.Philox(key=8)).bytes(3000)
+
+
+def test_a_file_is_written_only_when_it_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toy = small(DATA)
+    planes = toy.planes()
+    write_stream(Viform.from_planes(planes, CLOCK), tmp_path / "all.npz")
+    write_stream(Viform.from_planes(planes[:110], CLOCK), tmp_path / "cut.npz")
+
+    link_receive(tmp_path / "all.npz", tmp_path / "a", "joint", True, None, False)
+    assert (tmp_path / "a/received/a.bin").read_bytes() == DATA
+    assert capsys.readouterr().out.startswith("received: 3000 bytes")
+
+    with pytest.raises(typer.Exit) as left:
+        link_receive(tmp_path / "cut.npz", tmp_path / "b", "joint", True, None, True)
+    assert left.value.exit_code == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["outcome"] == "failed" and printed["cause"] == "truncated"
+    assert json.loads((tmp_path / "b/receive.json").read_text()) == printed
+    assert not (tmp_path / "b/received").exists()
+
+
+def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.npz").write_bytes(b"no stream")
+    for path, detector in ((tmp_path / "x.npz", "joint"), (tmp_path / "none.npz", "joint"),
+                           (tmp_path / "x.npz", "best")):  # fmt: skip
+        with pytest.raises(InputError):
+            link_receive(path, tmp_path / "out", detector, True, None, False)
+    assert not (tmp_path / "out").exists()

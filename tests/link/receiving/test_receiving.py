@@ -1,0 +1,164 @@
+"""A file through the small link, and what the receiver measures on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim import Viform
+from link.mode import Mode
+from link.receiving import Received, Receiver
+from link.verdict import Cause
+from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
+
+DATA = np.random.Generator(np.random.Philox(key=5)).bytes(6000)
+
+
+def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None) -> Received:
+    """What a receiver makes of a link's stream, in blocks of so many ticks."""
+    shown = toy.planes() if planes is None else planes
+    receiver = Receiver(shown.shape[1:])
+    for first in range(0, len(shown), block or len(shown)):
+        part = shown[first : first + (block or len(shown))]
+        whole = Viform.from_planes(part, CLOCK)
+        receiver.step(Viform(whole.words, whole.cycles, CLOCK, first))
+    return receiver.finish()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        pytest.param({"ppm": 1000.0}, marks=pytest.mark.slow),
+        {"slope": -1.0, "first": 13.8},
+        pytest.param({"turn": 90.0}, marks=pytest.mark.slow),
+        pytest.param(
+            {"turn": 217.0, "scale": 0.9, "margin": 60, "mode": Mode(256, 256, 3, 2, "8b10b", 32)},
+            marks=pytest.mark.slow,
+        ),
+        {"begin": 60},
+        {"shift": lambda t: (0.8 * np.sin(t / 60), 0.6 * np.cos(t / 47))},
+    ],
+    ids=["plain", "ppm", "slope", "quarter", "turned", "middle", "moving"],
+)
+def test_a_file_arrives_and_the_measurements_are_right(given: dict[str, object]) -> None:
+    data = DATA * 4 if given.get("begin") else DATA
+    toy = small(data, **given)  # type: ignore[arg-type]
+    got = receive(toy)
+    assert got.verdict.whole, got.verdict
+    assert got.delivered is not None and got.delivered[0] == data
+    assert got.mode == toy.sent.mode
+    middle = toy.cycles / 2 + toy.begin
+    if given.get("shift"):
+        found = [got.registration.shift(t) for t in (50.0, 110.0)]
+        true = [toy.shift(t) for t in (50.0, 110.0)]
+        moved = np.subtract(*found) - np.subtract(*true)
+        assert np.abs(moved).max() < 0.1
+    else:
+        assert corner_error(got.registration.homography, toy.homography, toy.sent.mode) < 0.05
+    # phase in the middle of rows and time; a stream without training knows it from pilots alone
+    symbol = round((middle - toy.first) / toy.period)
+    row = toy.shape[0] / 2
+    true_start = toy.first + symbol * toy.period + toy.slope / 2 - toy.begin
+    assert abs(float(got.timing.start(symbol, row)) - true_start) < (0.1 if toy.begin else 0.05)
+    assert abs(got.on - toy.on) < 0.1
+
+
+def test_blocks_do_not_matter_and_symbols_can_be_looked_up() -> None:
+    toy = small(DATA)
+    planes = toy.planes()
+    one, many = receive(toy, planes), receive(toy, planes, 50)
+    assert one.delivered == many.delivered is not None
+    assert one.timing == many.timing
+    first, count = 48, 10
+    wrong = one.decided(first, count) != toy.sent.bits(first, count)
+    assert 0 < wrong.mean() < 0.1  # raw bits of a small panel have errors, which the code mends
+    assert one.instants[0].tick == pytest.approx(13.37 + 58 * 2, abs=1.5)
+    assert one.cell_quality.shape == toy.layout.shape
+    assert one.cell_errors.sum() == one.bytes_corrected > 0
+    with pytest.raises(KeyError):
+        one.decided(0, 1)
+
+
+@pytest.mark.slow
+def test_small_tags_are_registered_by_the_cells() -> None:
+    mode = Mode(256, 256, 4, 2, "8b10b", 64)
+    toy = small(DATA[:500], mode=mode, scale=0.5)
+    got = receive(toy)
+    assert got.verdict.whole
+    assert corner_error(got.registration.homography, toy.homography, mode) < 0.15
+
+
+def _noise(shape: tuple[int, ...], rate: float) -> np.ndarray:
+    rng = np.random.Generator(np.random.Philox(key=9))
+    return rng.random(shape) < rate
+
+
+@pytest.mark.parametrize(
+    ("planes", "cause"),
+    [
+        (_noise((200, 120, 130), 0.3), Cause.OUT_OF_VIEW),
+        (np.zeros((100, 120, 130), np.bool_), Cause.DARK),
+        (np.ones((100, 120, 130), np.bool_), Cause.SATURATED),
+        (_noise((1, 40, 40), 0.3), Cause.TRUNCATED),
+        (_noise((100, 1, 1), 0.3), Cause.OUT_OF_VIEW),
+    ],
+    ids=["noise", "dark", "ones", "one tick", "one pixel"],
+)
+def test_what_is_no_link_gets_a_verdict(planes: np.ndarray, cause: Cause) -> None:
+    receiver = Receiver(planes.shape[1:])
+    receiver.step(Viform.from_planes(planes, CLOCK))
+    got = receiver.finish()
+    assert got.verdict.cause is cause
+    assert got.delivered is None
+
+
+def test_nothing_at_all_gets_a_verdict() -> None:
+    assert Receiver((10, 10)).finish().verdict.cause is Cause.TRUNCATED
+
+
+@pytest.mark.slow
+def test_each_fault_is_named() -> None:
+    toy = small(DATA)
+    planes = toy.planes()
+    noisy = planes ^ _noise(planes.shape, 0.25)
+    hole = planes.copy()
+    hole[:, 100:180, 80:200] = False
+    hidden = planes.copy()
+    hidden[:, :, :100] = False
+    for given, cause in (
+        (planes[:110], Cause.TRUNCATED),
+        (planes[:, :, 60:], Cause.OUT_OF_VIEW),
+        (noisy, Cause.NOISY),
+        (hole, Cause.OCCLUDED),
+        (hidden, Cause.OCCLUDED),
+        (planes[:, :, ::-1], Cause.OUT_OF_VIEW),
+    ):
+        got = receive(toy, np.ascontiguousarray(given))
+        assert got.verdict.cause is cause, got.verdict
+        assert got.delivered is None
+        assert any(c.isdigit() for c in got.verdict.told)
+
+
+@pytest.mark.parametrize(
+    ("given", "cause"),
+    [
+        pytest.param({"blur": 8.0, "cycles": 100}, Cause.OUT_OF_FOCUS, marks=pytest.mark.slow),
+        ({"on": 0.2}, Cause.DIM),
+        ({"background": 1.3, "cycles": 100}, Cause.SATURATED),
+        pytest.param({"ppm": 30000.0}, Cause.WRONG_CLOCK, marks=pytest.mark.slow),
+    ],
+    ids=["focus", "dim", "sun", "clock"],
+)
+def test_faults_of_light_and_clock_are_named(given: dict[str, object], cause: Cause) -> None:
+    got = receive(small(DATA, **given))  # type: ignore[arg-type]
+    assert got.verdict.cause is cause, got.verdict
+    assert got.delivered is None
+
+
+def test_a_wrong_interleaver_delivers_nothing() -> None:
+    toy = small(DATA, mode=MODE)
+    receiver = Receiver(toy.shape, interleave=False)
+    receiver.step(toy.stream())
+    got = receiver.finish()
+    assert got.delivered is None and got.verdict.cause is Cause.NOISY

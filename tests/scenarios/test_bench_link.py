@@ -1,0 +1,36 @@
+"""bench link: its rows as programs read them, and that what is timed is received."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import scenarios.bench
+import scenarios.bench_link
+
+
+def test_bench_link_prints_the_documented_rows(
+    monkeypatch: pytest.MonkeyPatch, viform: Callable[..., Any]
+) -> None:
+    monkeypatch.setattr(scenarios.bench_link, "SIZES", (128, 160))
+    monkeypatch.setattr(scenarios.bench_link, "TURNS", 1)
+    monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
+    answer = viform("bench", "link", "--json")
+    assert answer.code == 0, answer.err
+    rows = json.loads(answer.out)["rows"]
+    assert [row["name"] for row in rows] == ["link.modem"] * 2
+    for row in rows:
+        assert row["tier"].startswith("joint, ") and row["tier"].endswith(" cells")
+        assert row["unit"] == "bit/s"
+        assert min(row["value"], row["plain_ratio"], row["realtime"]) > 0
+
+
+def test_what_is_timed_is_received() -> None:
+    _, bits, _, calls, _ = scenarios.bench_link._modem(128)
+    assert bits > 0
+    for call in calls:
+        right = call()
+        assert right > 0 and right == call()

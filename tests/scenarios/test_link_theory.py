@@ -1,0 +1,142 @@
+"""`viform link ber` and `viform link capacity`: documents, tables, refusals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from link.mode import Mode
+from scenarios.link_capacity import Given, capacity_document
+from scenarios.link_curves import LEVEL, Curve, error_curves, measure_curves
+
+NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
+KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]
+WORDS = ["rs-scattered", "rs-bursts-interleaved", "rs-bursts-plain"]
+
+
+@pytest.fixture(scope="module")
+def curves() -> list[Curve]:
+    return error_curves(2)
+
+
+def _quick(curve: Curve) -> Curve:
+    return replace(curve, least=min(curve.least, 2000), most=min(curve.most, 20_000))
+
+
+def test_every_curve_is_here(curves: list[Curve]) -> None:
+    assert [c.name for c in curves] == NAMES + KEYED + WORDS
+    with pytest.raises(ValueError, match="2 to 256"):
+        error_curves(1)
+
+
+def test_theory_is_inside_and_a_wrong_one_is_not(curves: list[Curve]) -> None:
+    chosen = [_quick(c) for c in curves if c.name in ("reset-residual", "gamma-gamma-peak")]
+    document = measure_curves(chosen, 1)
+    assert document["holds"] and document["level"] == LEVEL and document["points_judged"] >= 3
+    for d in document["curves"]:
+        for low, theory, high, inside in zip(
+            d["low"], d["theory"], d["high"], d["inside"], strict=True
+        ):
+            assert inside is (low <= theory <= high)
+    wrong = [replace(c, theory=[p / 3 for p in c.theory]) for c in chosen]
+    assert not measure_curves(wrong, 1)["holds"]
+
+
+def test_without_an_interleaver_it_fails(curves: list[Curve]) -> None:
+    plain = _quick(next(c for c in curves if c.name == "rs-bursts-plain"))
+    (document,) = measure_curves([plain], 1)["curves"]
+    assert all(document["inside"]) and document["beside"]["refuted"] == [True, True]
+
+
+def test_a_document_hangs_on_its_seed_alone(curves: list[Curve]) -> None:
+    chosen = [_quick(curves[0])]
+    assert measure_curves(chosen, 5) == measure_curves(chosen, 5) != measure_curves(chosen, 6)
+
+
+class TestBer:
+    @pytest.fixture(autouse=True)
+    def short(self, monkeypatch: pytest.MonkeyPatch, curves: list[Curve]) -> None:
+        few = [_quick(c) for c in curves if c.name in ("poisson-threshold", *WORDS)]
+        monkeypatch.setattr("scenarios.link_curves.error_curves", lambda points: few)
+
+    def test_prints_a_document_and_writes_a_folder(
+        self, viform: Callable[..., Any], tmp_path: Path
+    ) -> None:
+        out = tmp_path / "ber"
+        code, text, _ = viform("link", "ber", "--json", "--no-detectors", "--out", out)
+        document = json.loads(text)
+        assert code == 0 and document["holds"] and document["detectors"] == []
+        keys = {
+            "name",
+            "x",
+            "x_unit",
+            "theory",
+            "measured",
+            "low",
+            "high",
+            "errors",
+            "bits",
+            "inside",
+        }
+        assert all(keys <= set(curve) for curve in document["curves"])
+        assert json.loads((out / "ber.json").read_text()) == document
+        assert (out / "ber.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (out / "ber.svg").read_text()[:2000]
+
+    def test_prints_a_table(self, viform: Callable[..., Any]) -> None:
+        code, text, _ = viform("link", "ber", "--no-detectors")
+        assert code == 0 and "(rs-bursts-plain)" in text and "all of them inside" in text
+
+    def test_says_no(
+        self, viform: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, curves: list[Curve]
+    ) -> None:
+        wrong = replace(_quick(curves[0]), theory=[0.3, 0.3])
+        monkeypatch.setattr("scenarios.link_curves.error_curves", lambda points: [wrong])
+        code, text, _ = viform("link", "ber", "--no-detectors")
+        assert code == 1 and "OUTSIDE" in text and "NOT all of them inside" in text
+
+    def test_refuses_a_folder_that_is_there(
+        self, refused: Callable[..., str], tmp_path: Path
+    ) -> None:
+        assert refused("link", "ber", "--out", tmp_path).startswith("--out must be a new folder")
+
+
+class TestCapacity:
+    GIVEN = Given(140.0, 10.0, 100.0, "residual", 40_000.0, 10**6, 900_000.0, 1)
+    MODE = Mode(960, 960, 2, 2, "8b10b", 32)
+
+    def test_the_budget_ends_at_the_coded_rate(self) -> None:
+        d = capacity_document(self.GIVEN, self.MODE)
+        assert d["budget"][0]["bps"] == 40e9 and d["capacity_bps"] == 36e9
+        assert d["budget"][-1]["bps"] == pytest.approx(d["coded_bps"])
+        assert sum(row["share_of_loss"] for row in d["budget"]) == pytest.approx(1)
+        assert d["raw_bps"] == d["coded_bps"] / 0.8 * 255 / 223
+        low, high = d["pixel"]["memory"]["ci"]
+        assert low < 0.775 < high and d["pixel"]["slot"]["value"] > 0.99
+        assert d["pixel"]["cell"]["value"] == pytest.approx(1, abs=1e-4)  # two ticks mend it
+
+    def test_no_light_carries_nothing(self) -> None:
+        dark = replace(self.GIVEN, on=10.0)
+        d = capacity_document(dark, self.MODE)
+        assert d["capacity_bps"] == pytest.approx(0, abs=1) and d["cells_bps"] == pytest.approx(
+            0, abs=1
+        )
+        assert d["pixel"]["memory"]["value"] == pytest.approx(0, abs=1e-9)
+
+    def test_of_the_scenario(self, viform: Callable[..., Any]) -> None:
+        given = ["--set", "sensor.threshold=100 e", "--set", "link.modem.cell=4"]
+        code, text, _ = viform("link", "capacity", "--json", *given)
+        d = json.loads(text)
+        assert code == 0 and d["mode"]["cell"] == 4 and d["assumed"] == ["ticks", "line", "parity"]
+        assert 1.3 < d["given"]["on"] / 100 < 1.6 and d["given"]["looks"] == 9
+        assert 0 < d["share"] < 1 and d["capacity_bps"] <= 40e9
+        code, text, _ = viform("link", "capacity", *given)
+        assert code == 0 and "of capacity" in text and "not given, so assumed: ticks" in text
+
+    def test_refuses_what_is_no_link(self, refused: Callable[..., str]) -> None:
+        assert "must be one of a link, not 'film'" in refused("link", "capacity", "film")
