@@ -18,7 +18,7 @@ from scenarios.accuracy import DRAWS, LADDER, Row, fit_rows, reference_error
 from scenarios.link_check import KIND, compare
 from scenarios.link_patches import Decided, LinkPatches, Variant
 from scenarios.link_plan import LinkLook, LinkPlan, half_width, look_link
-from scenarios.link_run.prepare import PreparedLink, prepare_link
+from scenarios.link_run.prepare import ReadyLink, ready_link
 from scenarios.progress import Progress
 from scenarios.schema import LinkScenario
 from sensor import CameraSetting, SpikeCamera
@@ -46,7 +46,7 @@ def _ladder(
 
 
 def _camera_ns(
-    run: PreparedLink, plans: Sequence[LinkPlan], progress: Progress
+    run: ReadyLink, plans: Sequence[LinkPlan], progress: Progress
 ) -> dict[tuple[Tier, CameraSetting], float]:
     """What a pixel-cycle of the whole chip takes, of every camera that is not another's like."""
     s, chip = run.setting, run.setting.camera.chip
@@ -74,10 +74,10 @@ def _camera_ns(
 
 
 def accuracy_link(
-    name: str, scenario: LinkScenario, device_name: str | None, progress: Progress
+    scenario: LinkScenario, device_name: str | None, progress: Progress
 ) -> dict[str, Any]:
     """The document of `viform accuracy --json` for a link."""
-    run = prepare_link(name, scenario, device_name, progress)
+    run = ready_link(scenario, device_name, progress)
     setting, camera = run.setting, run.setting.camera
     look = look_link(setting, run.mode, run.sent.symbols, run.cycles)
     tiers: list[Tier] = ["exact"]
@@ -113,7 +113,7 @@ def accuracy_link(
 
 
 def _document(
-    scenario: LinkScenario, run: PreparedLink, look: LinkLook, patches: LinkPatches, full: Decided,
+    scenario: LinkScenario, run: ReadyLink, look: LinkLook, patches: LinkPatches, full: Decided,
     rows: list[Row], pixel_cycles: int,
 ) -> dict[str, Any]:  # fmt: skip
     assert patches.plane is not None

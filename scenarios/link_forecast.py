@@ -14,7 +14,7 @@ from link.air import Air
 from scenarios.link_check import KIND
 from scenarios.link_patches import LinkPatches
 from scenarios.link_plan import LinkPlan, look_link
-from scenarios.link_run.prepare import PreparedLink, prepare_link
+from scenarios.link_run.prepare import ReadyLink, ready_link
 from scenarios.progress import Progress
 from scenarios.schema import LinkScenario
 from sensor import SpikeCamera
@@ -37,7 +37,7 @@ class _Measured:
     light: float
 
 
-def _measure(run: PreparedLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
+def _measure(run: ReadyLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
     s, chip = run.setting, run.setting.camera.chip
     air = Air(
         run.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
@@ -75,7 +75,7 @@ def forecast_link(
     name: str, scenario: LinkScenario, device_name: str | None, progress: Progress
 ) -> dict[str, Any]:
     """The document of `viform plan --json` for a link."""
-    run = prepare_link(name, scenario, device_name, progress)
+    run = ready_link(scenario, device_name, progress)
     look = look_link(run.setting, run.mode, run.sent.symbols, run.cycles)
     made = look.plan(scenario.tolerance, run.device)
     everything = look.plan(0.0, run.device, tier=made.tier)

@@ -36,7 +36,7 @@ def accuracy(
     from scenarios.loading import load
 
     name, given = load(scenario, assignments, seed=seed)
-    measure = _measure(name, given, device)
+    measure = _measure(given, device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
     progress = make_progress()
@@ -57,7 +57,7 @@ def accuracy(
 
 
 def _measure(
-    name: str, given: Scenario | LinkScenario, device: str | None
+    given: Scenario | LinkScenario, device: str | None
 ) -> Callable[[Progress], dict[str, Any]]:
     """What makes the document; refuses what has no accuracy to measure."""
     from cosim import InputError
@@ -68,7 +68,7 @@ def _measure(
     if isinstance(given, LinkScenario):
         from scenarios.link_accuracy import accuracy_link
 
-        return lambda progress: accuracy_link(name, given, device, progress)
+        return lambda progress: accuracy_link(given, device, progress)
     loaded = filmed(given, "accuracy")
     refuse_leftovers(loaded)
     if loaded.sensor.readout == "continuous":

@@ -28,7 +28,7 @@ from sensor.tiers import Tier
 if TYPE_CHECKING:
     from link.choosing import Choice
 
-__all__ = ["PreparedLink", "choose_mode", "prepare_link"]
+__all__ = ["PreparedLink", "ReadyLink", "choose_mode", "prepare_link", "ready_link"]
 
 _PILOTS = 8
 """At most."""
@@ -37,6 +37,22 @@ _HOPELESS_BLUR = 2.0
 _LEAST_CELL = 1.2
 """Camera pixels to a cell's side, at least: nearer to 1 the grids' beat leaves cells without a
 pixel of their own."""
+
+
+@dataclass(frozen=True)
+class ReadyLink:
+    """A run before it is planned. cycles: of the camera. choice: how the mode was chosen, None
+    where it was given. seconds: what the stages took."""
+
+    scenario: LinkScenario
+    payload: Payload
+    setting: LinkSetting
+    mode: Mode
+    choice: Choice | None
+    sent: Transmission
+    cycles: int
+    device: Device | None
+    seconds: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -184,10 +200,8 @@ def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int
     return symbols
 
 
-def prepare_link(
-    name: str, scenario: LinkScenario, device: str | None, progress: Progress
-) -> PreparedLink:
-    """Everything of the run, checked. Raises InputError."""
+def ready_link(scenario: LinkScenario, device: str | None, progress: Progress) -> ReadyLink:
+    """Everything of the run but its plan, checked. Raises InputError."""
     payload, setting = payload_of(scenario), link_setting(scenario)
     opened, seconds = choose_device(device), {}
     begin = time.perf_counter()
@@ -211,13 +225,23 @@ def prepare_link(
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
+    return ReadyLink(scenario, payload, setting, mode, choice, sent, cycles, opened, seconds)
+
+
+def prepare_link(
+    name: str, scenario: LinkScenario, device: str | None, progress: Progress
+) -> PreparedLink:
+    """Everything of the run, checked. Raises InputError."""
+    run = ready_link(scenario, device, progress)
     begin = time.perf_counter()
-    plan, check, told, short = _planned(scenario, setting, sent, cycles, opened, progress)
-    seconds["plan and check"] = time.perf_counter() - begin
-    notes = [*_notes(setting, choice), *told]
+    plan, check, told, short = _planned(
+        scenario, run.setting, run.sent, run.cycles, run.device, progress
+    )
+    run.seconds["plan and check"] = time.perf_counter() - begin
+    notes = [*_notes(run.setting, run.choice), *told]
     return PreparedLink(
-        name, scenario, payload, setting, mode, choice, sent, cycles, opened, plan, check, notes,
-        short, seconds,
+        name, scenario, run.payload, run.setting, run.mode, run.choice, run.sent, run.cycles,
+        run.device, plan, check, notes, short, run.seconds,
     )  # fmt: skip
 
 

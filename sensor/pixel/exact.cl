@@ -262,6 +262,10 @@ inline int some_int(const int16 v)
 #define WIDE
 #endif
 
+#if defined(RESET_HARD) || defined(RESET_SUBTRACT)
+#define ONE_A_CYCLE
+#endif
+
 #ifdef SHOT_NOISE
 #define WORDS (BATCH + 4)
 // Word `at`, 0 to 11, of each lane: light that changes at once for all makes lanes fire out of step.
@@ -314,30 +318,42 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
         for (; c < end; c++, add += slope) {
             d -= add;
             if (some(d)) {
-                const long16 fired = d >> 63;
-                const uint16 f = convert_uint16(as_ulong16(fired));
+                long16 fired = d >> 63;
+                uint16 f = convert_uint16(as_ulong16(fired));
                 bits |= f & (1u << (c & 31));
 #ifdef SHOT_NOISE
-                if (some_int(WORDS - 1 - as_int16(at))) {
-                    k += convert_ulong16(at - slot);
-                    draw_batch(drawn, k + 1, pixel, seed);
-                    at = slot = convert_uint16(k + 1) & 3;
+                for (;;) {
+                    if (some_int(WORDS - 1 - as_int16(at))) {
+                        k += convert_ulong16(at - slot);
+                        draw_batch(drawn, k + 1, pixel, seed);
+                        at = slot = convert_uint16(k + 1) & 3;
+                    }
+                    d = START(d, fired, threshold(picked(drawn, at), table), add);
+                    at -= f;
+#ifdef ONE_A_CYCLE
+                    break;
+#else
+                    if (!some(d))
+                        break;
+                    if (some(d < -room)) {
+                        k += convert_ulong16(at - slot);
+                        at = slot = WORDS;
+                        settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
+                        break;
+                    }
+                    fired = d >> 63;
+                    f = convert_uint16(as_ulong16(fired));
+#endif
                 }
-                d = START(d, fired, threshold(picked(drawn, at), table), add);
-                at -= f;
 #else
                 d = START(d, fired, (long16)(q), add);
-#endif
-#if defined(RESET_SUBTRACT)
-                d = max(d, (long16)(DEEPEST));
-#elif !defined(RESET_HARD)
-                if (some(d)) {
-#ifdef SHOT_NOISE
-                    k += convert_ulong16(at - slot);
-                    at = slot = WORDS;
-#endif
+#ifndef ONE_A_CYCLE
+                if (some(d))
                     settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
-                }
+#endif
+#endif
+#ifdef RESET_SUBTRACT
+                d = max(d, (long16)(DEEPEST));
 #endif
             }
             if ((c & 31) == 31) {

@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim import InputError
 from cosim.opencl import Device
+from cosim.planner import SHARE
 from link.mode import Mode
 from link.sending import Transmission
 from link.theory import clopper_pearson
+from scenarios.link_accuracy import accuracy_link
 from scenarios.link_check import LinkCheck, check_link, compare, goodput_change
+from scenarios.link_forecast import forecast_link
 from scenarios.link_patches import LinkPatches, Variant, true_timing
 from scenarios.link_plan import LinkLook, camera_changes, half_width, look_link
 from scenarios.linking import LinkSetting, link_setting
@@ -199,3 +203,19 @@ def test_true_timing_is_where_rows_meet_the_symbols(setting: LinkSetting) -> Non
     assert timing.first == pytest.approx(setting.first_light / clock.edge(1), abs=0.01)
     still = true_timing(setting, np.zeros(height, np.int64), 2)
     assert still.slope == pytest.approx(-setting.camera.row_skew, rel=1e-6)
+
+
+def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() -> None:
+    given = linked(
+        load("light-link", [*SMALL, "link.size=900", "link.modem.cell=2", "link.modem.ticks=2",
+                            "link.modem.line=8b10b", "link.modem.parity=32"])[1], "test",
+    )  # fmt: skip
+    document = forecast_link("small", given, None, Silent())
+    assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
+    assert "scintillation" in {row["effect"] for row in document["left_out"]}
+    assert 0 < document["promised"] <= SHARE * document["tolerance"]
+    assert document["predicted"]["full_physics_s"] > 0
+    aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
+    away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
+    with pytest.raises(InputError, match="whose panel is in view"):
+        accuracy_link(away, None, Silent())
