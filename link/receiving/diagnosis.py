@@ -224,7 +224,9 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     )
     if len(rows) and len(columns):
         figure += f", light stands on {lit.mean():.0%} of the image"
-    blob = not at_edge and lit.mean() > _BLOB and e.most > 0.05
+    # What is far out of focus has no edge: it stands away from the image's, or on all of it.
+    apart = not at_edge and lit.mean() > _BLOB
+    blob = (apart or lit.mean() > _FILLS) and e.most > 0.05
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,

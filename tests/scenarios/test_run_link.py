@@ -104,6 +104,7 @@ def test_the_report_is_one_file_with_every_section(sent):
     [
         ("link.aim.offset_x=240", "out_of_view"),
         ("link.aim.occluded=0.5", "occluded"),
+        pytest.param("link.aim.focus=0.3 m", "out_of_focus", marks=pytest.mark.slow),
         pytest.param("link.panel.clock_offset=50000", "wrong_clock", marks=pytest.mark.slow),
         pytest.param("link.air.sun=1e5 lux,link.air.sun_angle=0 deg", "saturated",
                      marks=pytest.mark.slow),
