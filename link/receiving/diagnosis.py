@@ -40,6 +40,8 @@ _CELL: Final = 1.5
 """Camera pixels to a cell's side below which cells are too small."""
 _HOLE: Final = 0.03
 """Share of the panel without light that is said to be hidden."""
+_FILLS = 0.95
+"""Share of the image that light stands on from which it has no edge within it."""
 _BLOB, _SHARP = 0.04, 0.03
 """Share of the image that light stands on at least, and of its variance that is fine detail at
 most, of a panel out of focus."""
