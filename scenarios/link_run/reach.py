@@ -29,7 +29,7 @@ _WORTH = 1e-3
 """Share of its cell's light below which a look is not counted."""
 _LOST = 0.03
 """Frames that a transmission may lose: what the default overhead makes good."""
-_LEAST = 0.9
+_LEAST = 1.2
 """Camera pixels to a cell, at least."""
 LONGEST = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
 """Longest run of equal symbols."""
@@ -143,11 +143,12 @@ def reach(
     of its shorter side. air: of each distance, transmission relative to the run's. hz: planes a
     second.
 
-    The irradiance of a resolved panel does not fall with distance; its pixels' images shrink.
+    Only modes that a run would try on its own. The irradiance of a resolved panel does not fall with
+    distance; its pixels' images shrink.
     """
     modes = [
         replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)
-        for cell in CELLS for ticks in TICKS[:4] for line in LINE_CODES for parity in PARITIES
+        for cell in CELLS for ticks in TICKS[1:4] for line in LINE_CODES for parity in PARITIES
         if line != "none" or scene.background < _WORTH
     ]  # fmt: skip
     worth = sorted(modes, key=lambda m: -_coded(m, hz))
