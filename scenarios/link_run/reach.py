@@ -143,8 +143,8 @@ def reach(
     of its shorter side. air: of each distance, transmission relative to the run's. hz: planes a
     second.
 
-    Only modes that a run would try on its own. The irradiance of a resolved panel does not fall with
-    distance; its pixels' images shrink.
+    Only modes that a run would try on its own. The irradiance of a resolved panel does not fall
+    with distance; its pixels' images shrink.
     """
     modes = [
         replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)
