@@ -42,6 +42,9 @@ _HOLE: Final = 0.03
 """Share of the panel without light that is said to be hidden."""
 _FILLS = 0.95
 """Share of the image that light stands on from which it has no edge within it."""
+_LEAST: Final = 40
+"""Camera pixels to the shorter side of an image in which a panel's tags could stand: two of them,
+of ten modules, at two pixels each."""
 _BLOB, _SHARP = 0.04, 0.03
 """Share of the image that light stands on at least, and of its variance that is fine detail at
 most, of a panel out of focus."""
@@ -228,7 +231,7 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
         figure += f", light stands on {lit.mean():.0%} of the image"
     # What is far out of focus has no edge: it stands away from the image's, or on all of it.
     apart = not at_edge and lit.mean() > _BLOB
-    blob = (apart or lit.mean() > _FILLS) and e.most > 0.05
+    blob = (apart or lit.mean() > _FILLS) and e.most > 0.05 and min(lit.shape) >= _LEAST
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
