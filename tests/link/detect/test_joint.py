@@ -188,6 +188,7 @@ def test_what_is_lit_of_a_symbol_is_its_length() -> None:
         assert (part[:, :, 3] == 1).all() and (part[:, :, 0] == 0).all()
 
 
+@pytest.mark.slow
 def test_forward_backward_learns_light_and_reset_by_itself() -> None:
     scene = _scene(first=5.02, reset="residual", background=0.1)
     detector = ForwardBackward(scene.layout, scene.registration, scene.timing)
