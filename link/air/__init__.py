@@ -5,7 +5,7 @@ from link.air.effects import Change, air_effects, charge_changes
 from link.air.emission import Source
 from link.air.geometry import image_of
 from link.air.names import NAMES, Scene
-from link.air.radiometry import Levels, background_lux, f_number_for, levels, on_lux
+from link.air.radiometry import Levels, f_number_for, levels
 from link.air.setting import Aim, AirSetting, Optics
 from link.air.summary import LinkSummary, ber, ber_units, link_summary
 
@@ -21,7 +21,6 @@ __all__ = [
     "Scene",
     "Source",
     "air_effects",
-    "background_lux",
     "ber",
     "ber_units",
     "charge_changes",
@@ -30,5 +29,4 @@ __all__ = [
     "lens_psf",
     "levels",
     "link_summary",
-    "on_lux",
 ]

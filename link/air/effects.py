@@ -9,8 +9,10 @@ be wrong, whatever the panel shows:
 - light that is added or taken away: its share, the largest in the image;
 - chance (vibration, scintillation): its standard deviation, and how long it lasts: an estimate.
 
-`ber_units` (summary.py) says what that does to the bit error rate. What is a mere number in the
-computation costs nothing and is kept.
+`ber_units` (summary.py) says what that does to the bit error rate of its own decision, by a few
+pixels and ticks in the panel's middle. So "proof" is said of that closed form, the panel taken as
+alike all over; what the receiver itself does is what the plan's check films. What is a mere number
+in the computation costs nothing and is kept.
 """
 
 from __future__ import annotations

@@ -16,8 +16,9 @@ from display import SpikePanel
 __all__ = ["Emission", "Source"]
 
 Pixels = npt.NDArray[np.bool_]
-_KEPT = 64
-"""Symbols whose beginning is remembered, so that a run may go on from a checkpoint."""
+_KEPT = 16
+"""Symbols whose beginning is remembered, so that a run may go on from a checkpoint: a block's light
+reaches four cycles beyond where it would go on. Each is a panel of float64."""
 
 
 class Source(Protocol):

@@ -15,7 +15,7 @@ from link.air.fog import airlight, extinction, forward_share
 from link.air.geometry import lengths
 from link.air.setting import AirSetting, Optics
 
-__all__ = ["Levels", "background_lux", "f_number_for", "lens_gain", "levels", "on_lux"]
+__all__ = ["Levels", "f_number_for", "lens_gain", "levels"]
 
 
 def lens_gain(optics: Optics, distance: float) -> float:
@@ -40,12 +40,12 @@ class Levels:
 
     @property
     def on(self) -> float:
-        """Of the middle of a large part that is on."""
+        """Of the middle of a large part that is on, everything counted but glare."""
         return self.panel * (1 + self.halo / self.dimmed) + self.off
 
     @property
     def off(self) -> float:
-        """Of the middle of a large part that is off."""
+        """Of the middle of a large part that is off, likewise."""
         return self.face * (1 + self.halo / self.dimmed) + self.fog
 
 
@@ -70,16 +70,6 @@ def levels(optics: Optics, air: AirSetting, kept: frozenset[str] | None = None) 
         optics.luminance * through, face * through, around * through,
         gain * max(veil, 0.0) * airlight(air.ambient), halo, dimmed,
     )  # fmt: skip
-
-
-def on_lux(optics: Optics, air: AirSetting) -> float:
-    """Of a resolved pixel that is on, everything counted but glare."""
-    return levels(optics, air).on
-
-
-def background_lux(optics: Optics, air: AirSetting) -> float:
-    """Of a resolved pixel that is off, everything counted but glare and its neighbours' light."""
-    return levels(optics, air).off
 
 
 def f_number_for(

@@ -23,9 +23,7 @@ __all__ = ["Compared", "comparison"]
 _FIRST: Final = 8
 """Tick of first light."""
 _SLOW: Final = 40
-"""Symbols between which forward-backward decides at once."""
-
-
+"""Symbols that are decided at once, which forward-backward's room grows with."""
 _FEW: Final = 64
 """Symbols that forward-backward gets at most, since it is slow."""
 

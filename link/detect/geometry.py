@@ -23,8 +23,8 @@ PLACES: Final = 8
 SHARES: Final = 16
 """Classes of share, evenly from 0 to 1."""
 LEAST: Final = 0.35
-"""Share below which a pixel is not looked at: its other cells disturb more than it tells. Measured:
-of 0.1 to 0.45 this makes the fewest errors, on 2 x 2 cells."""
+"""Share below which a pixel is not looked at: its other cells disturb more than it tells. Chosen by
+trials of 0.1 to 0.45 on 2 x 2 cells; what is best depends on cell, blur and light."""
 _MOST: Final = 24
 """Pixels looked at for a cell."""
 _FINE: Final = 16

@@ -111,7 +111,7 @@ def _shown(first: npt.ArrayLike, period: float, ticks: Floats) -> Floats:
     return (integral(begin + 1 / period) - integral(begin)) * period
 
 
-def _peak(signal: Floats, ticks: int, symbol: float) -> tuple[float, float]:
+def _peak(signal: Floats, symbol: float) -> tuple[float, float]:
     """Place of symbol 0 before the signal's first tick, in ticks within [0, PERIOD ticks) as a
     lag of the sequence, and the score. `symbol`: ticks to a symbol."""
     span = int(np.ceil(PERIOD * symbol))
@@ -144,7 +144,7 @@ def clock_by_pilots(
     begin = low + max(0, (high - low - want) // 2)
     stop = min(begin + want, high)
     weights = signal.pixels / signal.pixels.sum()
-    lag, score = _peak((signal.bits @ weights)[begin:stop], stop - begin, nominal)
+    lag, score = _peak((signal.bits @ weights)[begin:stop], nominal)
     if score < _TRUSTED:
         return None
     rough = signal.first + begin - lag
@@ -240,7 +240,7 @@ def global_clock(
         if len(totals) < 24 * nominal:
             continue
         for ppm in np.arange(-most, most + step / 2, step):
-            _, score = _peak(level, nominal, nominal / (1 + ppm * 1e-6))
+            _, score = _peak(level, nominal / (1 + ppm * 1e-6))
             if score > best[2]:
                 best = (nominal, float(ppm), score)
     return best

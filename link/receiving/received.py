@@ -30,11 +30,14 @@ class Received:
     """delivered: (bytes, name) of the file, only when whole. verdict: why, or why not. Of frames
     and codewords: how many were seen, right, needed (None: not known), could not be mended, and
     bytes mended. instants: of each group decoded, in order. delivered_tick: when the file was
-    whole. first_light: tick at which symbol 0 began for row 0, None where the stream begins later.
-    cell_quality: mean size of the soft values, nats, (rows, columns) float32, 0 where no data are.
-    cell_errors: bytes mended at each cell, (rows, columns). soft: a sample of soft values, (n,)
-    float32, soft_at their (symbol, data cell), (n, 2). ticks: of the stream. score: of the pilots'
-    sequence, standard deviations. on, background: thresholds a tick, None where not measured."""
+    whole. first_light: tick at which symbol 0 began for row 0, before the stream's own first one
+    where that begins within the training; None where it begins later. clock_error: parts per
+    million by which the timing's period may be off, an estimate. cell_quality: mean size of the
+    soft values, nats, (rows, columns) float32, 0 where no data are. cell_errors: bytes mended at
+    each cell, (rows, columns). promise: mean of 1 / (1 + exp |soft|) over all soft values, the
+    error rate that they let expect; None without any. soft: a sample of them, (n,) float32, soft_at
+    their (symbol, data cell), (n, 2). ticks: of the stream. score: of the pilots' sequence,
+    standard deviations. on, background: thresholds a tick, None where not measured."""
 
     verdict: Verdict
     ticks: int
@@ -42,6 +45,7 @@ class Received:
     mode: Mode | None = None
     registration: Registration | None = None
     timing: Timing | None = None
+    clock_error: float | None = None
     first_light: int | None = None
     on: float | None = None
     background: float | None = None
@@ -58,6 +62,7 @@ class Received:
     cell_errors: npt.NDArray[np.int64] | None = None
     soft: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     soft_at: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    promise: float | None = None
     packed: dict[int, npt.NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
     @property

@@ -83,7 +83,7 @@ class Receiver:
             registration=Registration(
                 session.refined.homography, session.all_drift, session.refined.blur
             ),
-            timing=session.timing,
+            timing=session.timing, clock_error=session.clock_error,
             first_light=round(first) if acquired.trained is not None else None,
             on=session.levels.on, background=session.levels.background,
             score=acquired.evidence.clocking.score if acquired.evidence.clocking else 0.0,
@@ -97,6 +97,9 @@ class Receiver:
             cell_errors=session.grid(inbox.cell_errors),
             soft=np.concatenate([np.zeros(0, np.float32), *session.soft]),
             soft_at=np.concatenate([np.zeros((0, 2), np.int64), *session.soft_at]),
+            promise=session.promised / (session.symbols * session.layout.cells)
+            if session.symbols
+            else None,
             packed=session.packed,
         )  # fmt: skip
 

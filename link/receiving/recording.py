@@ -78,15 +78,13 @@ class Recording:
         a, b = self._span(first, stop)
         low, high = -(-a // WORD), b // WORD
         if high > low:
-            total = np.zeros(self.shape, np.uint16)
+            total = np.zeros(self.shape, np.uint32)
             for w in range(low, high):
                 total += np.bitwise_count(self.words[w])
             return total.astype(np.float32) / np.float32((high - low) * WORD)
-        total = np.zeros(self.shape, np.uint16)
+        total = np.zeros(self.shape, np.uint32)
         for t in range(a, b):
-            total += ((self.words[t // WORD] >> np.uint32(t % WORD)) & np.uint32(1)).astype(
-                np.uint16
-            )
+            total += (self.words[t // WORD] >> np.uint32(t % WORD)) & np.uint32(1)
         return total.astype(np.float32) / np.float32(max(b - a, 1))
 
     def _span(self, first: int, stop: int) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from link.receiving.received import Instant
 from link.receiving.recording import Recording
 from link.receiving.synthesis import choose_witnesses, known_cells, nudge
 from link.receiving.tracking import drift_by_tags
-from link.timing import Registration, Timing
+from link.timing import Registration
 
 if TYPE_CHECKING:
     from link.coding import Inbox
@@ -66,6 +66,8 @@ class Session:
         self.instants: list[Instant] = []
         self.delivered_tick: int | None = None
         self.packed: dict[int, npt.NDArray[np.uint8]] = {}
+        self.promised = 0.0
+        """Wrong decisions that the soft values, all of them, let expect."""
         self.soft: list[npt.NDArray[np.float32]] = []
         self.soft_at: list[npt.NDArray[np.int64]] = []
         self.quality = np.zeros(self.layout.cells)
@@ -77,6 +79,8 @@ class Session:
             self._known = low, training(self.layout.cells)[low:high]
         self._next: int | None = None
         self._checked = self.anchor
+        self._sure = TRAINING * self.timing.period
+        """Ticks over which the timing is known to `_LATE`: what it was fitted to, then more."""
         self._learned = 0.0
 
     def symbol_ends(self, symbol: int) -> float:
@@ -90,6 +94,12 @@ class Session:
         """The first one that begins at or after a tick."""
         symbol = (tick - self.timing.first + max(0.0, -self.timing.slope)) / self.timing.period
         return max(0, int(np.ceil((symbol - TRAINING) / self.layout.group)))
+
+    @property
+    def clock_error(self) -> float:
+        """Parts per million by which the timing's period may be off: symbols that are late by less
+        than `_LATE` at the last look are left so."""
+        return _LATE / self._sure * 1e6
 
     def ready(self, recording: Recording) -> float:
         """Ticks held that have not been decoded."""
@@ -175,6 +185,8 @@ class Session:
                 known_cells(self.layout, at, decided[some]), at,
             )  # fmt: skip
             late = nudge(w, self.timing, self.levels) if w is not None else 0.0
+            if w is not None and abs(late) < 0.45:
+                self._sure = max(self._sure, now - self.anchor)
             if abs(late) > _LATE and abs(late) < 0.45:
                 self._retime(late, now)
                 return self._detector(recording, registration, (recording.first, recording.stop))
@@ -206,6 +218,7 @@ class Session:
                 self.delivered_tick = tick
         size = np.abs(soft)
         self.quality += size.sum(0, dtype=np.float64)
+        self.promised += float((1 / (1 + np.exp(size))).sum(dtype=np.float64))
         self.symbols += len(soft)
         for n, row in enumerate(np.packbits(soft > 0, axis=1)):
             self.packed[first + n] = row
@@ -233,6 +246,3 @@ class Session:
         joined = np.concatenate(parts)
         _, first = np.unique(joined[:, 0], return_index=True)
         return joined[first]
-
-    def timing_now(self) -> Timing:
-        return self.timing

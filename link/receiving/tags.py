@@ -1,7 +1,7 @@
 """Find the panel: its tags in an image of spike rates, what they say, where they stand.
 
 Tags are AprilTags 36h11 (Olson, "AprilTag: a robust and flexible visual fiducial system", ICRA
-2011); OpenCV finds them. Its corners are good to some tenths of a pixel; `refine` then fits the
+2011); OpenCV finds them. Its corners are good to some tenths of a pixel; `refining` then fits the
 whole art of all tags at once.
 """
 

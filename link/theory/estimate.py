@@ -20,7 +20,8 @@ __all__ = ["count_laws", "pixel_errors"]
 Array = npt.NDArray[np.float64]
 _FINEST: Final = 1000
 """Electrons of a threshold that are counted one by one; a larger one is scaled down to it, means
-with it, which has more shot noise than the truth: an upper limit of its errors."""
+with it, which has more shot noise than the truth: more errors where the means of ON and OFF lie on
+both sides of the threshold."""
 _DEPTH: Final = 4
 """Thresholds of waiting charge with `subtract`."""
 _ROUNDS: Final = 60
@@ -94,8 +95,9 @@ def pixel_errors(
     its count of spikes: P(decided ON | OFF), P(decided OFF | ON).
 
     joint decides for ON from the count on that errs least, as a sum of log-likelihood ratios does
-    over looks that are alike; majority from more than half of all ticks and pixels on. Exact for
-    one pixel and tick under random bits of that run-length limit; 8B10B 5, 4B6B 4, Manchester 2.
+    over looks that are alike; majority from more than half of all ticks and pixels on. For one
+    pixel and tick, a whole threshold up to 1000 and runs of that law the pixel's own rates; longest
+    is 5 of 8B10B, 4 of 4B6B, 2 of Manchester.
     """
     if q < 1 or mu_on < 0 or mu_off < 0 or ticks < 1 or pixels < 1 or (longest or 1) < 1:
         raise ValueError(

@@ -89,6 +89,7 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
         out["timing"] = {
             "first_tick": timing.first, "symbol_ticks": timing.period, "slope_ticks": timing.slope,
             "clock_offset_ppm": (mode.ticks / timing.period - 1) * 1e6,
+            "clock_error_ppm": r.clock_error,
         }  # fmt: skip
         out["blur_pixels"] = r.registration.blur
         out["homography"] = r.registration.homography.tolist()
@@ -137,7 +138,8 @@ def _tell(document: dict[str, Any]) -> None:
         print(
             f"mode: {mode['width']}x{mode['height']}, cells {mode['cell']}, ticks {mode['ticks']}, "
             f"{mode['line']}, parity {mode['parity']}; first light at tick "
-            f"{timing['first_tick']:.2f}, clock {timing['clock_offset_ppm']:+.0f} ppm"
+            f"{timing['first_tick']:.2f}, clock {timing['clock_offset_ppm']:+.0f} ppm, "
+            f"known to {timing['clock_error_ppm']:.0f}"
         )
         frames = document["frames"]
         print(f"frames: {frames['right']} right of {frames['seen']}, needed {frames['needed']}")

@@ -34,9 +34,9 @@ class Eye:
 @dataclass(frozen=True)
 class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
-    the mean of 1/(1 + e^|L|). closed: the bound of blurred cells, from geometry, light and
-    threshold (`reach.predict_errors`). sharp: of cells without blur, on their whole pixels and
-    ticks (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
+    the mean of 1/(1 + e^|L|) over all of them. closed: the bound of a model of blurred cells, from
+    geometry, light and threshold (`reach.predict_errors`). sharp: of cells without blur, on their
+    whole pixels and ticks (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
 
     soft: float | None
     closed: float | None

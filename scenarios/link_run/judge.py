@@ -54,14 +54,12 @@ def _eye(run: PreparedLink, received: Any) -> Eye | None:
     return Eye(soft, on)
 
 
-def _theory(scene: CellScene, run: PreparedLink, errors: Errors, eye: Eye | None) -> Theory:
+def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) -> Theory:
     interval = None
     if errors.bits:
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
         interval = float(low), float(high)
-    soft = None
-    if eye is not None and eye.soft.size:
-        soft = float((1 / (1 + np.exp(np.abs(eye.soft.astype(np.float64))))).mean())
+    soft = received.promise if received.mode == run.mode else None
     mode, q = run.mode, scene.threshold
     side = max(int(mode.cell * scene.pixel), 1)
     false, missed = pixel_errors(
@@ -185,7 +183,7 @@ def judge_link(
     )
     finished = LinkRun(
         result, run.scenario, folder, setting, run.payload, run.mode, layout, verdict, delivered,
-        received, errors, _theory(scene, run, errors, eye),
+        received, errors, _theory(scene, run, errors, received),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
         _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, run.plan,

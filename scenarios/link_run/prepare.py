@@ -165,7 +165,7 @@ def choose_mode(
 
     def trial(mode: Mode) -> Trial:
         nonlocal tried
-        narrow = replace(mode, width=strip.width)
+        narrow = replace(mode, width=strip.optics.width)
         pilot = film_pilot(strip, narrow, modem.detector, scenario.seed, device)
         tried += 1
         progress.advance(tried)

@@ -98,7 +98,8 @@ def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
 
 
 def predict_errors(scene: CellScene, mode: Mode) -> float:
-    """The bound on the raw bit error rate of the joint decision."""
+    """A Bhattacharyya bound on the raw bit error rate of a model of the joint decision: looks that
+    are independent of each other, neighbours' light that is normal."""
     if scene.blur > mode.cell * scene.pixel:  # a look sees its neighbours more than its own cell
         return 0.5
     shares = _shares(mode.cell * scene.pixel, scene.blur)

@@ -130,9 +130,11 @@ def _errors(run: LinkRun) -> str:
     return (
         f"<h2>Errors</h2><p>{run.errors.wrong:,} of {run.errors.bits:,} bits on data cells were "
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
-        "1/(1 + exp |L|) over a sample: what they would be wrong by if they were the truth. The "
-        "closed form takes each camera pixel and tick of a cell as an independent look at blurred "
-        "cells: an upper bound for such looks, without turbulence, vibration and drift.</p>"
+        "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
+        "They take a cell's pixels and ticks as independent of each other, which promises too "
+        "much. The closed form is a Bhattacharyya bound of a model: each camera pixel and tick of "
+        "a cell is an independent look at blurred cells, the neighbours' light is normal, without "
+        "turbulence, vibration and drift.</p>"
         + plot(path, "bit error rates") + eye
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Light, Piece
-from link.air import Aim, f_number_for, image_of, on_lux
+from link.air import Aim, f_number_for, image_of, levels
 from sensor import SpikeCamera
 from tests.link.air.scenes import AIR, CAMERA, CLOCK, FIRST, OPTICS, PANEL, SHAPE, Shown, make
 
@@ -68,7 +68,7 @@ def test_a_slow_emitter_is_the_displays_own() -> None:
 
     air = make(Once(ticks=1), 8, panel=panel, kept=["emitter response"])
     light = air.step(None, Block(0, 16))
-    steady = on_lux(OPTICS, AIR)
+    steady = levels(OPTICS, AIR).on
     tick, level = 25e-6, 0.0
     for plane in range(8):
         drive, constant = (1.0, rise) if plane == 0 else (0.0, decay)
@@ -138,10 +138,10 @@ def test_a_hidden_part_is_as_bright_as_the_surroundings() -> None:
     image = air.step(None, Block(2, 2)).at(FIRST + 1)
     around = image[0, 0]
     assert around == pytest.approx(
-        on_lux(replace(OPTICS, luminance=0.18 * 1000 / math.pi), replace(lit, ambient=0.0))
+        levels(replace(OPTICS, luminance=0.18 * 1000 / math.pi), replace(lit, ambient=0.0)).on
     )
     assert image[24, 22] == pytest.approx(around, rel=1e-5)
-    assert image[24, 42] == pytest.approx(on_lux(OPTICS, lit), rel=1e-4)
+    assert image[24, 42] == pytest.approx(levels(OPTICS, lit).on, rel=1e-4)
 
 
 def test_fog_leaves_an_even_world_even() -> None:
@@ -149,7 +149,7 @@ def test_fog_leaves_an_even_world_even() -> None:
     even = replace(AIR, ambient=1000.0, surroundings=1.0, visibility=4.0, glare=0.0)
     bright = replace(OPTICS, luminance=1000 / math.pi, reflectance=0.0)
     image = make(Shown(level=True), optics=bright, air=even).step(None, Block(2, 2)).at(FIRST + 1)
-    clear = on_lux(bright, replace(even, ambient=0.0, visibility=None))
+    clear = levels(bright, replace(even, ambient=0.0, visibility=None)).on
     # The halo's grid darkens towards the sensor's edge, beyond which nothing is known.
     assert image[20:28, 28:36] == pytest.approx(np.full((8, 8), clear), rel=2e-3)
 
@@ -157,7 +157,7 @@ def test_fog_leaves_an_even_world_even() -> None:
 def test_f_number_for_a_level() -> None:
     gain = CAMERA.electrons_per_lux
     number = f_number_for(1.4, OPTICS, 2.0, 1000.0, gain, CLOCK)
-    lit = on_lux(replace(OPTICS, f_number=number), AIR)
+    lit = levels(replace(OPTICS, f_number=number), AIR).on
     assert lit * gain / 40_000 == pytest.approx(1400)
     with pytest.raises(Exception, match=r"link.aim.on_level must be at most"):
         f_number_for(1.4, replace(OPTICS, luminance=1.0), 2.0, 1000.0, gain, CLOCK)

@@ -10,7 +10,7 @@ import pytest
 
 from cosim import InputError
 from cosim.lens import Lens
-from link.air import Aim, Levels, image_of, levels, on_lux
+from link.air import Aim, Levels, image_of, levels
 from link.air.geometry import affine_at, lengths
 from link.air.kernel import Psf
 from link.air.projection import Projection, disc_kernel
@@ -104,7 +104,7 @@ def test_an_even_panel_gives_the_camera_equations_lux() -> None:
     air = make(Shown(level=True))
     m = 39e-3 / (2 - 39e-3)
     exact = math.pi * 1000 * 0.9 / (4 * 1.864**2 * (1 + m) ** 2)
-    assert on_lux(OPTICS, AIR) == pytest.approx(exact, rel=1e-12)
+    assert levels(OPTICS, AIR).on == pytest.approx(exact, rel=1e-12)
     assert Lens(1.864, 0.9, m).gain * math.pi * 1000 == pytest.approx(exact, rel=1e-12)
     lit = air._lux(np.ones((32, 40), np.bool_), (0.0, 0.0), 1.0)
     assert lit[24, 32] == pytest.approx(

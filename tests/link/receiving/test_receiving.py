@@ -62,6 +62,7 @@ def test_a_file_arrives_and_the_measurements_are_right(given: dict[str, object])
     true_start = toy.first + symbol * toy.period + toy.slope / 2 - toy.begin
     assert abs(float(got.timing.start(symbol, row)) - true_start) < (0.1 if toy.begin else 0.05)
     assert abs(got.on - toy.on) < 0.1
+    assert abs(got.timing.period / toy.period - 1) * 1e6 < got.clock_error < 1000
 
 
 def test_blocks_do_not_matter_and_symbols_can_be_looked_up() -> None:
@@ -76,6 +77,9 @@ def test_blocks_do_not_matter_and_symbols_can_be_looked_up() -> None:
     assert one.instants[0].tick == pytest.approx(13.37 + 58 * 2, abs=1.5)
     assert one.cell_quality.shape == toy.layout.shape
     assert one.cell_errors.sum() == one.bytes_corrected > 0
+    sampled = 1 / (1 + np.exp(np.abs(one.soft.astype(np.float64))))
+    assert 0.3 < one.promise / sampled.mean() < 3  # 2000 of them, of which few are in doubt
+    assert one.promise == pytest.approx(many.promise, rel=1e-6)
     with pytest.raises(KeyError):
         one.decided(0, 1)
 
