@@ -34,13 +34,11 @@ class Eye:
 @dataclass(frozen=True)
 class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
-    the mean of 1/(1 + e^|L|). closed: the bound of blurred cells, from geometry, light and
-    threshold (`reach.predict_errors`). sharp: of cells without blur, on their whole pixels and
-    ticks (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
+    the mean of 1/(1 + e^|L|). closed: an estimate for blurred cells from geometry, light
+    and threshold (`reach.predict_errors`). interval: of the measured rate, 99.9 %."""
 
     soft: float | None
     closed: float | None
-    sharp: float | None
     interval: tuple[float, float] | None
 
 

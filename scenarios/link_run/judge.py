@@ -13,7 +13,7 @@ from cosim.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
 from link.layout import TRAINING
-from link.theory import clopper_pearson, one_bit_capacity, pixel_errors
+from link.theory import clopper_pearson, one_bit_capacity
 from link.verdict import Verdict
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
@@ -21,7 +21,7 @@ from scenarios.link_run.finished import Eye, LinkRun, Theory
 from scenarios.link_run.light import cell_scene, transmission
 from scenarios.link_run.prepare import PreparedLink
 from scenarios.link_run.rates import link_rates
-from scenarios.link_run.reach import LONGEST, CellScene, Reach, predict_errors, reach
+from scenarios.link_run.reach import CellScene, Reach, predict_errors, reach
 from scenarios.linking import LEAD
 from scenarios.result import Metric, Result, Throughput
 
@@ -30,7 +30,8 @@ __all__ = ["judge_link"]
 LEVEL = 0.999
 """Of the interval of the raw bit error rate."""
 _DISTANCES = 40
-"""At which the rate is foreseen, from a tenth to thirty times the run's."""
+"""At which the rate is foreseen, from where the panel fills the view to thirty times the run's, and
+at the run's."""
 
 
 def _errors(run: PreparedLink, received: Any) -> Errors:
@@ -62,26 +63,21 @@ def _theory(scene: CellScene, run: PreparedLink, errors: Errors, eye: Eye | None
     soft = None
     if eye is not None and eye.soft.size:
         soft = float((1 / (1 + np.exp(np.abs(eye.soft.astype(np.float64))))).mean())
-    mode, q = run.mode, scene.threshold
-    side = max(int(mode.cell * scene.pixel), 1)
-    false, missed = pixel_errors(
-        q, scene.on * q, scene.background * q, scene.reset, max(mode.ticks - 1, 1), side**2,
-        longest=LONGEST[mode.line],
-    )  # fmt: skip
-    return Theory(soft, predict_errors(scene, mode), (false + missed) / 2, interval)
+    return Theory(soft, predict_errors(scene, run.mode), interval)
 
 
 def _reach(run: PreparedLink, scene: CellScene) -> list[Reach]:
     setting = run.setting
     here = setting.air.distance
-    nearest = max(here / 10, 2.1 * setting.optics.focal_length)
-    distances = np.geomspace(nearest, 30 * here, _DISTANCES)
+    chip, panel, focal = setting.camera.chip, setting.panel, setting.optics.focal_length
+    tight = setting.scale * max(panel.shape[0] / chip.height, panel.shape[1] / chip.width)
+    fills = focal + (here - focal) * tight * (1 + 1e-9)
+    nearest = min(max(fills, here / 10, 2.1 * focal), 29 * here)
+    distances = np.unique([*np.geomspace(nearest, 30 * here, _DISTANCES), here])
     clear = transmission(setting, here)
     through = np.array([transmission(setting, d) / clear for d in distances])
-    chip = setting.camera.chip
     return reach(
-        scene, run.mode, here, setting.optics.focal_length, distances, setting.panel.clock.hz,
-        min(chip.width, chip.height), through,
+        scene, run.mode, here, focal, distances, panel.clock.hz, (chip.height, chip.width), through,
     )  # fmt: skip
 
 
@@ -109,7 +105,6 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ber_low": Metric(low, "1"),
         "ber_high": Metric(high, "1"),
         "ber_theory": Metric(theory.closed, "1"),
-        "ber_sharp": Metric(theory.sharp, "1"),
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(finished.errors.bits, "bits"),
         "fer": Metric(lost / sent if sent else None, "1"),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Block
+from cosim import Block
 from cosim.opencl import Device
 from cosim.viform import WORD, Words
 from link.air import Aim, Air, image_of
@@ -22,9 +22,9 @@ from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
 from link.timing import Timing
+from scenarios.link_patches import true_timing
 from scenarios.linking import LinkSetting
 from sensor import CameraSetting, SpikeCamera
-from sensor.sampling import row_offsets
 
 __all__ = ["Pilot", "Strip", "film_pilot", "strip_of"]
 
@@ -38,12 +38,12 @@ _MARGIN = 12
 
 @dataclass(frozen=True)
 class Strip:
-    """A narrow panel before a small camera: of the link it is cut from. first_light: ps."""
+    """A narrow panel before a small camera. setting: of the link it is cut from, with the strip's
+    own panel, camera and first light."""
 
     setting: LinkSetting
     camera: CameraSetting
     aim: Aim
-    first_light: int
 
     @property
     def width(self) -> int:
@@ -73,8 +73,10 @@ def strip_of(setting: LinkSetting) -> Strip:
     early = round(setting.camera.row_skew * int(low[1]) / height * period)
     first_light = setting.first_light - early
     panel = replace(setting.panel, shape=(optics.height, optics.width))
-    narrow = replace(setting, camera=camera, optics=optics, panel=panel)
-    return Strip(narrow, camera, replace(setting.aim, offset=(x, y)), first_light)
+    narrow = replace(
+        setting, camera=camera, optics=optics, panel=panel, first_light=first_light
+    )  # fmt: skip
+    return Strip(narrow, camera, replace(setting.aim, offset=(x, y)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,33 +91,20 @@ class Pilot:
         return int(((self.soft > 0) != self.sent).sum())
 
 
-def _timing(strip: Strip, late: npt.NDArray[np.int64], ticks: int) -> Timing:
-    """When symbols fall on ticks, from what was set."""
-    camera, height = strip.camera, strip.camera.chip.height
-    period = PS / camera.clock.hz
-    delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
-    moved = (late - delay) / period  # ticks by which light comes later than a row's own ticks
-    slope, first = np.polynomial.polynomial.polyfit(np.arange(height), moved, 1)[::-1]
-    return Timing(
-        strip.first_light / period + float(first),
-        ticks * camera.clock.hz / strip.setting.panel.clock.hz, float(slope) * height, height,
-    )  # fmt: skip
-
-
 def _film(strip: Strip, sent: Transmission, device: Device | None) -> tuple[Words, Timing, Air]:
     setting, camera = strip.setting, strip.camera
     air = Air(
         sent, setting.panel, setting.optics, strip.aim, setting.air, camera,
-        first_light=strip.first_light, planes=sent.planes,
+        first_light=setting.first_light, planes=sent.planes,
     )  # fmt: skip
     pixels = SpikeCamera(camera, device, late=air.late)
-    dark = strip.first_light + setting.panel.clock.edge(sent.planes)
+    dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
     parts = []
     for start in range(0, cycles, 2 * WORD):
         block = Block(start, min(2 * WORD, cycles - start))
         parts.append(pixels.step(air.step(None, block), block).words)
-    return np.concatenate(parts), _timing(strip, air.late, sent.mode.ticks), air
+    return np.concatenate(parts), true_timing(setting, air.late, sent.mode.ticks), air
 
 
 def film_pilot(strip: Strip, mode: Mode, detector: str, seed: int, device: Device | None) -> Pilot:

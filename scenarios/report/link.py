@@ -7,6 +7,7 @@ import shlex
 import time
 
 import numpy as np
+import numpy.typing as npt
 
 from link.verdict import Cause
 from scenarios.link_run.finished import LinkRun
@@ -132,7 +133,8 @@ def _errors(run: LinkRun) -> str:
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
         "1/(1 + exp |L|) over a sample: what they would be wrong by if they were the truth. The "
         "closed form takes each camera pixel and tick of a cell as an independent look at blurred "
-        "cells: an upper bound for such looks, without turbulence, vibration and drift.</p>"
+        "cells. It is an estimate: looks do not quite err independently, and turbulence, fixed "
+        "pattern and drift are not in it, so the run may err more.</p>"
         + plot(path, "bit error rates") + eye
     )  # fmt: skip
 
@@ -155,6 +157,7 @@ def _why(run: LinkRun) -> list[str]:
     edge = np.zeros_like(carries)
     edge[[0, -1]] = True
     edge[:, [0, -1]] = True
+    told += _least_sure(run, carries)
     for name, mask in (
         ("at the panel's edge, where half of the neighbourhood is dark", edge),
         ("beside tags and pilots", beside & ~edge),
@@ -174,6 +177,23 @@ def _why(run: LinkRun) -> list[str]:
     return told
 
 
+def _least_sure(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
+    """How many of the errors lie where the mean |soft value| is lowest."""
+    sure = np.asarray(run.received.cell_quality, np.float64)[carries]
+    wrong = run.errors.by_cell[carries]
+    if not wrong.sum():
+        return []
+    order = np.argsort(sure, kind="stable")
+    least = order[: len(order) // 5]
+    share = wrong[least].sum() / wrong.sum()
+    text = f"{share:.0%} of the errors lie in the fifth of cells with the lowest mean |soft value|"
+    if share > 0.3:
+        return [f"{text}, where it is below {sure[least[-1]]:.3g} (median of all: "
+                f"{np.median(sure):.3g}): they fail where the beat leaves them the least light of "
+                "their own."]  # fmt: skip
+    return [f"{text}: being less sure on average does not explain them."]
+
+
 def _cells(run: LinkRun) -> str:
     path = run.folder / "figures" / "cells.png"
     quality = getattr(run.received, "cell_quality", None)
@@ -182,7 +202,7 @@ def _cells(run: LinkRun) -> str:
     cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
-        "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of "
+        "<h2>Which cells fail</h2><p>Blank: tags and pilots. A pattern of stripes is the beat of "
         "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
         f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
@@ -214,10 +234,11 @@ def _reach(run: LinkRun) -> str:
         return "<h2>Rate against distance</h2><p>No distance is foreseen to work.</p>"
     reach_figure(run, path)
     return (
-        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, with this "
-        "panel, lens, light and camera: a resolved panel's image is as bright at any distance, but "
+        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
+        "measurement, with this panel, lens, light and camera, over the modes that a run tries on its "
+        "own: a resolved panel's image is as bright at any distance, but "
         "smaller, so cells must grow; nearer than the line begins, the panel does not fit into the "
-        "view. Only the dots were simulated.</p>" + plot(path, "rate against distance")
+        "view. Only the dots come from this run.</p>" + plot(path, "rate against distance")
     )  # fmt: skip
 
 
