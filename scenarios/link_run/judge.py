@@ -15,6 +15,7 @@ from link.air.geometry import panel_corners
 from link.layout import TRAINING
 from link.theory import clopper_pearson, one_bit_capacity
 from link.verdict import Verdict
+from scenarios.link_check import LinkCheck
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
 from scenarios.link_run.finished import Eye, LinkRun, Theory
@@ -120,8 +121,21 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "f_number": Metric(run.setting.optics.f_number, "1"),
         "goodput_error": Metric(run.check.goodput, "1"),
         "full_physics": Metric(_full_physics(run), "s"),
+        **_compared(finished.check),
         "camera": Metric(finished.seconds["air"] + finished.seconds["sensor"], "s"),
     }
+
+
+def _compared(check: LinkCheck) -> dict[str, Metric]:
+    """How many bits stand behind the error, and what they say of single decisions."""
+    paired = check.paired
+    return {
+        "check_bits": Metric(None if paired is None else paired.bits, "bits"),
+        "check_otherwise": Metric(
+            None if paired is None else paired.more + paired.fewer, "bits"
+        ),
+        "check_otherwise_high": Metric(None if paired is None else paired.otherwise, "1"),
+    }  # fmt: skip
 
 
 def _full_physics(run: PreparedLink) -> float | None:
@@ -157,6 +171,7 @@ def judge_link(
         done = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
     scene = cell_scene(setting)
     errors, eye = _errors(run, received), _eye(run, received)
+    check = run.check.met(errors.rate, errors.bits)
     truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)
     outline = None
     if received.registration is not None and received.mode == run.mode:
@@ -171,9 +186,9 @@ def judge_link(
         device=run.device.name if run.device is not None else "numba on this processor",
         simulated_s=run.cycles / camera.clock.hz,
         tolerance=run.scenario.tolerance,
-        error=run.check.error,
+        error=check.error,
         kept=run.plan.kept,
-        left_out=run.plan.documents(run.check.measured),
+        left_out=run.plan.documents(check.measured),
         latency=link_latency(setting, layout, verified),
         throughput=throughput,
         files=["scenario.toml", "stream.zarr"],
@@ -183,7 +198,7 @@ def judge_link(
         received, errors, _theory(scene, run, errors, eye),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
-        _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, run.plan,
+        _reach(run, scene), _capacity(run, scene), seconds, began, check, run.choice,
         [*run.notes, *run.short, f"{verdict.cause.value}: {verdict.told}"],
     )  # fmt: skip
     result.metrics = _metrics(finished, run)

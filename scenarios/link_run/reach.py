@@ -30,8 +30,8 @@ _WORTH = 1e-3
 _LOST = 0.03
 """Frames that a transmission may lose: what the default overhead makes good."""
 LEAST_CELL = 1.2
-"""Camera pixels to a cell's side, at least, that a run takes on its own: nearer to 1 the grids' beat
-leaves cells without a pixel of their own."""
+"""Camera pixels to a cell's side, at least, that a run takes on its own: nearer to 1 the grids'
+beat leaves cells without a pixel of their own."""
 LONGEST = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
 """Longest run of equal symbols."""
 Values = npt.NDArray[np.float64]

@@ -39,21 +39,23 @@ def _count(value: float | None, unit: str = "") -> str:
 def _cards(run: LinkRun) -> str:
     error, spent = run.result.error, time.perf_counter() - run.began
     frames = run.result.metrics
-    high = "" if error.ci is None else f", at most {error.ci[1]:.2g}"
+    paired = run.check.paired
     told = (
-        "error against full physics: not measured" if error.value is None
-        else f"error against full physics{high}, in half-widths of the bit error rate's interval"
+        "error against full physics: not measured" if paired is None
+        else "error against full physics, in half-widths of the bit error rate's interval, at "
+        f"most {paired.high:.2g}: fewer than {paired.otherwise * 1e6:.2g} in a million bits are decided "
+        "otherwise"
     )  # fmt: skip
     lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
     return cards([
-        ("first", _count(error.value), told),
-        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
-        ("first", str(len(run.result.left_out)), "effects left out"),
-        ("", "whole" if run.delivered else "not delivered",
+        ("first", "whole" if run.delivered else "not delivered",
          f"{len(run.payload.data):,} bytes, {run.payload.name}"),
-        ("", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
-        ("", _count(run.errors.rate), "raw bit error rate"),
+        ("first", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
+        ("first", _count(run.errors.rate), "raw bit error rate"),
         ("", f"{lost:.0f} of {sent:.0f}", "frames lost"),
+        ("", _count(error.value), told),
+        ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
+        ("", str(len(run.result.left_out)), "effects left out"),
     ])  # fmt: skip
 
 
@@ -186,11 +188,11 @@ def _least_sure(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
     order = np.argsort(sure, kind="stable")
     least = order[: len(order) // 5]
     share = wrong[least].sum() / wrong.sum()
-    text = f"{share:.0%} of the errors lie in the fifth of cells with the lowest mean |soft value|"
+    text = f"{share:.0%} of errors lie in the fifth of cells with the lowest mean |soft value|"
     if share > 0.3:
         return [f"{text}, where it is below {sure[least[-1]]:.3g} (median of all: "
-                f"{np.median(sure):.3g}): they fail where the beat leaves them the least light of "
-                "their own."]  # fmt: skip
+                f"{np.median(sure):.3g}): cells fail where their decisions are least sure, which on "
+                "the map follows the beat."]  # fmt: skip
     return [f"{text}: being less sure on average does not explain them."]
 
 
@@ -202,7 +204,7 @@ def _cells(run: LinkRun) -> str:
     cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
-        "<h2>Which cells fail</h2><p>Blank: tags and pilots. A pattern of stripes is the beat of "
+        "<h2>Which cells fail</h2><p>Pale: tags and pilots. A pattern of stripes is the beat of "
         "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
         f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
@@ -235,10 +237,11 @@ def _reach(run: LinkRun) -> str:
     reach_figure(run, path)
     return (
         "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
-        "measurement, with this panel, lens, light and camera, over the modes that a run tries on its "
-        "own: a resolved panel's image is as bright at any distance, but "
-        "smaller, so cells must grow; nearer than the line begins, the panel does not fit into the "
-        "view. Only the dots come from this run.</p>" + plot(path, "rate against distance")
+        "measurement, with this panel, lens, light and camera, over the modes that a run tries on "
+        "its own: a resolved panel's image is as bright at any distance, but smaller, so cells "
+        "must grow; nearer than the line begins, the panel does not fit "
+        "into the view. Only the dots come from this run.</p>"
+        + plot(path, "rate against distance")
     )  # fmt: skip
 
 
@@ -265,7 +268,7 @@ def write_link_report(run: LinkRun) -> list[str]:
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
     parts = [
-        _verdict(run), _view(run), _rates(run), _errors(run), _cells(run), _delay(run), _reach(run),
+        _verdict(run), _rates(run), _delay(run), _errors(run), _cells(run), _view(run), _reach(run),
         kept_section(run), machine_section(run),
     ]  # fmt: skip
     run.seconds["report"] = time.perf_counter() - begin
