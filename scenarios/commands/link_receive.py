@@ -100,11 +100,12 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
 
 
 def _goodput(r: Received, size: int, clock: Clock) -> float | None:
-    """File bits over first light, or the stream's begin, to the last verified byte."""
+    """File bits over first light, or the stream's begin, to the end of the last verified byte's
+    cycle."""
     if r.delivered_tick is None or r.timing is None:
         return None
     begin = r.timing.first if r.first_light is not None else 0.0
-    return 8 * size * clock.hz / (r.delivered_tick - max(begin, 0.0))
+    return 8 * size * clock.hz / (r.delivered_tick + 1 - max(begin, 0.0))
 
 
 def _write(out: Path, received: Received, document: str) -> None:

@@ -13,9 +13,11 @@ from cosim.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
 from link.layout import TRAINING
-from link.theory import clopper_pearson, one_bit_capacity
+from link.theory import clopper_pearson
 from link.verdict import Verdict
+from scenarios.link_capacity import capacity_bps
 from scenarios.link_check import LinkCheck
+from scenarios.link_given import given_by
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
 from scenarios.link_run.finished import Eye, LinkRun, Theory
@@ -80,13 +82,6 @@ def _reach(run: PreparedLink, scene: CellScene) -> list[Reach]:
     return reach(
         scene, run.mode, here, focal, distances, panel.clock.hz, (chip.height, chip.width), through,
     )  # fmt: skip
-
-
-def _capacity(run: PreparedLink, scene: CellScene) -> float:
-    """Bits a second of the whole chip: each pixel's ticks as one-bit slots that begin empty."""
-    camera, q = run.setting.camera, scene.threshold
-    slot = float(one_bit_capacity(q, (scene.on + scene.background) * q, scene.background * q))
-    return slot * camera.chip.width * camera.chip.height * camera.clock.hz
 
 
 def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
@@ -198,7 +193,8 @@ def judge_link(
         received, errors, _theory(scene, run, errors, eye),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
-        _reach(run, scene), _capacity(run, scene), seconds, began, check, run.choice,
+        _reach(run, scene), capacity_bps(given_by(setting, scene, run.mode)), seconds, began, check,
+        run.choice,
         [*run.notes, *run.short, f"{verdict.cause.value}: {verdict.told}"],
     )  # fmt: skip
     result.metrics = _metrics(finished, run)

@@ -43,8 +43,8 @@ def _cards(run: LinkRun) -> str:
     told = (
         "error against full physics: not measured" if paired is None
         else "error against full physics, in half-widths of the bit error rate's interval, at "
-        f"most {paired.high:.2g}: fewer than {paired.otherwise * 1e6:.2g} in a million bits are decided "
-        "otherwise"
+        f"most {paired.high:.2g}: fewer than {paired.otherwise * 1e6:.2g} in a million bits are "
+        "decided otherwise"
     )  # fmt: skip
     lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
     return cards([
@@ -73,7 +73,7 @@ def _view(run: LinkRun) -> str:
 def _rates(run: LinkRun) -> str:
     path = run.folder / "figures" / "rates.png"
     rows: list[tuple[str, float | None]] = [
-        ("capacity of the sensor", run.capacity), ("raw", run.rates.raw),
+        ("capacity of the pixels in use", run.capacity), ("raw", run.rates.raw),
         ("coded", run.rates.coded), ("goodput", run.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
@@ -87,9 +87,10 @@ def _rates(run: LinkRun) -> str:
         ["data cells", f"{run.layout.cells:,} of {run.layout.shape[0] * run.layout.shape[1]:,}"],
     ]  # fmt: skip
     return (
-        "<h2>Rates</h2><p>Capacity: of one-bit slots at this light and threshold, for every camera "
-        "pixel and tick. Raw: a bit of every data cell in every symbol. Coded: what line code and "
-        "Reed-Solomon leave of it. Goodput: the file's bits from first light to its last verified "
+        "<h2>Rates</h2><p>Capacity: of all camera pixels that see the panel, a bit a tick, or what "
+        "their light could carry where that is less; <code>viform link capacity</code> tells what "
+        "costs how much of it. Raw: a bit of every data cell in every symbol. Coded: what line "
+        "code and Reed-Solomon leave of it. Goodput: the file's bits from first light to its last verified "
         "byte, training, framing and repair frames counted.</p>"
         + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(run)
     )  # fmt: skip
@@ -188,11 +189,11 @@ def _least_sure(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
     order = np.argsort(sure, kind="stable")
     least = order[: len(order) // 5]
     share = wrong[least].sum() / wrong.sum()
-    text = f"{share:.0%} of errors lie in the fifth of cells with the lowest mean |soft value|"
+    text = f"{share:.0%} of errors lie in the fifth of cells of the lowest mean |soft value|"
     if share > 0.3:
         return [f"{text}, where it is below {sure[least[-1]]:.3g} (median of all: "
-                f"{np.median(sure):.3g}): cells fail where their decisions are least sure, which on "
-                "the map follows the beat."]  # fmt: skip
+                f"{np.median(sure):.3g}): cells fail where decisions are least sure, which on the "
+                "map follows the beat."]  # fmt: skip
     return [f"{text}: being less sure on average does not explain them."]
 
 
