@@ -90,7 +90,8 @@ def _rates(run: LinkRun) -> str:
         "<h2>Rates</h2><p>Capacity: of all camera pixels that see the panel, a bit a tick, or what "
         "their light could carry where that is less; <code>viform link capacity</code> tells what "
         "costs how much of it. Raw: a bit of every data cell in every symbol. Coded: what line "
-        "code and Reed-Solomon leave of it. Goodput: the file's bits from first light to its last verified "
+        "code and Reed-Solomon leave of it. "
+        "Goodput: the file's bits from first light to its last verified "
         "byte, training, framing and repair frames counted.</p>"
         + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(run)
     )  # fmt: skip
