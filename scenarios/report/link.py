@@ -42,9 +42,8 @@ def _cards(run: LinkRun) -> str:
     paired = run.check.paired
     told = (
         "error against full physics: not measured" if paired is None
-        else "error against full physics, in half-widths of the bit error rate's interval, at "
-        f"most {paired.high:.2g}: fewer than {paired.otherwise * 1e6:.2g} in a million bits are "
-        "decided otherwise"
+        else f"error against full physics, at most {paired.high:.2g}, in half-widths of the bit "
+        "error rate's interval"
     )  # fmt: skip
     lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
     return cards([
@@ -161,7 +160,7 @@ def _why(run: LinkRun) -> list[str]:
     edge = np.zeros_like(carries)
     edge[[0, -1]] = True
     edge[:, [0, -1]] = True
-    told += _least_sure(run, carries)
+    told += _beside_grid(run, carries)
     for name, mask in (
         ("at the panel's edge, where half of the neighbourhood is dark", edge),
         ("beside tags and pilots", beside & ~edge),
@@ -181,21 +180,56 @@ def _why(run: LinkRun) -> list[str]:
     return told
 
 
-def _least_sure(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
-    """How many of the errors lie where the mean |soft value| is lowest."""
-    sure = np.asarray(run.received.cell_quality, np.float64)[carries]
+def _fifths(order: npt.NDArray[np.intp], wrong: npt.NDArray[np.int64]) -> list[float]:
+    """Share of all errors in each fifth of the cells, as they are ordered."""
+    parts = np.array_split(wrong[order], 5)
+    return [float(part.sum() / wrong.sum()) for part in parts]
+
+
+def _grids(run: LinkRun, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64] | None:
+    """How far the edges of each data cell lie from the nearest border of camera pixels, camera
+    pixels, the worse of both axes; None where the panel was not found."""
+    found = run.received.registration
+    if found is None or run.received.mode != run.mode:
+        return None
+    row, column = np.nonzero(carries)
+    side = run.mode.cell
+    off = []
+    for right in (0, 1):
+        x, y = found.camera((column + right) * side - 0.5, (row + right) * side - 0.5)
+        off += [np.abs(z + 0.5 - np.round(z + 0.5)) for z in (x, y)]
+    return np.asarray(np.max(off, axis=0), np.float64)
+
+
+def _beside_grid(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
+    """Where errors lie against how sure cells are, and against the grid of camera pixels."""
     wrong = run.errors.by_cell[carries]
     if not wrong.sum():
         return []
-    order = np.argsort(sure, kind="stable")
-    least = order[: len(order) // 5]
-    share = wrong[least].sum() / wrong.sum()
-    text = f"{share:.0%} of errors lie in the fifth of cells of the lowest mean |soft value|"
-    if share > 0.3:
-        return [f"{text}, where it is below {sure[least[-1]]:.3g} (median of all: "
-                f"{np.median(sure):.3g}): cells fail where decisions are least sure, which on the "
-                "map follows the beat."]  # fmt: skip
-    return [f"{text}: being less sure on average does not explain them."]
+    sure = np.asarray(run.received.cell_quality, np.float64)[carries]
+    by_sure = _fifths(np.argsort(sure, kind="stable"), wrong)
+    told = [
+        f"The fifth of cells with the lowest mean |soft value| has {by_sure[0]:.0%} of the errors, "
+        f"the fifth with the highest {by_sure[4]:.0%}"
+        + (
+            ": it is not where cells are least sure on average that decisions fail."
+            if by_sure[0] < by_sure[4] else "."
+        )
+    ]  # fmt: skip
+    off = _grids(run, carries)
+    if off is not None:
+        by_grid = _fifths(np.argsort(off, kind="stable"), wrong)
+        near = by_grid[0] > by_grid[4]
+        told.append(
+            "The fifth whose edges lie nearest to borders of camera pixels has "
+            f"{by_grid[0]:.0%} of them, the fifth farthest from them {by_grid[4]:.0%}: "
+            + (
+                "a cell on whole pixels of its own has the fewest that look at it."
+                if near
+                else "pixels that see two cells at once tell them apart less well."
+            )
+        )
+    return told
 
 
 def _cells(run: LinkRun) -> str:

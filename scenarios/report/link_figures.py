@@ -194,18 +194,20 @@ def reach_figure(run: LinkRun, path: Path) -> None:
     works = rate > 0
     ax.step(distance, np.where(works, rate, np.nan), where="mid", color=BLUE, linewidth=1.4,
             label="predicted by closed forms: coded rate of the best mode")  # fmt: skip
-    ax.set_xlim(distance[0] / 1.1, distance[-1] * 1.1)
+    here = run.setting.air.distance
+    ends = [here, *distance[works]]
+    ax.set_xlim(min(ends) / 1.1, max(ends) * 1.25)
     for first, last, rate_there, text in _stretches(run.reach, *ax.get_xlim()):
         ax.annotate(
             text, (math.sqrt(first * last), rate_there), (0, 5), textcoords="offset points",
             fontsize=7.5, color=INK, ha="center",
         )  # fmt: skip
-    here = run.setting.air.distance
     ax.plot(here, run.rates.coded, "o", color=PALE, label="coded rate of this run's mode")
     if run.rates.goodput:
         ax.plot(here, run.rates.goodput, "o", color=MARK, label="measured goodput")
     ax.set_xscale("log")
     ax.set_yscale("log")
+    ax.set_ylim(top=max(*rate, run.rates.coded) * 2)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(_some)
     ax.yaxis.set_major_formatter(_bits_axis)
@@ -223,7 +225,7 @@ def _stretches(
     a name; those left out for whose names an axis from left to right has no room."""
     found: list[tuple[float, float, float, str]] = []
     free = 0.0
-    per_letter = 0.0085 * math.log(right / left)
+    per_letter = 0.0068 * math.log(right / left)
     for size, each in itertools.groupby(rows, lambda r: r.mode and (r.mode.cell, r.mode.ticks)):
         held = list(each)
         if size is None:
