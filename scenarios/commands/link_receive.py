@@ -48,6 +48,10 @@ def link_receive(
         raise InputError(
             "--detector", f"one of {', '.join(DETECTORS)}", repr(detector), "choose one"
         )
+    if any((out / "received").glob("*")):  # it would stand beside the verdict of another stream
+        raise InputError(
+            "--out", "a folder where nothing has been received", str(out), "choose another"
+        )
     opened, notes = open_any(stream, size_option(size))
     receiver = Receiver(opened.shape, detector=detector, interleave=interleave)
     for first in range(0, words_for(opened.cycles), _WORDS):

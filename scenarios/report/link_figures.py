@@ -129,7 +129,8 @@ def cells_figure(
     cells are drawn as dots, larger than they are, so that each is seen. errors: -1 where a cell
     carries no data."""
     plt = pyplot()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.9), layout="constrained")
+    tall = min(max(4.6 * errors.shape[0] / errors.shape[1], 2.0), 9.0) + 0.3
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, tall), layout="constrained")
     carries = errors >= 0
     sure = np.where(carries, quality, np.nan)
     high = float(np.nanquantile(sure, 0.99)) if carries.any() else 1.0
@@ -148,7 +149,7 @@ def cells_figure(
         drawn = right.scatter(
             column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
         )
-        title = f"{row.size:,} cells with errors, by the {title}"
+        title = f"{row.size:,} cells with errors, by the share of their symbols decided wrong"
     else:
         drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
     right.set_title(title, fontsize=10, color=INK)
