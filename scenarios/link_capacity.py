@@ -10,7 +10,7 @@ from link.layout import GROUP_BITS, Layout
 from link.mode import Mode
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 
-__all__ = ["Given", "capacity_document"]
+__all__ = ["Given", "capacity_bps", "capacity_document", "pixel_bound"]
 
 WORD: Final = 255
 LARGEST: Final = 1000.0
@@ -31,6 +31,18 @@ class Given:
     sensor: int
     seen: float
     looks: int
+
+
+def pixel_bound(given: Given) -> float:
+    """Bits a tick that no modulation of one pixel's light can exceed: what a latch can say, or what
+    light of this peak and background could carry where that is less."""
+    peak = max(given.on - given.off, 1e-300)
+    return min(1.0, float(poisson_capacity(given.off / peak)) * peak)
+
+
+def capacity_bps(given: Given) -> float:
+    """Of all camera pixels that see the panel, each at its `pixel_bound`: bits a second."""
+    return given.seen * given.hz * pixel_bound(given)
 
 
 def _pixel(given: Given, mode: Mode, seed: int) -> dict[str, Any]:
@@ -95,7 +107,7 @@ def capacity_document(given: Given, mode: Mode, seed: int = 1) -> dict[str, Any]
 
     layout = Layout(mode)
     pixel = _pixel(given, mode, seed)
-    per_tick = min(1.0, pixel["poisson"]["value"])
+    per_tick = pixel_bound(given)
     rows, columns = layout.shape
     cells, free = rows * columns, int(layout.free.sum())
     line = GROUP_BITS[mode.line] / layout.group
@@ -123,7 +135,7 @@ def capacity_document(given: Given, mode: Mode, seed: int = 1) -> dict[str, Any]
             {"name": name, "what": what, "factor": factor, "bps": rate, "share_of_loss": cost}
         )
     raw = layout.cells * given.hz / mode.ticks
-    capacity = given.seen * given.hz * per_tick
+    capacity = capacity_bps(given)
     return {
         "capacity_bps": capacity,
         "cells_bps": layout.cells * given.hz / mode.ticks * pixel["cell"]["value"],

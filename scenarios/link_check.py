@@ -1,13 +1,18 @@
 """The error of a link's run: its bit error rate against that of full physics, on a few patches.
 
 Both are counted on the same bits, with the same chance in every pixel, so what counts are the bits
-that only one of the two has wrong. Their two rates have Clopper-Pearson intervals, which together
-hold at 99.9 %; the bits are taken as independent.
+that only one of the two has wrong: |difference of the rates| is at most their share. Where there
+are none that share has a one-sided Clopper-Pearson limit; else the two kinds have an interval each,
+which together hold at 99.9 %. The bits are taken as independent.
+
+The unit is half the interval of the run's own bit error rate: before the run that of full physics
+on the patches, after it the rate that was measured over all of its bits.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,14 +40,41 @@ Wrong = npt.NDArray[np.bool_]
 @dataclass(frozen=True)
 class Paired:
     """Two ways on the same bits. bits: compared. full, run: wrong bits of full physics, and as run.
-    value: |difference of the rates| in half-widths; low, high: at 99.9 %."""
+    more, fewer: those that only the run, and only full physics has wrong. unit: a half-width, as a
+    bit error rate. change: interval of |difference of the rates|, at 99.9 %."""
 
     bits: int
     full: int
     run: int
-    value: float
-    low: float
-    high: float
+    more: int
+    fewer: int
+    unit: float
+    change: tuple[float, float]
+
+    @property
+    def value(self) -> float:
+        """|Difference of the rates| in half-widths."""
+        return abs(self.more - self.fewer) / self.bits / self.unit
+
+    @property
+    def low(self) -> float:
+        """At 99.9 %, half-widths."""
+        return self.change[0] / self.unit
+
+    @property
+    def high(self) -> float:
+        """At 99.9 %, half-widths."""
+        return self.change[1] / self.unit
+
+    @property
+    def otherwise(self) -> float:
+        """Share of bits that are decided otherwise, at most, at 99.9 %."""
+        return _at_most(self.more + self.fewer, self.bits)
+
+
+def _at_most(count: int, bits: int) -> float:
+    """One-sided Clopper-Pearson limit at 99.9 %."""
+    return float(clopper_pearson(count, bits, 1 - 2 * (1 - LEVEL))[1])
 
 
 def compare(full: Wrong, run: Wrong, bits_of_run: int) -> Paired:
@@ -53,11 +85,11 @@ def compare(full: Wrong, run: Wrong, bits_of_run: int) -> Paired:
     level = 1 - (1 - LEVEL) / 2
     up, down = (clopper_pearson(n, bits, level) for n in (more, fewer))
     low, high = float(up[0] - down[1]), float(up[1] - down[0])
-    unit = half_width(float(full.mean()), bits_of_run)
     nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
+    farthest = max(abs(low), abs(high)) if more + fewer else _at_most(0, bits)
     return Paired(
-        bits, int(full.sum()), int(run.sum()), abs(more - fewer) / bits / unit, nearest / unit,
-        max(abs(low), abs(high)) / unit,
+        bits, int(full.sum()), int(run.sum()), more, fewer,
+        half_width(float(full.mean()), bits_of_run), (nearest, farthest),
     )  # fmt: skip
 
 
@@ -74,16 +106,31 @@ def goodput_change(full: float, run: float, mode: Mode) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinkCheck:
-    """paired: the run against full physics, None where nothing could be compared. measured: of each
-    effect that the plan leaves out, what leaving out that one alone changed, in half-widths.
+    """paired: the run against full physics, None where nothing could be compared. alone: of each
+    effect that the plan leaves out, what leaving out that one alone changed.
     goodput: relative change foretold. patches: how many. full_ns: what full physics takes for a
     pixel-cycle, light included."""
 
     paired: Paired | None
-    measured: dict[str, float | None]
+    alone: Mapping[str, Paired | None]
     goodput: float | None
     patches: int
     full_ns: float | None
+
+    @property
+    def measured(self) -> dict[str, float | None]:
+        """`alone` in half-widths."""
+        return {name: None if p is None else p.value for name, p in self.alone.items()}
+
+    def met(self, rate: float | None, bits: int) -> LinkCheck:
+        """The same in half-widths of the bit error rate that the run's own bits have."""
+        if rate is None or self.paired is None or not bits:
+            return self
+        unit = half_width(rate, bits)
+        alone = {
+            name: None if p is None else replace(p, unit=unit) for name, p in self.alone.items()
+        }
+        return replace(self, paired=replace(self.paired, unit=unit), alone=alone)
 
     @property
     def error(self) -> Error:
@@ -103,6 +150,8 @@ class LinkCheck:
             "bits": None if paired is None else paired.bits,
             "wrong_full_physics": None if paired is None else paired.full,
             "wrong_as_run": None if paired is None else paired.run,
+            "otherwise": None if paired is None else paired.more + paired.fewer,
+            "otherwise_at_most": None if paired is None else paired.otherwise,
             "goodput_change": self.goodput, "patches": self.patches,
         }  # fmt: skip
 
@@ -143,7 +192,7 @@ def check_link(
 
     return LinkCheck(
         against(decided[_RUN]),
-        {name: against(decided[name]).value for name in plan.left_out},
+        {name: against(decided[name]) for name in plan.left_out},
         goodput_change(full.rate, decided[_RUN].rate, sent.mode),
         count, full.air_ns + full.camera_ns,
     )  # fmt: skip

@@ -37,8 +37,9 @@ from sensor.tiers import Tier
 
 __all__ = ["Decided", "LinkPatches", "Variant", "true_timing"]
 
-SIDE: Final = 48
-"""Camera pixels of a patch, at least, and four cells."""
+SIDE: Final = 48, 104
+"""Camera pixels of a patch, at least, and at most: a tenth of the sensor's shorter side between
+them. Not less than four cells."""
 MARGIN: Final = 5
 """Camera pixels between a cell's middle and the patch's edge, beside half the cell."""
 RANDOM: Final = 4
@@ -123,7 +124,8 @@ class LinkPatches:
             setting.optics, setting.aim, setting.air, (chip.height, chip.width)
         )
         side = sent.mode.cell * setting.scale
-        size = min(max(SIDE, round(4 * side) + 2 * MARGIN), chip.height, chip.width)
+        tenth = min(max(min(chip.height, chip.width) // 10, SIDE[0]), SIDE[1])
+        size = min(max(tenth, round(4 * side) + 2 * MARGIN), chip.height, chip.width)
         x, y = self._centres(layout)
         seen = (x > 0) & (x < chip.width - 1) & (y > 0) & (y < chip.height - 1)
         boxes = self._boxes(x[seen], y[seen], size, seed)

@@ -48,6 +48,10 @@ def link_receive(
         raise InputError(
             "--detector", f"one of {', '.join(DETECTORS)}", repr(detector), "choose one"
         )
+    if any((out / "received").glob("*")):  # it would stand beside the verdict of another stream
+        raise InputError(
+            "--out", "a folder where nothing has been received", str(out), "choose another"
+        )
     opened, notes = open_any(stream, size_option(size))
     receiver = Receiver(opened.shape, detector=detector, interleave=interleave)
     for first in range(0, words_for(opened.cycles), _WORDS):
@@ -101,11 +105,12 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
 
 
 def _goodput(r: Received, size: int, clock: Clock) -> float | None:
-    """File bits over first light, or the stream's begin, to the last verified byte."""
+    """File bits over first light, or the stream's begin, to the end of the last verified byte's
+    cycle."""
     if r.delivered_tick is None or r.timing is None:
         return None
     begin = r.timing.first if r.first_light is not None else 0.0
-    return 8 * size * clock.hz / (r.delivered_tick - max(begin, 0.0))
+    return 8 * size * clock.hz / (r.delivered_tick + 1 - max(begin, 0.0))
 
 
 def _write(out: Path, received: Received, document: str) -> None:

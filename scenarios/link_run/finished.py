@@ -12,6 +12,7 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.mode import Mode
 from link.verdict import Verdict
+from scenarios.link_check import LinkCheck
 from scenarios.link_run.errors import Errors
 from scenarios.link_run.rates import Rates
 from scenarios.link_run.reach import CellScene, Reach
@@ -34,13 +35,11 @@ class Eye:
 @dataclass(frozen=True)
 class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
-    the mean of 1/(1 + e^|L|) over all of them. closed: the bound of a model of blurred cells, from
-    geometry, light and threshold (`reach.predict_errors`). sharp: of cells without blur, on their
-    whole pixels and ticks (`link.theory.pixel_errors`). interval: of the measured rate, 99.9 %."""
+    the mean of 1/(1 + e^|L|) over all of them. closed: an estimate for blurred cells from geometry,
+    light and threshold (`reach.predict_errors`). interval: of the measured rate, 99.9 %."""
 
     soft: float | None
     closed: float | None
-    sharp: float | None
     interval: tuple[float, float] | None
 
 
@@ -50,7 +49,8 @@ class LinkRun:
     received/ are those that were sent. image: spikes a cycle of every camera pixel over the light's
     time, (H, W). outline: camera (x, y) of the panel's corners as the receiver found them, (4, 2),
     None where it did not; truth: the same as they are. delays: ps of every verified group. choice:
-    of the mode, None where it was given. plan: of `scenarios.link_plan`."""
+    of the mode, None where it was given. check: of the plan, in the unit of
+    the run's own bits."""
 
     result: Result
     scenario: LinkScenario
@@ -75,8 +75,8 @@ class LinkRun:
     capacity: float
     seconds: dict[str, float]
     began: float
+    check: LinkCheck
     choice: Any = None
-    plan: Any = None
     notes: list[str] = field(default_factory=list)
 
     def verdict_document(self) -> dict[str, Any]:

@@ -13,15 +13,18 @@ from cosim.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
 from link.layout import TRAINING
-from link.theory import clopper_pearson, one_bit_capacity, pixel_errors
+from link.theory import clopper_pearson
 from link.verdict import Verdict
+from scenarios.link_capacity import capacity_bps
+from scenarios.link_check import LinkCheck
+from scenarios.link_given import given_by
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
 from scenarios.link_run.finished import Eye, LinkRun, Theory
 from scenarios.link_run.light import cell_scene, transmission
 from scenarios.link_run.prepare import PreparedLink
 from scenarios.link_run.rates import link_rates
-from scenarios.link_run.reach import LONGEST, CellScene, Reach, predict_errors, reach
+from scenarios.link_run.reach import CellScene, Reach, predict_errors, reach
 from scenarios.linking import LEAD
 from scenarios.result import Metric, Result, Throughput
 
@@ -30,7 +33,8 @@ __all__ = ["judge_link"]
 LEVEL = 0.999
 """Of the interval of the raw bit error rate."""
 _DISTANCES = 40
-"""At which the rate is foreseen, from a tenth to thirty times the run's."""
+"""At which the rate is foreseen, from where the panel fills the view to thirty times the run's, and
+at the run's."""
 
 
 def _errors(run: PreparedLink, received: Any) -> Errors:
@@ -60,34 +64,22 @@ def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) 
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
         interval = float(low), float(high)
     soft = received.promise if received.mode == run.mode else None
-    mode, q = run.mode, scene.threshold
-    side = max(int(mode.cell * scene.pixel), 1)
-    false, missed = pixel_errors(
-        q, scene.on * q, scene.background * q, scene.reset, max(mode.ticks - 1, 1), side**2,
-        longest=LONGEST[mode.line],
-    )  # fmt: skip
-    return Theory(soft, predict_errors(scene, mode), (false + missed) / 2, interval)
+    return Theory(soft, predict_errors(scene, run.mode), interval)
 
 
 def _reach(run: PreparedLink, scene: CellScene) -> list[Reach]:
     setting = run.setting
     here = setting.air.distance
-    nearest = max(here / 10, 2.1 * setting.optics.focal_length)
-    distances = np.geomspace(nearest, 30 * here, _DISTANCES)
+    chip, panel, focal = setting.camera.chip, setting.panel, setting.optics.focal_length
+    tight = setting.scale * max(panel.shape[0] / chip.height, panel.shape[1] / chip.width)
+    fills = focal + (here - focal) * tight * (1 + 1e-9)
+    nearest = min(max(fills, here / 10, 2.1 * focal), 29 * here)
+    distances = np.unique([*np.geomspace(nearest, 30 * here, _DISTANCES), here])
     clear = transmission(setting, here)
     through = np.array([transmission(setting, d) / clear for d in distances])
-    chip = setting.camera.chip
     return reach(
-        scene, run.mode, here, setting.optics.focal_length, distances, setting.panel.clock.hz,
-        min(chip.width, chip.height), through,
+        scene, run.mode, here, focal, distances, panel.clock.hz, (chip.height, chip.width), through,
     )  # fmt: skip
-
-
-def _capacity(run: PreparedLink, scene: CellScene) -> float:
-    """Bits a second of the whole chip: each pixel's ticks as one-bit slots that begin empty."""
-    camera, q = run.setting.camera, scene.threshold
-    slot = float(one_bit_capacity(q, (scene.on + scene.background) * q, scene.background * q))
-    return slot * camera.chip.width * camera.chip.height * camera.clock.hz
 
 
 def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
@@ -107,7 +99,6 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ber_low": Metric(low, "1"),
         "ber_high": Metric(high, "1"),
         "ber_theory": Metric(theory.closed, "1"),
-        "ber_sharp": Metric(theory.sharp, "1"),
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(finished.errors.bits, "bits"),
         "fer": Metric(lost / sent if sent else None, "1"),
@@ -123,8 +114,21 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "f_number": Metric(run.setting.optics.f_number, "1"),
         "goodput_error": Metric(run.check.goodput, "1"),
         "full_physics": Metric(_full_physics(run), "s"),
+        **_compared(finished.check),
         "camera": Metric(finished.seconds["air"] + finished.seconds["sensor"], "s"),
     }
+
+
+def _compared(check: LinkCheck) -> dict[str, Metric]:
+    """How many bits stand behind the error, and what they say of single decisions."""
+    paired = check.paired
+    return {
+        "check_bits": Metric(None if paired is None else paired.bits, "bits"),
+        "check_otherwise": Metric(
+            None if paired is None else paired.more + paired.fewer, "bits"
+        ),
+        "check_otherwise_high": Metric(None if paired is None else paired.otherwise, "1"),
+    }  # fmt: skip
 
 
 def _full_physics(run: PreparedLink) -> float | None:
@@ -160,6 +164,7 @@ def judge_link(
         done = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
     scene = cell_scene(setting)
     errors, eye = _errors(run, received), _eye(run, received)
+    check = run.check.met(errors.rate, errors.bits)
     truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)
     outline = None
     if received.registration is not None and received.mode == run.mode:
@@ -174,9 +179,9 @@ def judge_link(
         device=run.device.name if run.device is not None else "numba on this processor",
         simulated_s=run.cycles / camera.clock.hz,
         tolerance=run.scenario.tolerance,
-        error=run.check.error,
+        error=check.error,
         kept=run.plan.kept,
-        left_out=run.plan.documents(run.check.measured),
+        left_out=run.plan.documents(check.measured),
         latency=link_latency(setting, layout, verified),
         throughput=throughput,
         files=["scenario.toml", "stream.zarr"],
@@ -186,7 +191,8 @@ def judge_link(
         received, errors, _theory(scene, run, errors, received),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
-        _reach(run, scene), _capacity(run, scene), seconds, began, run.choice, run.plan,
+        _reach(run, scene), capacity_bps(given_by(setting, scene, run.mode)), seconds, began, check,
+        run.choice,
         [*run.notes, *run.short, f"{verdict.cause.value}: {verdict.told}"],
     )  # fmt: skip
     result.metrics = _metrics(finished, run)

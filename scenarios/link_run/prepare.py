@@ -18,6 +18,7 @@ from link.sending import Transmission
 from scenarios.link_check import LinkCheck, check_link
 from scenarios.link_plan import LinkPlan, plan_link
 from scenarios.link_run.light import cell_scene
+from scenarios.link_run.reach import LEAST_CELL
 from scenarios.linking import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from scenarios.prepare import choose_device
 from scenarios.progress import Progress
@@ -34,9 +35,6 @@ _PILOTS = 8
 """At most."""
 _HOPELESS_BLUR = 2.0
 """Sides of a cell, of blur from which no patch is looked at: nothing would be decided right."""
-_LEAST_CELL = 1.2
-"""Camera pixels to a cell's side, at least: nearer to 1 the grids' beat leaves cells without a
-pixel of their own."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting
     """Modes that the scenario leaves open. Cells are somewhat larger than a camera pixel. Taken
     only where they are asked for: symbols of one tick, which share it with a neighbour unless the
     phase is 0, and the line code `none`, which limits no run."""
-    cells = [c for c in CELLS if c * setting.scale >= _LEAST_CELL] or [CELLS[-1]]
+    cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     return [
         Mode(*size, cell, ticks, line, parity)
         for cell in (cells if modem.cell == "auto" else [modem.cell])

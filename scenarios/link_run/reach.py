@@ -5,8 +5,8 @@ own cell's share of the light, the neighbours' (each on half of the time), and w
 case. With spikes of P(1 | on) = p and P(1 | off) = q a look, looks that err independently and are
 added as log-likelihood ratios are wrong at most with chance 1/2 prod(sqrt(p q) + sqrt((1 - p) (1 -
 q))), the Bhattacharyya bound (Kailath, IEEE Trans. Commun. Technol. 15:52, 1967). Looks do not
-quite err independently, and turbulence, vibration and fixed pattern are not in it: it is a
-prediction.
+quite err independently, and turbulence, fixed pattern and drift are not in it: what comes out is an
+estimate, which a run may exceed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from link.layout import GROUP_BITS, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.theory import Reset, byte_error, rs_word_error
 
-__all__ = ["LONGEST", "CellScene", "Reach", "predict_errors", "reach"]
+__all__ = ["LEAST_CELL", "LONGEST", "CellScene", "Reach", "predict_errors", "reach"]
 
 _PLACES = 5
 """Places of a camera pixel within the cell's grid that are averaged over, each way."""
@@ -29,8 +29,9 @@ _WORTH = 1e-3
 """Share of its cell's light below which a look is not counted."""
 _LOST = 0.03
 """Frames that a transmission may lose: what the default overhead makes good."""
-_LEAST = 1.2
-"""Camera pixels to a cell, at least."""
+LEAST_CELL = 1.2
+"""Camera pixels to a cell's side, at least, that a run takes on its own: nearer to 1 the grids'
+beat leaves cells without a pixel of their own."""
 LONGEST = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
 """Longest run of equal symbols."""
 Values = npt.NDArray[np.float64]
@@ -98,8 +99,8 @@ def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
 
 
 def predict_errors(scene: CellScene, mode: Mode) -> float:
-    """A Bhattacharyya bound on the raw bit error rate of a model of the joint decision: looks that
-    are independent of each other, neighbours' light that is normal."""
+    """An estimate of the raw bit error rate of the joint decision: Bhattacharyya's bound on that of
+    a model whose looks are independent of each other, the neighbours' light normal."""
     if scene.blur > mode.cell * scene.pixel:  # a look sees its neighbours more than its own cell
         return 0.5
     shares = _shares(mode.cell * scene.pixel, scene.blur)
@@ -137,11 +138,11 @@ def _frame_loss(errors: float, mode: Mode) -> float:
 
 def reach(
     scene: CellScene, mode: Mode, at: float, focal_length: float, distances: Values, hz: float,
-    sensor: float, air: Values,
+    sensor: tuple[int, int], air: Values,
 ) -> list[Reach]:  # fmt: skip
     """The best rate at other distances, with this panel, lens and camera. scene, mode: those of the
-    run, whose cell, ticks, line and parity may change. at: its distance, m. sensor: camera pixels
-    of its shorter side. air: of each distance, transmission relative to the run's. hz: planes a
+    run, whose cell, ticks, line and parity may change. at: its distance, m. sensor: camera pixels,
+    (height, width). air: of each distance, transmission relative to the run's. hz: planes a
     second.
 
     Only modes that a run would try on its own. The irradiance of a resolved panel does not fall
@@ -149,8 +150,7 @@ def reach(
     """
     modes = [
         replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)
-        for cell in CELLS for ticks in TICKS[1:4] for line in LINE_CODES for parity in PARITIES
-        if line != "none" or scene.background < _WORTH
+        for cell in CELLS for ticks in TICKS[1:4] for line in LINE_CODES[1:] for parity in PARITIES
     ]  # fmt: skip
     worth = sorted(modes, key=lambda m: -_coded(m, hz))
     out = []
@@ -159,10 +159,10 @@ def reach(
         found = Reach(float(distance), 0.0, None, 0.5)
         there = replace(scene, pixel=pixel, on=scene.on * through)
         kept: dict[tuple[int, int, str], float] = {}
-        if pixel * max(mode.width, mode.height) <= sensor:
+        if pixel * mode.height <= sensor[0] and pixel * mode.width <= sensor[1]:
             for each in worth:
                 key = (each.cell, each.ticks, each.line)
-                if each.cell * pixel < _LEAST:
+                if each.cell * pixel < LEAST_CELL:
                     continue
                 if key not in kept:
                     kept[key] = predict_errors(there, each)

@@ -7,6 +7,7 @@ import shlex
 import time
 
 import numpy as np
+import numpy.typing as npt
 
 from link.verdict import Cause
 from scenarios.link_run.finished import LinkRun
@@ -38,21 +39,22 @@ def _count(value: float | None, unit: str = "") -> str:
 def _cards(run: LinkRun) -> str:
     error, spent = run.result.error, time.perf_counter() - run.began
     frames = run.result.metrics
-    high = "" if error.ci is None else f", at most {error.ci[1]:.2g}"
+    paired = run.check.paired
     told = (
-        "error against full physics: not measured" if error.value is None
-        else f"error against full physics{high}, in half-widths of the bit error rate's interval"
+        "error against full physics: not measured" if paired is None
+        else f"error against full physics, at most {paired.high:.2g}, in half-widths of the bit "
+        "error rate's interval"
     )  # fmt: skip
     lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
     return cards([
-        ("first", _count(error.value), told),
-        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
-        ("first", str(len(run.result.left_out)), "effects left out"),
-        ("", "whole" if run.delivered else "not delivered",
+        ("first", "whole" if run.delivered else "not delivered",
          f"{len(run.payload.data):,} bytes, {run.payload.name}"),
-        ("", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
-        ("", _count(run.errors.rate), "raw bit error rate"),
+        ("first", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
+        ("first", _count(run.errors.rate), "raw bit error rate"),
         ("", f"{lost:.0f} of {sent:.0f}", "frames lost"),
+        ("", _count(error.value), told),
+        ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
+        ("", str(len(run.result.left_out)), "effects left out"),
     ])  # fmt: skip
 
 
@@ -70,7 +72,7 @@ def _view(run: LinkRun) -> str:
 def _rates(run: LinkRun) -> str:
     path = run.folder / "figures" / "rates.png"
     rows: list[tuple[str, float | None]] = [
-        ("capacity of the sensor", run.capacity), ("raw", run.rates.raw),
+        ("capacity of the pixels in use", run.capacity), ("raw", run.rates.raw),
         ("coded", run.rates.coded), ("goodput", run.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
@@ -84,9 +86,11 @@ def _rates(run: LinkRun) -> str:
         ["data cells", f"{run.layout.cells:,} of {run.layout.shape[0] * run.layout.shape[1]:,}"],
     ]  # fmt: skip
     return (
-        "<h2>Rates</h2><p>Capacity: of one-bit slots at this light and threshold, for every camera "
-        "pixel and tick. Raw: a bit of every data cell in every symbol. Coded: what line code and "
-        "Reed-Solomon leave of it. Goodput: the file's bits from first light to its last verified "
+        "<h2>Rates</h2><p>Capacity: of all camera pixels that see the panel, a bit a tick, or what "
+        "their light could carry where that is less; <code>viform link capacity</code> tells what "
+        "costs how much of it. Raw: a bit of every data cell in every symbol. Coded: what line "
+        "code and Reed-Solomon leave of it. "
+        "Goodput: the file's bits from first light to its last verified "
         "byte, training, framing and repair frames counted.</p>"
         + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(run)
     )  # fmt: skip
@@ -132,9 +136,8 @@ def _errors(run: LinkRun) -> str:
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
         "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
         "They take a cell's pixels and ticks as independent of each other, which promises too "
-        "much. The closed form is a Bhattacharyya bound of a model: each camera pixel and tick of "
-        "a cell is an independent look at blurred cells, the neighbours' light is normal, without "
-        "turbulence, vibration and drift.</p>"
+        "much. So does the closed form, an estimate from blurred cells whose neighbours' light is "
+        "normal, without turbulence, fixed pattern and drift: the run may err more.</p>"
         + plot(path, "bit error rates") + eye
     )  # fmt: skip
 
@@ -157,6 +160,7 @@ def _why(run: LinkRun) -> list[str]:
     edge = np.zeros_like(carries)
     edge[[0, -1]] = True
     edge[:, [0, -1]] = True
+    told += _beside_grid(run, carries)
     for name, mask in (
         ("at the panel's edge, where half of the neighbourhood is dark", edge),
         ("beside tags and pilots", beside & ~edge),
@@ -176,6 +180,58 @@ def _why(run: LinkRun) -> list[str]:
     return told
 
 
+def _fifths(order: npt.NDArray[np.intp], wrong: npt.NDArray[np.int64]) -> list[float]:
+    """Share of all errors in each fifth of the cells, as they are ordered."""
+    parts = np.array_split(wrong[order], 5)
+    return [float(part.sum() / wrong.sum()) for part in parts]
+
+
+def _grids(run: LinkRun, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64] | None:
+    """How far the edges of each data cell lie from the nearest border of camera pixels, camera
+    pixels, the worse of both axes; None where the panel was not found."""
+    found = run.received.registration
+    if found is None or run.received.mode != run.mode:
+        return None
+    row, column = np.nonzero(carries)
+    side = run.mode.cell
+    off = []
+    for right in (0, 1):
+        x, y = found.camera((column + right) * side - 0.5, (row + right) * side - 0.5)
+        off += [np.abs(z + 0.5 - np.round(z + 0.5)) for z in (x, y)]
+    return np.asarray(np.max(off, axis=0), np.float64)
+
+
+def _beside_grid(run: LinkRun, carries: npt.NDArray[np.bool_]) -> list[str]:
+    """Where errors lie against how sure cells are, and against the grid of camera pixels."""
+    wrong = run.errors.by_cell[carries]
+    if not wrong.sum():
+        return []
+    sure = np.asarray(run.received.cell_quality, np.float64)[carries]
+    by_sure = _fifths(np.argsort(sure, kind="stable"), wrong)
+    told = [
+        f"The fifth of cells with the lowest mean |soft value| has {by_sure[0]:.0%} of the errors, "
+        f"the fifth with the highest {by_sure[4]:.0%}"
+        + (
+            ": it is not where cells are least sure on average that decisions fail."
+            if by_sure[0] < by_sure[4] else "."
+        )
+    ]  # fmt: skip
+    off = _grids(run, carries)
+    if off is not None:
+        by_grid = _fifths(np.argsort(off, kind="stable"), wrong)
+        near = by_grid[0] > by_grid[4]
+        told.append(
+            "The fifth whose edges lie nearest to borders of camera pixels has "
+            f"{by_grid[0]:.0%} of them, the fifth farthest from them {by_grid[4]:.0%}: "
+            + (
+                "a cell on whole pixels of its own has the fewest that look at it."
+                if near
+                else "pixels that see two cells at once tell them apart less well."
+            )
+        )
+    return told
+
+
 def _cells(run: LinkRun) -> str:
     path = run.folder / "figures" / "cells.png"
     quality = getattr(run.received, "cell_quality", None)
@@ -184,7 +240,7 @@ def _cells(run: LinkRun) -> str:
     cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
-        "<h2>Which cells fail</h2><p>Grey: tags and pilots. A pattern of stripes is the beat of "
+        "<h2>Which cells fail</h2><p>Pale: tags and pilots. A pattern of stripes is the beat of "
         "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
         f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
@@ -216,10 +272,12 @@ def _reach(run: LinkRun) -> str:
         return "<h2>Rate against distance</h2><p>No distance is foreseen to work.</p>"
     reach_figure(run, path)
     return (
-        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, with this "
-        "panel, lens, light and camera: a resolved panel's image is as bright at any distance, but "
-        "smaller, so cells must grow; nearer than the line begins, the panel does not fit into the "
-        "view. Only the dots were simulated.</p>" + plot(path, "rate against distance")
+        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
+        "measurement, with this panel, lens, light and camera, over the modes that a run tries on "
+        "its own: a resolved panel's image is as bright at any distance, but smaller, so cells "
+        "must grow; nearer than the line begins, the panel does not fit "
+        "into the view. Only the dots come from this run.</p>"
+        + plot(path, "rate against distance")
     )  # fmt: skip
 
 
@@ -246,7 +304,7 @@ def write_link_report(run: LinkRun) -> list[str]:
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
     parts = [
-        _verdict(run), _view(run), _rates(run), _errors(run), _cells(run), _delay(run), _reach(run),
+        _verdict(run), _rates(run), _delay(run), _errors(run), _cells(run), _view(run), _reach(run),
         kept_section(run), machine_section(run),
     ]  # fmt: skip
     run.seconds["report"] = time.perf_counter() - begin

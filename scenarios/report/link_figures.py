@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarios.link_run.finished import Eye, LinkRun
+from scenarios.link_run.reach import Reach
 from scenarios.report.figures import INK, LINE, MARK, pyplot
 
 __all__ = [
@@ -18,8 +21,9 @@ __all__ = [
 
 BLUE, PALE = "#2f5fa7", "#9db4d8"
 _DOTS = 110
-_WORST = 12.0
-"""Soft values beyond this are drawn at it."""
+_DOTTED = 0.02
+"""Share of cells with errors up to which each is drawn as a dot."""
+_HOT = "autumn_r"
 
 
 def _plain(ax: Any) -> None:
@@ -63,14 +67,13 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
 def errors_figure(run: LinkRun, path: Path) -> None:
     """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
     plt = pyplot()
-    figure, ax = plt.subplots(figsize=(8.2, 2.4), layout="constrained")
+    figure, ax = plt.subplots(figsize=(8.2, 1.9), layout="constrained")
     theory, errors = run.theory, run.errors
     least = 0.3 / max(errors.bits, 1)
     shown = [
         ("measured", errors.rate, theory.interval, MARK),
         ("the soft values' own promise", theory.soft, None, BLUE),
-        ("closed form, blurred cells (bound)", theory.closed, None, BLUE),
-        ("closed form, sharp cells", theory.sharp, None, BLUE),
+        ("closed form, blurred cells (estimate)", theory.closed, None, BLUE),
     ]
     for n, (_, value, interval, colour) in enumerate(shown):
         if interval is not None:
@@ -122,10 +125,12 @@ def eye_figure(eye: Eye, path: Path) -> None:
 def cells_figure(
     quality: npt.NDArray[np.float64], errors: npt.NDArray[np.int64], symbols: int, path: Path
 ) -> None:
-    """Two maps of cells: how sure their decisions were, and how often they were wrong. errors: -1
-    where a cell carries no data."""
+    """Two maps of cells: how sure their decisions were, and how often they were wrong. Few wrong
+    cells are drawn as dots, larger than they are, so that each is seen. errors: -1 where a cell
+    carries no data."""
     plt = pyplot()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.9), layout="constrained")
+    tall = min(max(4.6 * errors.shape[0] / errors.shape[1], 2.0), 9.0) + 0.3
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, tall), layout="constrained")
     carries = errors >= 0
     sure = np.where(carries, quality, np.nan)
     high = float(np.nanquantile(sure, 0.99)) if carries.any() else 1.0
@@ -134,10 +139,20 @@ def cells_figure(
     figure.colorbar(drawn, ax=left, shrink=0.8)
     rate = np.where(carries, errors / max(symbols, 1), np.nan)
     most = float(np.nanmax(rate)) if carries.any() else 0.0
-    drawn = right.imshow(
-        rate, cmap="inferno", vmin=0, vmax=max(most, 1 / max(symbols, 1)), interpolation="nearest"
-    )
-    right.set_title("share of its symbols decided wrong", fontsize=10, color=INK)
+    top, title = max(most, 1 / max(symbols, 1)), "share of its symbols decided wrong"
+    row, column = np.nonzero(np.nan_to_num(rate) > 0)
+    if 0 < row.size <= _DOTTED * carries.sum():
+        pale = np.where(carries, quality / max(high, 1e-6), np.nan)
+        right.imshow(pale, cmap="gray", vmin=-1.2, vmax=1.05, interpolation="nearest")
+        order = np.argsort(rate[row, column])
+        row, column = row[order], column[order]
+        drawn = right.scatter(
+            column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
+        )
+        title = f"{row.size:,} cells with errors, by the share of their symbols decided wrong"
+    else:
+        drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
+    right.set_title(title, fontsize=10, color=INK)
     figure.colorbar(drawn, ax=right, shrink=0.8)
     for ax in (left, right):
         ax.set_xticks([])
@@ -178,26 +193,22 @@ def reach_figure(run: LinkRun, path: Path) -> None:
     distance = np.array([r.distance for r in run.reach])
     rate = np.array([r.rate for r in run.reach])
     works = rate > 0
-    ax.step(distance[works], rate[works], where="mid", color=BLUE, linewidth=1.4,
-            label="predicted, coded rate of the best mode")  # fmt: skip
-    last = None
-    for row in run.reach:
-        if row.mode is None:
-            continue
-        size = (row.mode.cell, row.mode.ticks)
-        if size != last:
-            ax.annotate(
-                f"{size[0]}x{size[0]}, {size[1]} tick{'s' * (size[1] > 1)}",
-                (row.distance, row.rate), (2, 7), textcoords="offset points", fontsize=7.5,
-                color=INK,
-            )  # fmt: skip
-        last = size
+    ax.step(distance, np.where(works, rate, np.nan), where="mid", color=BLUE, linewidth=1.4,
+            label="predicted by closed forms: coded rate of the best mode")  # fmt: skip
     here = run.setting.air.distance
+    ends = [here, *distance[works]]
+    ax.set_xlim(min(ends) / 1.1, max(ends) * 1.25)
+    for first, last, rate_there, text in _stretches(run.reach, *ax.get_xlim()):
+        ax.annotate(
+            text, (math.sqrt(first * last), rate_there), (0, 5), textcoords="offset points",
+            fontsize=7.5, color=INK, ha="center",
+        )  # fmt: skip
     ax.plot(here, run.rates.coded, "o", color=PALE, label="coded rate of this run's mode")
     if run.rates.goodput:
         ax.plot(here, run.rates.goodput, "o", color=MARK, label="measured goodput")
     ax.set_xscale("log")
     ax.set_yscale("log")
+    ax.set_ylim(top=max(*rate, run.rates.coded) * 2)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(_some)
     ax.yaxis.set_major_formatter(_bits_axis)
@@ -206,6 +217,28 @@ def reach_figure(run: LinkRun, path: Path) -> None:
     _plain(ax)
     figure.savefig(path, dpi=_DOTS)
     plt.close(figure)
+
+
+def _stretches(
+    rows: list[Reach], left: float, right: float
+) -> list[tuple[float, float, float, str]]:
+    """Where one cell and symbol length is the best: first and last distance, its highest rate, and
+    a name; those left out for whose names an axis from left to right has no room."""
+    found: list[tuple[float, float, float, str]] = []
+    free = 0.0
+    per_letter = 0.0068 * math.log(right / left)
+    for size, each in itertools.groupby(rows, lambda r: r.mode and (r.mode.cell, r.mode.ticks)):
+        held = list(each)
+        if size is None:
+            continue
+        first, last = held[0].distance, held[-1].distance
+        text = f"{size[0]}x{size[0]}, {size[1]} ticks"
+        half = len(text) * per_letter / 2
+        middle = math.log(first * last) / 2
+        if middle - half >= free or not found:
+            found.append((first, last, max(r.rate for r in held), text))
+            free = middle + half
+    return found
 
 
 def _some(x: float, _: int) -> str:
@@ -217,7 +250,7 @@ def view_figure(run: LinkRun, path: Path) -> None:
     """What the camera saw on average, with the panel's outline as it is and as it was found."""
     plt = pyplot()
     height, width = run.image.shape
-    figure, ax = plt.subplots(figsize=(6.4, 6.4 * height / width), layout="constrained")
+    figure, ax = plt.subplots(figsize=(5.4, 5.4 * height / width + 0.3), layout="constrained")
     ax.imshow(run.image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     for corners, colour, name, style in (
         (run.truth, BLUE, "the panel as it stands", "-"),
@@ -228,7 +261,7 @@ def view_figure(run: LinkRun, path: Path) -> None:
             ax.plot(ring[:, 0], ring[:, 1], style, color=colour, linewidth=1.5, label=name)
     ax.set_xlim(-0.5, width - 0.5)
     ax.set_ylim(height - 0.5, -0.5)
-    ax.legend(fontsize=8.5, loc="lower right")
+    figure.legend(fontsize=8.5, loc="outside lower center", ncols=2, frameon=False)
     ax.axis("off")
     figure.savefig(path, dpi=_DOTS)
     plt.close(figure)

@@ -3,23 +3,47 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from typing import Any
 
+from scenarios.link_check import LinkCheck, Paired
 from scenarios.link_run.finished import LinkRun
 from scenarios.report.machine import faults, optics
 from scenarios.report.parts import table
 
-__all__ = ["kept_section", "machine_section"]
+__all__ = ["kept_section", "machine_section", "told_error"]
 
 
 def _number(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.2g}"
 
 
-def _row(row: dict[str, Any]) -> list[str]:
+def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
+    paired = alone.get(row["effect"])
+    span = "" if paired is None else f" ({paired.low:.2g} to {paired.high:.2g})"
     return [
-        str(row["effect"]), _number(row["bound"]), str(row["kind"]), _number(row["measured"])
+        str(row["effect"]), _number(row["bound"]), str(row["kind"]),
+        _number(row["measured"]) + span,
     ]  # fmt: skip
+
+
+def told_error(check: LinkCheck) -> str:
+    """What the error and its interval mean, in words."""
+    paired = check.paired
+    if paired is None:
+        return "The run's error was not measured."
+    differ = paired.more + paired.fewer
+    return (
+        f"{check.patches} patches of the sensor were simulated twice with the same chance in every "
+        "pixel, as this run was and with every effect in the reference tier. Of "
+        f"{paired.bits:,} bits {'none was' if not differ else f'{differ:,} were'} decided "
+        f"otherwise ({paired.run:,} wrong as run, {paired.full:,} in full physics): at 99.9 % "
+        f"fewer than {paired.otherwise * 1e6:.2g} in a million are. The bit error rate is off by "
+        f"{abs(paired.more - paired.fewer) / paired.bits:.2g}, at 99.9 % between "
+        f"{paired.change[0]:.2g} and {paired.change[1]:.2g}; in half-widths of the run's own "
+        f"99.9 % interval, {paired.unit:.2g}, that is {paired.value:.2g}, between {paired.low:.2g} "
+        f"and {paired.high:.2g}. What limits the upper end is the number of bits compared."
+    )
 
 
 def kept_section(run: LinkRun) -> str:
@@ -27,21 +51,21 @@ def kept_section(run: LinkRun) -> str:
     result = run.result
     kept = ", ".join(result.kept) or "nothing"
     said = (
-        "In half-widths of the 99.9 % interval of the run's bit error rate: the error that leaving "
-        "an effect out can make, and the error that was measured on patches of the panel."
+        "In the table, in such half-widths: the error that leaving an effect out can make, and the "
+        "one that was measured without it alone, with its 99.9 % interval."
     )  # fmt: skip
     out = (
-        table(["left out", "changes at most", "", "measured"], [_row(r) for r in result.left_out])
+        table(
+            ["left out", "changes at most", "", "measured"],
+            [_row(r, run.check.alone) for r in result.left_out],
+        )
         if result.left_out else "<p>Nothing was left out.</p>"
     )  # fmt: skip
-    error = result.error
-    told = "The run's error was not measured."
-    if error.value is not None:
-        high = "" if error.ci is None else f" (99.9 %: {error.ci[0]:.2g} to {error.ci[1]:.2g})"
-        told = f"Error against full physics: {error.value:.2g}{high}; {error.kind}."
+    if not result.left_out:
+        said = ""
     return (
-        f"<h2>What was kept and what was left out</h2><p>{html.escape(said)} "
-        f"{html.escape(told)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
+        f"<h2>What was kept and what was left out</h2><p>{html.escape(told_error(run.check))}</p>"
+        f"<p>{html.escape(said)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
     )
 
 

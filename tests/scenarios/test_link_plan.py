@@ -81,6 +81,23 @@ def test_two_ways_are_compared_by_the_bits_that_only_one_has_wrong() -> None:
     assert few.high > 90 * many.high
 
 
+def test_what_is_decided_otherwise_is_counted_and_the_unit_is_the_runs() -> None:
+    full = np.zeros((40, 500), np.bool_)
+    none = compare(full, full, 10**6)
+    # No event in n trials: at 99.9 % p is below 1 - 0.001^(1 / n), one-sided.
+    assert none.otherwise == pytest.approx(1 - 0.001 ** (1 / 20_000), rel=1e-6)
+    assert none.change == (0, none.otherwise)
+    run = full.copy()
+    run.ravel()[:300] = True
+    some = compare(full, run, 10**6)
+    assert (some.more, some.fewer) == (300, 0) and some.otherwise > 300 / 20_000
+    met = LinkCheck(some, {"glare": none, "fog": None}, 0.0, 1, 1.0).met(0.1, 10**8)
+    assert met.paired is not None and met.paired.change == some.change
+    assert met.error.value == pytest.approx(300 / 20_000 / half_width(0.1, 10**8))
+    assert met.measured == {"glare": 0.0, "fog": None}
+    assert LinkCheck(some, {}, 0.0, 1, 1.0).met(None, 0).paired == some
+
+
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     # Pairs with rates of 0.01 and 0.013 that share most errors: 2000 intervals of 99.9 %.
     rng, missed = np.random.default_rng(5), 0
