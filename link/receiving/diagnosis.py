@@ -96,10 +96,12 @@ def _of_panel(recording: Recording, e: Evidence) -> Verdict:
         wrong = _clock((signal.bits @ signal.pixels)[max(low, 0) : high], e.mode.ticks)
     if wrong is not None:
         return wrong
-    if e.lit[1] - e.lit[0] < max(_SHORT, 16 * e.mode.ticks):
+    least = (TRAINING + Layout(e.mode).group) * e.mode.ticks
+    if e.lit[1] - e.lit[0] < max(_SHORT, least):
         return Verdict(
             Cause.TRUNCATED,
-            f"the panel is on for {e.lit[1] - e.lit[0]} ticks of the stream only; record longer",
+            f"the panel is on for {e.lit[1] - e.lit[0]} ticks of the stream only, and its training "
+            f"and first group take {least}; record longer",
         )
     return _of_light(e.refined.white, e.refined.black) or Verdict(
         Cause.WRONG_CLOCK,

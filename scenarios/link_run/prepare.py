@@ -101,7 +101,8 @@ def _planned(
         plan = plan_link(
             setting, sent.mode, sent.symbols, cycles, tolerance, device, forced=forced, tier=tier
         )
-        if cell_scene(setting).blur > _HOPELESS_BLUR * sent.mode.cell * setting.scale:
+        blurred = cell_scene(setting).blur > _HOPELESS_BLUR * sent.mode.cell * setting.scale
+        if blurred or not in_view(setting):
             return plan, LinkCheck(None, dict.fromkeys(plan.left_out), None, 0, None), told, []
         check = check_link(
             setting, sent, plan, detector=scenario.link.modem.detector, seed=scenario.seed,
@@ -156,8 +157,11 @@ def choose_mode(
     from link.choosing import Trial, choose
     from scenarios.link_run.pilot import film_pilot, strip_of
 
-    modem, strip = scenario.link.modem, strip_of(setting)
+    modem = scenario.link.modem
     modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
+    if not in_view(setting):  # nothing arrives in any of them
+        return modes[-1], None
+    strip = strip_of(setting)
     progress.start("pilots", _PILOTS)
     tried = 0
 
