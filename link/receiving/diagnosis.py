@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import Layout
+from link.layout import TRAINING, Layout
 from link.mode import TICKS
 from link.receiving.acquiring import Evidence
 from link.receiving.clocking import global_clock, pilot_signal
@@ -97,13 +97,16 @@ def _of_panel(recording: Recording, e: Evidence) -> Verdict:
     if wrong is not None:
         return wrong
     least = (TRAINING + Layout(e.mode).group) * e.mode.ticks
+    weak = _of_light(e.refined.white, e.refined.black)
+    if weak is not None:
+        return weak
     if e.lit[1] - e.lit[0] < max(_SHORT, least):
         return Verdict(
             Cause.TRUNCATED,
             f"the panel is on for {e.lit[1] - e.lit[0]} ticks of the stream only, and its training "
             f"and first group take {least}; record longer",
         )
-    return _of_light(e.refined.white, e.refined.black) or Verdict(
+    return Verdict(
         Cause.WRONG_CLOCK,
         "the panel is in view but its pilots do not show at any clock within "
         f"{_CLOCKS[0] / 1e4:.0f} % of the camera's; show {e.mode.ticks} planes of the panel's "
@@ -255,7 +258,8 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
         )
     return Verdict(
         Cause.OUT_OF_VIEW,
-        f"no tag of a panel is in view ({figure}); aim the camera at the panel",
+        f"no tag of a panel is in view ({figure}); aim the camera at the panel, or "
+        "step back where it is larger than the view",
     )
 
 

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from cosim import InputError, seconds_to_ps
 from cosim.opencl import Device
-from link.air import Air
+from link.air import Air, image_of
+from link.air.geometry import panel_corners
 from link.layout import TRAINING, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.sending import Transmission
@@ -121,6 +122,16 @@ def _planned(
             told.append(f"the exact tier was taken: patches in the fast one were {off}")
         else:
             return plan, check, told, [f"with every effect kept the run is {off}"]
+
+
+def in_view(setting: LinkSetting) -> bool:
+    """Whether the whole panel's image, its tags with it, lies on the sensor."""
+    chip = setting.camera.chip
+    home = image_of(setting.optics, setting.aim, setting.air, (chip.height, chip.width))
+    u, v, w = home @ panel_corners(setting.optics).T
+    x, y = u / w, v / w
+    inside = (x > -1) & (x < chip.width) & (y > -1) & (y < chip.height)
+    return bool(inside.all())
 
 
 def given_mode(scenario: LinkScenario) -> Mode | None:
