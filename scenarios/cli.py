@@ -52,4 +52,6 @@ def _main(arguments: list[str]) -> int:
         return 130
     except BrokenPipeError:
         return 141
+    if code == 130:  # what typer makes of Ctrl-C, without a word
+        print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
