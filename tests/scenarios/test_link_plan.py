@@ -160,6 +160,7 @@ def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
     assert "scintillation" in look.plan(0.1, device).kept
 
 
+@pytest.mark.slow
 def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
     setting: LinkSetting, sent: Transmission, seen: LinkLook, device: Device
 ) -> None:

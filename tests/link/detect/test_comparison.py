@@ -7,6 +7,8 @@ import pytest
 
 from link.detect import Compared, comparison
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, Compared]:

@@ -30,7 +30,7 @@ def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None
     [
         {},
         pytest.param({"ppm": 1000.0}, marks=pytest.mark.slow),
-        {"slope": -1.0, "first": 13.8},
+        pytest.param({"slope": -1.0, "first": 13.8}, marks=pytest.mark.slow),
         pytest.param({"turn": 90.0}, marks=pytest.mark.slow),
         pytest.param(
             {"turn": 217.0, "scale": 0.9, "margin": 60, "mode": Mode(256, 256, 3, 2, "8b10b", 32)},
@@ -160,6 +160,7 @@ def test_faults_of_light_and_clock_are_named(given: dict[str, object], cause: Ca
     assert got.delivered is None
 
 
+@pytest.mark.slow
 def test_a_wrong_interleaver_delivers_nothing() -> None:
     toy = small(DATA, mode=MODE)
     receiver = Receiver(toy.shape, interleave=False)
