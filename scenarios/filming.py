@@ -6,6 +6,7 @@ from __future__ import annotations
 import errno
 import json
 import shlex
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from shutil import rmtree
@@ -24,10 +25,14 @@ from scenarios.result import Throughput, dumps
 from scenarios.scenes import Source
 from scenarios.verifier import BrokenPromise, Finding
 
-__all__ = ["CHECKPOINT", "PUT_BACK", "WiderStage", "film_as_promised", "mend"]
+__all__ = [
+    "CHECKPOINT", "PUT_BACK", "STREAM", "WiderStage", "film_as_promised", "mend", "run_recorded",
+]  # fmt: skip
 
 CHECKPOINT = "checkpoint.npz"
 """In a run's folder while it is not finished."""
+STREAM = "stream.zarr"
+"""The recording's name in a run's folder."""
 PUT_BACK = "put_back.json"
 """Beside it where a promise was broken."""
 
@@ -55,34 +60,26 @@ class RelayStage:
         return self._relay(given)
 
 
-def _film(
-    run: Prepared, folder: Path, resume: bool, progress: Progress
-) -> tuple[dict[str, float], list[Throughput]]:
-    """Runs the chain; seconds of every stage, and throughput unless only a part was run now."""
-    chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
-    store = folder / "stream.zarr"
-    recorder = Recorder(store, run.camera.shape, cycles, clock)
-    stages: dict[str, Any] = {
-        "scene": WiderStage(run.source, run.setting.reach),
-        "lens": RelayStage(run.lens, chip.pitch),
-        "check": run.verifier,
-        "sensor": run.camera,
-        "recorder": recorder,
-    }
-    if run.glass is not None:
-        stages = run.glass.stages(stages)
-    checkpoint = Checkpoint(folder / CHECKPOINT, identity(run.scenario, run.plan, run.glass))
-    if resume and checkpoint.load(stages) and not store.is_dir():  # refuses before it overwrites
+def run_recorded(
+    name: str, stages: Mapping[str, Any], cycles: int, identity: str, folder: Path, scenario: str,
+    notes: Iterable[str], resume: bool, progress: Progress, every_s: float = 30.0,
+) -> dict[str, float]:  # fmt: skip
+    """Runs a chain that ends in the folder's STREAM, from its checkpoint where `resume` finds one;
+    seconds of every stage. identity: of the run's inputs. scenario: as TOML. every_s: between
+    checkpoints."""
+    checkpoint = Checkpoint(folder / CHECKPOINT, identity)
+    if resume and checkpoint.load(stages) and not (folder / STREAM).is_dir():
+        # refused before anything is overwritten
         raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
-    begin_folder(folder, to_toml(run.scenario))
-    for note in [*run.notes, *run.source.notes]:
+    begin_folder(folder, scenario)
+    for note in notes:
         progress.note(note)
-    progress.start(f"{run.name}: {cycles} cycles of {chip.width} x {chip.height}", cycles)
+    height, width = stages["sensor"].shape
+    progress.start(f"{name}: {cycles} cycles of {width} x {height}", cycles)
     try:
         seconds = run_blocks(
             stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
-            every_s=30.0 if run.glass is None else 60.0,  # what was seen so far is half a gigabyte
-            mend=mend(folder),
+            every_s=every_s, mend=mend(folder),
         )  # fmt: skip
         checkpoint.save(cycles, stages)
     except OSError as exc:
@@ -92,6 +89,29 @@ def _film(
             "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
             f"make room, then {mend(folder)}",
         ) from exc  # fmt: skip
+    return seconds
+
+
+def _film(
+    run: Prepared, folder: Path, resume: bool, progress: Progress
+) -> tuple[dict[str, float], list[Throughput]]:
+    """Runs the chain; seconds of every stage, and throughput unless only a part was run now."""
+    chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
+    recorder = Recorder(folder / STREAM, run.camera.shape, cycles, clock)
+    stages: dict[str, Any] = {
+        "scene": WiderStage(run.source, run.setting.reach),
+        "lens": RelayStage(run.lens, chip.pitch),
+        "check": run.verifier,
+        "sensor": run.camera,
+        "recorder": recorder,
+    }
+    if run.glass is not None:
+        stages = run.glass.stages(stages)
+    seconds = run_recorded(
+        run.name, stages, cycles, identity(run.scenario, run.plan, run.glass), folder,
+        to_toml(run.scenario), [*run.notes, *run.source.notes], resume, progress,
+        every_s=30.0 if run.glass is None else 60.0,  # what was seen so far is half a gigabyte
+    )  # fmt: skip
     if resume:
         return seconds, []
     rate = cycles * chip.width * chip.height / seconds["sensor"]
@@ -138,7 +158,7 @@ def film_as_promised(
         for finding in new:
             progress.note(finding.told)
         (folder / CHECKPOINT).unlink(missing_ok=True)
-        rmtree(folder / "stream.zarr", ignore_errors=True)
+        rmtree(folder / STREAM, ignore_errors=True)
         with whole(kept) as part:
             part.write_text(dumps([asdict(f) for f in found]), encoding="utf-8")
         run, resume = again(run, [f.effect for f in found]), False

@@ -14,7 +14,7 @@ from cosim.files import ZarrStream
 from cosim.lens import Lens
 from scenarios.checked import full_physics_s, left_out, too_far
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.filming import CHECKPOINT, PUT_BACK, film_as_promised, mend
+from scenarios.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised, mend
 from scenarios.folder import check_room, claimed, output_folder, write_images
 from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.planning import RunPlan
@@ -126,7 +126,7 @@ def _result(
         },
         latency=made.latency,
         throughput=throughput,
-        files=["scenario.toml", "stream.zarr", *made.files],
+        files=["scenario.toml", STREAM, *made.files],
     )
 
 
@@ -156,7 +156,7 @@ def run_scenario(
             run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
             try:
                 progress.start("images and report", 2)
-                stream = ZarrStream(folder / "stream.zarr")
+                stream = ZarrStream(folder / STREAM)
                 made = (
                     _make_images(run, stream, folder, seconds) if run.glass is None
                     else _make_views(run, folder, seconds)
