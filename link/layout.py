@@ -9,7 +9,7 @@ data cells as well; from then on each cell carries its line code, in groups of `
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
@@ -38,6 +38,7 @@ GROUP_BITS: Final[dict[LineCode, int]] = {"none": 8, "manchester": 1, "4b6b": 4,
 """Bits that a cell carries in a group."""
 
 
+@cache
 def pilots() -> npt.NDArray[np.bool_]:
     """What all pilots show in each symbol of a period, (PERIOD,): a maximal-length sequence of
     x^10 + x^7 + 1 (Golomb, Shift Register Sequences, 1967), cut from 1023."""
@@ -45,6 +46,7 @@ def pilots() -> npt.NDArray[np.bool_]:
     for n in range(PERIOD):
         out[n] = state & 1
         state = (state >> 1) | (((state ^ (state >> 3)) & 1) << 9)
+    out.flags.writeable = False  # every caller shares it
     return out
 
 
