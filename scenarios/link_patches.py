@@ -2,8 +2,8 @@
 
 Patches are squares of camera pixels with the cells whose images lie in them: in the panel's middle,
 where it is brightest, along its edges and near its corners, where registration and timing are at
-their worst, and some by chance. The air is made for the whole plane and cut; the pixels are filmed
-with their own numbers, so that all cameras see the same chance. Every camera's spikes go through a
+their worst, and some by chance. Light is made for them alone, the same bits as on the whole plane;
+the pixels are filmed with their own numbers, so that all cameras see the same chance. Every camera's spikes go through a
 detector of their own that learns from the training, with the true registration and timing: what is
 compared are the decisions on the same bits.
 """
@@ -20,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Block, Light
-from cosim.light import PlaneMap
 from cosim.opencl import Device
 from cosim.viform import WORD
 from link.air import Air, image_of
@@ -63,10 +62,12 @@ class Variant:
 
 @dataclass(frozen=True, eq=False)
 class Decided:
-    """wrong: (symbols, cells) bool, decisions that are not what was sent. air_ns, camera_ns: what a
-    pixel-cycle of the plane's light and of the patches' pixels took, the first block aside."""
+    """wrong: (symbols, cells) bool, decisions that are not what was sent. lead: (symbols, cells) by
+    how much the soft value is for what was sent. air_ns, camera_ns: what a pixel-cycle of the
+    patches' light and pixels took, the first block aside."""
 
     wrong: npt.NDArray[np.bool_]
+    lead: npt.NDArray[np.float32]
     air_ns: float
     camera_ns: float
 
@@ -86,6 +87,20 @@ class _Squares:
 
     def box(self, tile: int) -> tuple[int, int, int, int]:
         return self.boxes[tile]
+
+
+class _Shown:
+    """What the panel shows, made once for all airs that follow each other closely."""
+
+    def __init__(self, sent: Transmission) -> None:
+        self._sent, self.ticks = sent, sent.ticks
+        self._kept: dict[int, npt.NDArray[np.bool_]] = {}
+
+    def pixels(self, symbol: int) -> npt.NDArray[np.bool_]:
+        if symbol not in self._kept:
+            self._kept = {n: made for n, made in self._kept.items() if n > symbol - _BLOCK}
+            self._kept[symbol] = self._sent.pixels(symbol)
+        return self._kept[symbol]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +198,12 @@ class LinkPatches:
             made.append((top, top + size, left, left + size))
         return list(dict.fromkeys(made))
 
-    def _air(self, kept: frozenset[str] | None) -> Air:
+    def _air(self, shown: _Shown, kept: frozenset[str] | None) -> Air:
+        assert self.plane is not None
         s = self._setting
         return Air(
-            self._sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
-            planes=self._sent.planes, kept=kept,
+            shown, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
+            planes=self._sent.planes, kept=kept, places=self.plane.places,
         )  # fmt: skip
 
     def film(
@@ -197,12 +213,12 @@ class LinkPatches:
         in view, or the transmission ends with its training."""
         if self.plane is None or not self.bits:
             raise ValueError("at least one data cell must be in view and sent")
-        airs = {kept: self._air(kept) for kept in dict.fromkeys(v.air for v in variants.values())}
+        shown, kinds = _Shown(self._sent), dict.fromkeys(v.air for v in variants.values())
+        airs = {kept: self._air(shown, kept) for kept in kinds}
         cameras = {
             name: PatchCamera(v.camera, self.plane, v.tier, device, late=airs[v.air].late)
             for name, v in variants.items()
         }
-        cuts = {kept: PlaneMap(self.plane.cut, None) for kept in airs}
         clock = self._setting.camera.clock
         end = self._setting.first_light + self._setting.panel.clock.edge(
             (TRAINING + self.symbols) * self._sent.ticks
@@ -216,28 +232,27 @@ class LinkPatches:
             lights: dict[frozenset[str] | None, Light] = {}
             for kept, air in airs.items():
                 begin = time.perf_counter()
-                light = air.step(None, block)
+                lights[kept] = air.step(None, block)
                 spent[kept].append(time.perf_counter() - begin)
-                lights[kept] = cuts[kept](light)
             for name, camera in cameras.items():
                 begin = time.perf_counter()
                 made = camera.step(lights[variants[name].air], start, block.cycles)
                 spent[name].append(time.perf_counter() - begin)
                 words[name].append(made)
             progress.advance(block.stop)
-        chip = self._setting.camera.chip
-        size = dict.fromkeys(airs, chip.height * chip.width)
-        return {
-            name: Decided(
-                self._wrong(np.concatenate(words[name]), airs[v.air]),
-                _ns(spent[v.air], size[v.air], cycles),
-                _ns(spent[name], self.plane.numbers.size, cycles),
+        size, made = self.plane.numbers.size, {}
+        for name, v in variants.items():
+            lead, wrong = self._decide(np.concatenate(words[name]), airs[v.air])
+            made[name] = Decided(
+                wrong, lead, _ns(spent[v.air], size, cycles), _ns(spent[name], size, cycles)
             )
-            for name, v in variants.items()
-        }  # fmt: skip
+        return made
 
-    def _wrong(self, words: npt.NDArray[np.uint32], air: Air) -> npt.NDArray[np.bool_]:
-        """A detector's decisions beside what was sent. words: (n, pixels) of the patches."""
+    def _decide(
+        self, words: npt.NDArray[np.uint32], air: Air
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+        """A detector's soft values for what was sent, and whether they are wrong. words: (n,
+        pixels) of the patches."""
         assert self.plane is not None
         chip = self._setting.camera.chip
         whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
@@ -247,7 +262,8 @@ class LinkPatches:
         seen, sent = whole.reshape(-1, chip.height, chip.width), self._sent
         made.learn(seen, 0, sent.bits(0, TRAINING)[:, self.cells], 0)
         soft = made.soft(seen, 0, TRAINING, self.symbols)
-        return np.asarray((soft > 0) != sent.bits(TRAINING, self.symbols)[:, self.cells])
+        on = sent.bits(TRAINING, self.symbols)[:, self.cells]
+        return np.where(on, soft, -soft), np.asarray((soft > 0) != on)
 
     def _registration(self, air: Air, timing: Timing) -> Registration:
         """Where the panel's pixels are imaged, with what vibration does to it."""

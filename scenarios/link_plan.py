@@ -3,7 +3,8 @@ rate's interval.
 
 Every bound begins with the share of a lit pixel's charge in a tick by which leaving the effect out
 can move any pixel's charge; `link.air` turns that into the change of the bit error rate over half
-the width of its 99.9 % interval, and the planner sums those up. The effects' bounds of a rate
+the width of its 99.9 % interval, by a closed form that is not the receiver's: so every bound is an
+estimate, which the planner counts twice and sums up. The effects' bounds of a rate
 (`sensor.effects`) are of images: one spike more or less in a window counts there as a spike, where
 a link asks only on which side of the threshold a tick falls.
 """
@@ -16,7 +17,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from cosim import Bound, Effect, Summary
-from cosim.effects import Kind
 from cosim.opencl import Device
 from cosim.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from link.air import Change, LinkSummary, Scene, air_effects, ber, ber_units, link_summary
@@ -84,7 +84,7 @@ def half_width(rate: float, bits: int) -> float:
     return float(high - low) / 2
 
 
-def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, tuple[Change, Kind]]:
+def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Change]:
     """Of the camera's effects, by name, by how much of a lit pixel's charge in a tick leaving each
     out can move any pixel's. What differs from pixel to pixel is a standard deviation, met anew in
     each."""
@@ -93,29 +93,29 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, tuple
     shot = q if any(e.name == "shot noise" for e in camera.effects) else 0.0
     noise = math.sqrt(shot + camera.threshold_noise**2) - math.sqrt(shot)
     swing = (scene.on - scene.off) / on
-    made: dict[str, tuple[float, Kind]] = {
+    made = {
         # Without it a charge falls on the other side of a threshold up to so many deviations away.
-        "shot noise": (_DEVIATIONS * math.sqrt(q) / on, "estimate"),
-        "threshold noise": (_DEVIATIONS * noise / on, "estimate"),
-        "row-by-row sampling": (swing * camera.row_skew, "proof"),
-        "comparator delay": (swing * camera.comparator_delay / tick, "proof"),
-        "reset dead time": (camera.dead_time / tick, "proof"),
-        "optical cross-talk": (swing * camera.crosstalk, "proof"),
-        "comparator overshoot": (abs(camera.overshoot) / on, "estimate"),
-        "leak": (abs(camera.leak) * tick / on, "estimate"),
+        "shot noise": _DEVIATIONS * math.sqrt(q) / on,
+        "threshold noise": _DEVIATIONS * noise / on,
+        "row-by-row sampling": swing * camera.row_skew,
+        "comparator delay": swing * camera.comparator_delay / tick,
+        "reset dead time": camera.dead_time / tick,
+        "optical cross-talk": swing * camera.crosstalk,
+        "comparator overshoot": abs(camera.overshoot) / on,
+        "leak": abs(camera.leak) * tick / on,
     }
-    changes = {name: (Change(size), kind) for name, (size, kind) in made.items()}
+    changes = {name: Change(size) for name, size in made.items()}
     if camera.pattern is not None:
         own = camera.pattern
         anew = scene.cycles / (camera.chip.width * camera.chip.height)
-        changes["PRNU"] = Change(own.prnu, anew), "estimate"
-        changes["threshold FPN"] = Change(own.threshold_fpn, anew), "estimate"
+        changes["PRNU"] = Change(own.prnu, anew)
+        changes["threshold FPN"] = Change(own.threshold_fpn, anew)
         dark = own.dark * (1 + _DEVIATIONS * own.dsnu) * tick / on
-        changes["dark current and DSNU"] = Change(dark), "proof"
+        changes["dark current and DSNU"] = Change(dark)
     return changes
 
 
-def _link_effect(effect: Effect, changes: dict[str, tuple[Change, Kind]], lost: float) -> Effect:
+def _link_effect(effect: Effect, changes: dict[str, Change], lost: float) -> Effect:
     """An effect of the camera with its bound in the link's unit. lost: share of pixels that are hot
     or dead."""
 
@@ -126,8 +126,7 @@ def _link_effect(effect: Effect, changes: dict[str, tuple[Change, Kind]], lost: 
             return Bound(lost / 2 / half_width(ber(summary), summary.bits), "estimate")
         if effect.name not in changes:  # costs nothing, and is kept
             return Bound(math.inf, "proof")
-        change, kind = changes[effect.name]
-        return Bound(change.units(summary), kind)
+        return Bound(changes[effect.name].units(summary), "estimate")
 
     return replace(effect, bound=bound, scope="plane")
 

@@ -55,6 +55,12 @@ class PatchPlane:
         rows, columns = self._y[:, 1:-1, None], self._x[:, None, 1:-1]
         self.numbers = (rows * grid.width + columns).astype(np.uint32).ravel()
 
+    @property
+    def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Rows (patches, rows + 2) and columns (patches, columns + 2) of the plane that `cut`
+        takes."""
+        return self._y, self._x
+
     def cut(self, plane: Plane) -> Plane:
         """The patches with a border of one pixel, stacked; beyond the chip its border goes on."""
         cut = plane[self._y[:, :, None], self._x[:, None, :]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import Any, Final
 
@@ -17,7 +18,7 @@ from link.air.geometry import image_of, lengths
 from link.air.kernel import Psf
 from link.air.motion import vibration
 from link.air.names import NAMES, Scene, simplified
-from link.air.projection import Projection
+from link.air.projection import Places, Projection, cut
 from link.air.radiometry import levels
 from link.air.scintillation import flicker
 from link.air.setting import Aim, AirSetting, Optics
@@ -46,9 +47,21 @@ def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
 
 
 @njit(cache=True, nogil=True)
-def _finish(image, base, glare, more):  # type: ignore[no-untyped-def]
-    """image = max(image + base, 0) in place, then (1 - glare) of it and glare of its mean,
-    plus `more`."""
+def _weigh(weights, light):  # type: ignore[no-untyped-def]
+    """Sum of weights x light, both (h, w)."""
+    total = 0.0
+    for row in range(light.shape[0]):
+        line = np.float64(0)
+        for column in range(light.shape[1]):
+            line += weights[row, column] * light[row, column]
+        total += line
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _finish(image, base, glare, mean, more):  # type: ignore[no-untyped-def]
+    """image = max(image + base, 0) in place, then (1 - glare) of it and glare of the mean, plus
+    `more`. mean: of the whole image; NaN where that is this one."""
     total = 0.0
     for row in range(image.shape[0]):
         line = np.float64(0)
@@ -57,7 +70,9 @@ def _finish(image, base, glare, more):  # type: ignore[no-untyped-def]
             image[row, column] = value
             line += value
         total += line
-    keep, add = np.float32(1 - glare), np.float32(glare * total / image.size + more)
+    if np.isnan(mean):
+        mean = total / image.size
+    keep, add = np.float32(1 - glare), np.float32(glare * mean + more)
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
             image[row, column] = keep * image[row, column] + add
@@ -72,12 +87,16 @@ class Air:
     says how late it is at each row of the camera. Vibration and scintillation stay the same within
     a symbol; an occluder is as bright as the surroundings. panel.pulse must be 1; panel.fill and
     panel.luminance are not read (light is even over a pixel, of optics.luminance).
+
+    places: patches of the camera alone, as `projection.cut` has them, the light of which is the
+    same bits as on the whole plane. Where every pixel hangs on the whole image (fog's halo, a blur
+    of many pixels) that is made all the same.
     """
 
     def __init__(
         self, source: Source, panel: SpikePanel, optics: Optics, aim: Aim, air: AirSetting,
         camera: CameraSetting, *, first_light: int, planes: int,
-        kept: Collection[str] | None = None,
+        kept: Collection[str] | None = None, places: Places | None = None,
     ) -> None:  # fmt: skip
         if panel.shape != (optics.height, optics.width):
             raise ValueError(f"panel must be {optics.height, optics.width}, not {panel.shape}")
@@ -117,6 +136,13 @@ class Air:
         if air.sun > 0:
             seen = 1 - self._projection(np.ones(panel.shape, np.float32))
             self._base += sun_image(optics, aim, air, shape) * np.clip(seen, 0, 1)
+        # Of what the lens spreads evenly: the panel's pixels by what they are in the whole image.
+        self._weights = None
+        if made.halo <= 0 and not self._projection.wide:
+            self._weights, self._base_sum = self._projection.weights(), float(self._base.sum())
+        self._places = places
+        if places is not None and self._weights is not None:
+            self._base = cut(self._base, places)
         self._pieces: dict[int, tuple[Piece, ...]] = {}
         self._resume = 0
         end = first_light + panel.clock.edge(planes)
@@ -203,13 +229,23 @@ class Air:
         light *= np.float32(made.panel * factor)
         light += np.float32(made.face - made.around)
         light[:, : self._hidden] = 0
+        if self._weights is None:
+            return self._whole(light, shift)
+        image = self._projection(light, shift, self._places)
+        size = self.shape[0] * self.shape[1]
+        mean = max(self._base_sum + _weigh(self._weights, light), 0.0) / size
+        _finish(image, self._base, self._glare, mean, self._stray)
+        return image
+
+    def _whole(self, light: Plane, shift: tuple[float, float]) -> Plane:
+        """The same where light goes far."""
+        made, base = self._levels, self._base
         image = self._projection(light, shift)
-        base = self._base
         if made.halo > 0:
             share = made.halo / made.dimmed
             base = base + share * (self._spread(image) + made.around)
-        _finish(image, base, self._glare, self._stray)
-        return image
+        _finish(image, base, self._glare, math.nan, self._stray)
+        return image if self._places is None else cut(image, self._places)
 
     def _spread(self, image: Plane) -> Plane:
         """The image through the fog's forward scattering, on a coarse grid."""

@@ -7,12 +7,12 @@ be wrong, whatever the panel shows:
 - a shift by (x, y) camera pixels: what a pixel sees changes by |x| + |y| of its area;
 - any displacement up to r: 4 r + pi r^2 of its area;
 - light that is added or taken away: its share, the largest in the image;
-- chance (vibration, scintillation): its standard deviation, and how long it lasts: an estimate.
+- chance (vibration, scintillation): its standard deviation, and how long it lasts.
 
-`ber_units` (summary.py) says what that does to the bit error rate of its own decision, by a few
-pixels and ticks in the panel's middle. So "proof" is said of that closed form, the panel taken as
-alike all over; what the receiver itself does is what the plan's check films. What is a mere number
-in the computation costs nothing and is kept.
+`ber_units` (summary.py) says what that does to the bit error rate of a decision of its own, by a
+few pixels and ticks in the panel's middle, the panel taken as alike all over. The receiver decides
+otherwise, so every bound is an estimate, and counts twice; what the receiver makes of it is what
+the plan's check films. What is a mere number in the computation costs nothing and is kept.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 
 from cosim import Bound, Effect, Summary
-from cosim.effects import Kind, free
+from cosim.effects import free
 from cosim.streams import Stream
 from link.air.air import lens_psf
 from link.air.fog import extinction, forward_share
@@ -81,10 +81,6 @@ class Change:
 
     size: float
     lasts: float = 0.0
-
-    @property
-    def kind(self) -> Kind:
-        return "estimate" if self.lasts > 0 else "proof"
 
     def units(self, scene: LinkSummary) -> float:
         """What it does to the link's bit error rate."""
@@ -170,7 +166,7 @@ def _effect(name: str, change: Change) -> Effect:
     def bound(summary: Summary) -> Bound:
         if not isinstance(summary, LinkSummary):
             raise TypeError("the bounds of a link's effects need a LinkSummary")
-        return Bound(change.units(summary), change.kind)
+        return Bound(change.units(summary), "estimate")
 
     def cost(summary: Summary) -> float:
         return float(_COSTS[name] * np.max(summary.planes))

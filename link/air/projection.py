@@ -23,7 +23,10 @@ from cosim.light import Plane
 from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 
-__all__ = ["Projection", "disc_kernel"]
+__all__ = ["Places", "Projection", "cut", "disc_kernel"]
+
+Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+"""Patches of a camera: rows (patches, a) and columns (patches, b) of each."""
 
 _PHASES: Final = {2: 128, 4: 64}
 """Sub-pixel places of a table along each axis, by its taps."""
@@ -44,37 +47,41 @@ _U: Final = tuple(np.uint64(n) for n in range(16))
 
 
 @njit(cache=True, nogil=True)
-def _project(padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, out):  # type: ignore[no-untyped-def]
-    """Fills `out` (H, W). padded: (high wide,), with `pad` pixels of 0 on every side. inverse:
-    camera to panel, row-major. tables: flat, (regions^2, phases, phases, count, count).
+def _project(  # type: ignore[no-untyped-def]
+    padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
+    out,
+):  # fmt: skip
+    """Fills `out` (len(rows), len(columns)), which are of a camera of `shape`. padded: (high wide,),
+    with `pad` pixels of 0 on every side. inverse: camera to panel, row-major. tables: flat,
+    (regions^2, phases, phases, count, count).
 
     Everything is flat and unsigned, and four taps are summed column by column: so the compiler
     makes vectors of it, which halves its time.
     """
-    height, width = out.shape
+    (height, width), across = shape, len(columns)
     shift = np.float64(pad - (count // 2 - 1))
     last_u, last_v = np.float64(wide - count), np.float64(high - count)
     a, b, c, d, e, f, g, h, i = inverse
-    us, vs = np.empty(width), np.empty(width)
+    us, vs = np.empty(across), np.empty(across)
     stride, size, steps = np.uint64(wide), np.uint64(count * count), np.uint64(phases)
-    for row in range(height):
-        y = row - dy
-        for column in range(width):
-            x = column - dx
+    for row in range(len(rows)):
+        y = rows[row] - dy
+        for column in range(across):
+            x = columns[column] - dx
             depth = g * x + h * y + i
             scale = 1.0 / depth
             # Not before the lens: beyond the horizon of the panel's plane.
             us[column] = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
             vs[column] = (d * x + e * y + f) * scale + shift
-        line = row * regions // height * regions
-        for column in range(width):
+        line = rows[row] * regions // height * regions
+        for column in range(across):
             u, v = us[column], vs[column]
             if not (0.0 <= u < last_u and 0.0 <= v < last_v):
                 out[row, column] = 0.0
                 continue
             u0, v0 = np.uint64(u), np.uint64(v)
             pu, pv = np.uint64((u - u0) * phases), np.uint64((v - v0) * phases)
-            table = np.uint64(line + column * regions // width if regions > 1 else 0)
+            table = np.uint64(line + columns[column] * regions // width if regions > 1 else 0)
             w = ((table * steps + pv) * steps + pu) * size
             k = v0 * stride + u0
             if count == 4:
@@ -106,6 +113,36 @@ def _project(padded, wide, high, inverse, dx, dy, tables, regions, phases, count
                 w += np.uint64(count)
                 k += stride
             out[row, column] = total
+
+
+@njit(cache=True, nogil=True)
+def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type: ignore[no-untyped-def]
+    """Adds to `out`, of the padded panel, the weights with which `_project` takes each pixel."""
+    high, wide = out.shape
+    shift = np.float64(pad - (count // 2 - 1))
+    a, b, c, d, e, f, g, h, i = inverse
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            depth = g * column + h * row + i
+            if not depth > 0.0:
+                continue
+            u = (a * column + b * row + c) / depth + shift
+            v = (d * column + e * row + f) / depth + shift
+            if not (0.0 <= u < wide - count and 0.0 <= v < high - count):
+                continue
+            u0, v0 = int(u), int(v)
+            part = row * regions // shape[0] * regions + column * regions // shape[1]
+            weights = tables[part, int((v - v0) * phases), int((u - u0) * phases)]
+            for y in range(count):
+                for x in range(count):
+                    out[v0 + y, u0 + x] += weights[y, x]
+
+
+def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
+    """Patches of a plane, stacked: (patches a, b)."""
+    rows, columns = places
+    patches = plane[rows[:, :, None], columns[:, None, :]]
+    return np.ascontiguousarray(patches.reshape(-1, columns.shape[1]))
 
 
 @lru_cache(maxsize=2)
@@ -149,6 +186,7 @@ class Projection:
         """(regions, phases, phases, taps, taps)."""
         self._flat = self.tables.ravel()
         self._pad = self._count
+        self._all = np.arange(camera[0]), np.arange(camera[1])
         self._padded = np.zeros((panel[0] + 2 * self._pad, panel[1] + 2 * self._pad), np.float32)
 
     def _affines(self) -> tuple[int, list[npt.NDArray[np.float64]]]:
@@ -173,18 +211,50 @@ class Projection:
                 affines.append(affine_at(self.homography, *at))
         return regions, affines
 
-    def __call__(self, plane: npt.NDArray[Any], shift: tuple[float, float] = (0.0, 0.0)) -> Plane:
+    @property
+    def wide(self) -> bool:
+        """Whether it blurs over many pixels, on the camera's grid."""
+        return self._after > 0 or self._disc > 0
+
+    def weights(self) -> npt.NDArray[np.float32]:
+        """With which each panel pixel counts in the sum of the unshifted image, (h, w); what a wide
+        blur does at the image's border aside."""
+        pad, made = self._pad, np.zeros(self._padded.shape)
+        _collect(
+            self._inverse.ravel(), self.tables, self._regions, self._phases, self._count, pad,
+            self.camera, made,
+        )  # fmt: skip
+        return made[pad:-pad, pad:-pad].astype(np.float32)
+
+    def __call__(
+        self,
+        plane: npt.NDArray[Any],
+        shift: tuple[float, float] = (0.0, 0.0),
+        places: Places | None = None,
+    ) -> Plane:
         """(height, width) float32 of the camera for a plane of the panel, 0 all round it. shift:
-        (dx, dy) of the image, camera pixels."""
+        (dx, dy) of the image, camera pixels. places: patches alone, as `cut` has them, the same
+        bits."""
         pad = self._pad
         self._padded[pad:-pad, pad:-pad] = plane
-        out = np.empty(self.camera, np.float32)
+        if places is None:
+            return self._widely(self._patch(shift, *self._all))
+        if self.wide:
+            return cut(self._widely(self._patch(shift, *self._all)), places)
+        return np.concatenate([self._patch(shift, *each) for each in zip(*places, strict=True)])
+
+    def _patch(
+        self, shift: tuple[float, float], rows: npt.NDArray[np.int64],
+        columns: npt.NDArray[np.int64],
+    ) -> Plane:  # fmt: skip
+        out = np.empty((len(rows), len(columns)), np.float32)
         high, wide = self._padded.shape
         _project(
             self._padded.ravel(), wide, high, self._inverse.ravel(), shift[0], shift[1],
-            self._flat, self._regions, self._phases, self._count, pad, out,
+            self._flat, self._regions, self._phases, self._count, self._pad, self.camera, rows,
+            columns, out,
         )  # fmt: skip
-        return self._widely(out)
+        return out
 
     def _widely(self, image: Plane) -> Plane:
         """Blur of many pixels."""

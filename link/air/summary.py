@@ -109,6 +109,9 @@ def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
     `epsilon` of that of a pixel that is on, at most: errors are the rarer the more the charges of
     on and off differ, so the ends of what these may become bound all between.
 
+    An estimate, however sure `epsilon` is: of the rate of `ber`'s own decision by a few pixels in
+    the panel's middle, not of a receiver's, and over the half-width at `ber`'s own rate.
+
     times: where above 0, `epsilon` is a standard deviation instead, of a change that comes anew so
     often in the run (at least once); the RMS of what it does to the run's rate.
     """

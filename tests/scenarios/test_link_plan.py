@@ -127,13 +127,13 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkLook) -
     )  # fmt: skip
     made = camera_changes(camera, scene)
     swing = (scene.on - scene.off) / scene.on
-    assert made["row-by-row sampling"][0].size == pytest.approx(0.25 * swing)
-    assert made["comparator delay"][0].size == pytest.approx(0.1 * swing)
-    assert made["optical cross-talk"][0].size == pytest.approx(0.04 * swing)
-    assert made["reset dead time"][0].size == pytest.approx(0.2)
-    assert made["dark current and DSNU"][0].size == pytest.approx(1.0 / scene.on)
-    assert made["PRNU"][0].size == 0.01
-    assert scene.cycles / made["PRNU"][0].lasts == pytest.approx(250 * 400)
+    assert made["row-by-row sampling"].size == pytest.approx(0.25 * swing)
+    assert made["comparator delay"].size == pytest.approx(0.1 * swing)
+    assert made["optical cross-talk"].size == pytest.approx(0.04 * swing)
+    assert made["reset dead time"].size == pytest.approx(0.2)
+    assert made["dark current and DSNU"].size == pytest.approx(1.0 / scene.on)
+    assert made["PRNU"].size == 0.01
+    assert scene.cycles / made["PRNU"].lasts == pytest.approx(250 * 400)
     assert {e.name for e in camera.kept} - {"random initial charge"} <= set(made)
 
 

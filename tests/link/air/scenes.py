@@ -39,10 +39,11 @@ class Shown:
 
 
 def make(source: Any = None, planes: int = 24, kept: Any = None, **changes: Any) -> Air:
-    """changes: optics, aim, air, panel, camera."""
+    """changes: optics, aim, air, panel, camera, places."""
     given: dict[str, Any] = {"optics": OPTICS, "aim": Aim(), "air": AIR, "panel": PANEL}
     given = given | changes
     return Air(
         source or Shown(), given["panel"], given["optics"], given["aim"], given["air"],
         given.get("camera", CAMERA), first_light=FIRST, planes=planes, kept=kept,
+        places=given.get("places"),
     )  # fmt: skip

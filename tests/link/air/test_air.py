@@ -161,3 +161,40 @@ def test_f_number_for_a_level() -> None:
     assert lit * gain / 40_000 == pytest.approx(1400)
     with pytest.raises(Exception, match=r"link.aim.on_level must be at most"):
         f_number_for(1.4, replace(OPTICS, luminance=1.0), 2.0, 1000.0, gain, CLOCK)
+
+
+BEAMS = {
+    "plain": {"aim": Aim((2.0, 1.0), 5.0, vibration=0.4), "air": replace(AIR, ambient=500.0)},
+    "tilted": {"aim": Aim((0.0, 0.0), 0.0, (20.0, -15.0)), "air": replace(AIR, sun=2e4)},
+    "fog": {"air": replace(AIR, ambient=500.0, visibility=30.0)},
+    "blurred": {"optics": replace(OPTICS, blur=1.7)},
+    "out of focus": {"optics": replace(OPTICS, focus=1.2)},
+}
+
+
+@pytest.mark.parametrize("beam", BEAMS)
+def test_patches_alone_have_the_light_of_the_whole_plane(beam: str) -> None:
+    """Every bit of it, at the chip's corners and over its edges too."""
+    boxes = [(0, 12, 0, 12), (36, 48, 52, 64), (18, 30, 26, 38)]
+    y = np.clip([range(a - 1, b + 1) for a, b, _, _ in boxes], 0, SHAPE[0] - 1)
+    x = np.clip([range(a - 1, b + 1) for _, _, a, b in boxes], 0, SHAPE[1] - 1)
+    whole = make(**BEAMS[beam]).step(None, Block(0, 16))
+    parts = make(**BEAMS[beam], places=(y, x)).step(None, Block(0, 16))
+    assert len(parts.pieces) == len(whole.pieces) > 3
+    for one, two in zip(whole.pieces, parts.pieces, strict=True):
+        assert (one.start, one.stop) == (two.start, two.stop)
+        cut = np.concatenate([one.first[np.ix_(a, b)] for a, b in zip(y, x, strict=True)])
+        assert np.array_equal(cut, two.first)
+    assert parts.pieces[1].first.std() > 0
+
+
+def test_glare_is_the_mean_of_the_whole_image() -> None:
+    """Made from the panel's side, it is that of the image's pixels."""
+    busy = replace(AIR, ambient=500.0, glare=0.2)
+    aim = Aim((14.0, 6.0), 20.0, (25.0, 10.0))  # a part of the panel is out of view
+    with_it, without = (
+        make(aim=aim, air=replace(busy, glare=g)).step(None, Block(0, 8)).pieces for g in (0.2, 0.0)
+    )
+    for one, two in zip(with_it, without, strict=True):
+        exact = 0.8 * two.first + 0.2 * two.first.mean(dtype=np.float64)
+        assert np.allclose(one.first, exact, rtol=2e-6)
