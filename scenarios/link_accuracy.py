@@ -1,7 +1,8 @@
 """Error against run time of a link: every tier at a ladder of tolerances.
 
 The error of a row is that of its plan's bit error rate against full physics, on patches and on the
-same bits, in half-widths of the interval that the run's bits leave. Its time is that of the air and
+same bits, in half-widths of the interval that the run's bits leave, estimated from bits that are
+nearly wrong where there are enough of them (`error_of` says so). Its time is that of the air and
 of the camera on the whole plane: the least of the blocks after one that is thrown away.
 """
 
@@ -45,32 +46,43 @@ def _ladder(
     return found
 
 
-def _camera_ns(
+def _plane_ns(
     run: ReadyLink, plans: Sequence[LinkPlan], progress: Progress
-) -> dict[tuple[Tier, CameraSetting], float]:
-    """What a pixel-cycle of the whole chip takes, of every camera that is not another's like."""
+) -> tuple[dict[frozenset[str] | None, float], dict[tuple[Tier, CameraSetting], float]]:
+    """What a pixel-cycle of the whole chip takes: of the light, by the effects that are kept, full
+    physics' with them, and of every camera that is not another's like."""
     s, chip = run.setting, run.setting.camera.chip
-    air = Air(
-        run.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
-        planes=run.sent.planes,
-    )  # fmt: skip
+    airs = {
+        kept: Air(
+            run.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
+            planes=run.sent.planes, kept=kept,
+        )
+        for kept in dict.fromkeys([None, *(plan.run_air for plan in plans)])
+    }  # fmt: skip
     cameras = {
-        key: SpikeCamera(key[1], run.device, tier=key[0], late=air.late)
+        key: SpikeCamera(key[1], run.device, tier=key[0], late=airs[None].late)
         for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
     }
     blocks = min(TIMED + 1, max(run.cycles // BLOCK, 1))
+    shone: dict[frozenset[str] | None, list[float]] = {kept: [] for kept in airs}
     took: dict[tuple[Tier, CameraSetting], list[float]] = {key: [] for key in cameras}
+    each = chip.height * chip.width * BLOCK * 1e-9
     progress.start(f"{len(cameras)} cameras on the whole chip", blocks)
     for n in range(blocks):
-        block = Block(n * BLOCK, BLOCK)
-        light = air.step(None, block)
+        block, lights = Block(n * BLOCK, BLOCK), {}
+        for kept, air in airs.items():
+            begin = time.perf_counter()
+            lights[kept] = air.step(None, block)
+            shone[kept].append((time.perf_counter() - begin) / each)
         for key, camera in cameras.items():
             begin = time.perf_counter()
-            camera.step(light, block)
-            spent = (time.perf_counter() - begin) * 1e9
-            took[key].append(spent / (chip.height * chip.width * BLOCK))
+            camera.step(lights[None], block)
+            took[key].append((time.perf_counter() - begin) / each)
         progress.advance(n + 1)
-    return {key: min(each[1:] or each) for key, each in took.items()}
+    return (
+        {kept: min(of[1:] or of) for kept, of in shone.items()},
+        {key: min(of[1:] or of) for key, of in took.items()},
+    )
 
 
 def accuracy_link(
@@ -97,27 +109,30 @@ def accuracy_link(
         for key, (tier, _, plan) in zip(names, ladder, strict=True)
     }
     decided = patches.film(variants, run.device, progress)
-    spent = _camera_ns(run, [plan for *_, plan in ladder], progress)
+    airs, spent = _plane_ns(run, [plan for *_, plan in ladder], progress)
     pixel_cycles = camera.chip.height * camera.chip.width * run.cycles
     full = decided[_FULL]
-    rows = []
+    rows, kind = [], KIND
     for key, (tier, tolerances, plan) in zip(names, ladder, strict=True):
-        found = compare(full.wrong, decided[key].wrong, look.scene.bits)
-        ns = decided[key].air_ns + spent[plan.tier, plan.camera]
+        found = compare(
+            full.wrong, decided[key].wrong, look.scene.bits, (full.lead, decided[key].lead)
+        )
+        kind = found.kind
+        ns = airs[plan.run_air] + spent[plan.tier, plan.camera]
         for at, tolerance in enumerate(tolerances):
             rows.append(Row(
                 tier, tolerance, found.value, (found.low, found.high), ns * 1e-9 * pixel_cycles,
                 ns, plan.kept, list(plan.left_out), tolerances[0] if at else None,
             ))  # fmt: skip
-    return _document(scenario, run, look, patches, full, rows, pixel_cycles)
+    return _document(scenario, run, look, patches, full, rows, kind, airs[None], pixel_cycles)
 
 
 def _document(
     scenario: LinkScenario, run: ReadyLink, look: LinkLook, patches: LinkPatches, full: Decided,
-    rows: list[Row], pixel_cycles: int,
+    rows: list[Row], kind: str, air_ns: float, pixel_cycles: int,
 ) -> dict[str, Any]:  # fmt: skip
     assert patches.plane is not None
-    ns = full.air_ns + full.camera_ns
+    ns = air_ns + full.camera_ns
     # What its thresholds are off by moves a tick's charge against them.
     wrong = reference_error(run.setting.camera, patches.plane.numbers[:DRAWS])
     own = ber_units(look.scene, wrong * look.scene.threshold / look.scene.on)
@@ -126,7 +141,7 @@ def _document(
     best = Row("reference", None, own, (0.0, own), ns * 1e-9 * pixel_cycles, ns, everything, [])
     return {
         "scenario": scenario.title,
-        "error_of": KIND,
+        "error_of": kind,
         "device": run.device.name if run.device is not None else "numba on this processor",
         "reference": {
             "tier": "reference", "error": own, "ns_per_pixel_cycle": ns,

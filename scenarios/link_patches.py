@@ -3,9 +3,9 @@
 Patches are squares of camera pixels with the cells whose images lie in them: in the panel's middle,
 where it is brightest, along its edges and near its corners, where registration and timing are at
 their worst, and some by chance. Light is made for them alone, the same bits as on the whole plane;
-the pixels are filmed with their own numbers, so that all cameras see the same chance. Every camera's spikes go through a
-detector of their own that learns from the training, with the true registration and timing: what is
-compared are the decisions on the same bits.
+the pixels are filmed with their own numbers, so that all cameras see the same chance. Every
+camera's spikes go through a detector of their own that learns from the training, with the true
+registration and timing: what is compared are the decisions on the same bits.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SIDE: Final = 48, 104
 them. Not less than four cells."""
 MARGIN: Final = 5
 """Camera pixels between a cell's middle and the patch's edge, beside half the cell."""
-RANDOM: Final = 4
+RANDOM: Final = 8
 """Patches by chance."""
 CYCLES: Final = 256
 """Of the camera, that are filmed at most, unless the training takes longer."""
@@ -240,13 +240,14 @@ class LinkPatches:
                 spent[name].append(time.perf_counter() - begin)
                 words[name].append(made)
             progress.advance(block.stop)
-        size, made = self.plane.numbers.size, {}
+        size = self.plane.numbers.size
+        decided: dict[str, Decided] = {}
         for name, v in variants.items():
             lead, wrong = self._decide(np.concatenate(words[name]), airs[v.air])
-            made[name] = Decided(
+            decided[name] = Decided(
                 wrong, lead, _ns(spent[v.air], size, cycles), _ns(spent[name], size, cycles)
             )
-        return made
+        return decided
 
     def _decide(
         self, words: npt.NDArray[np.uint32], air: Air

@@ -51,8 +51,8 @@ def _project(  # type: ignore[no-untyped-def]
     padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
     out,
 ):  # fmt: skip
-    """Fills `out` (len(rows), len(columns)), which are of a camera of `shape`. padded: (high wide,),
-    with `pad` pixels of 0 on every side. inverse: camera to panel, row-major. tables: flat,
+    """Fills `out` (len(rows), len(columns)), of a camera of `shape`. padded: (high wide,), with
+    `pad` pixels of 0 on every side. inverse: camera to panel, row-major. tables: flat,
     (regions^2, phases, phases, count, count).
 
     Everything is flat and unsigned, and four taps are summed column by column: so the compiler

@@ -122,12 +122,18 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
 def _compared(check: LinkCheck) -> dict[str, Metric]:
     """How many bits stand behind the error, and what they say of single decisions."""
     paired = check.paired
+    close = None if paired is None else paired.near
     return {
         "check_bits": Metric(None if paired is None else paired.bits, "bits"),
         "check_otherwise": Metric(
             None if paired is None else paired.more + paired.fewer, "bits"
         ),
         "check_otherwise_high": Metric(None if paired is None else paired.otherwise, "1"),
+        "check_counted_high": Metric(None if paired is None else paired.counted[2], "half-widths"),
+        "check_near": Metric(None if close is None else close.count, "bits"),
+        "check_near_otherwise": Metric(
+            None if close is None else close.more + close.fewer, "bits"
+        ),
     }  # fmt: skip
 
 

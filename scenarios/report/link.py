@@ -42,8 +42,7 @@ def _cards(run: LinkRun) -> str:
     paired = run.check.paired
     told = (
         "error against full physics: not measured" if paired is None
-        else f"error against full physics, at most {paired.high:.2g}, in half-widths of the bit "
-        "error rate's interval"
+        else f"error against full physics, at most {paired.high:.2g} (99.9 %): {paired.kind}"
     )  # fmt: skip
     lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
     return cards([

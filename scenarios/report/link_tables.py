@@ -33,16 +33,27 @@ def told_error(check: LinkCheck) -> str:
     if paired is None:
         return "The run's error was not measured."
     differ = paired.more + paired.fewer
-    return (
+    value, low, high = paired.counted
+    counted = (
         f"{check.patches} patches of the sensor were simulated twice with the same chance in every "
         "pixel, as this run was and with every effect in the reference tier. Of "
         f"{paired.bits:,} bits {'none was' if not differ else f'{differ:,} were'} decided "
         f"otherwise ({paired.run:,} wrong as run, {paired.full:,} in full physics): at 99.9 % "
-        f"fewer than {paired.otherwise * 1e6:.2g} in a million are. The bit error rate is off by "
-        f"{abs(paired.more - paired.fewer) / paired.bits:.2g}, at 99.9 % between "
-        f"{paired.change[0]:.2g} and {paired.change[1]:.2g}; in half-widths of the run's own "
-        f"99.9 % interval, {paired.unit:.2g}, that is {paired.value:.2g}, between {paired.low:.2g} "
-        f"and {paired.high:.2g}. What limits the upper end is the number of bits compared."
+        f"fewer than {paired.otherwise * 1e6:.2g} in a million are. So counted, the bit error rate "
+        f"is off by {value:.2g} half-widths of the run's own 99.9 % interval, {paired.unit:.2g}, "
+        f"at 99.9 % between {low:.2g} and {high:.2g}. What limits the upper end is the number of "
+        "bits compared."
+    )
+    close = paired.near
+    if close is None:
+        return counted
+    return (
+        f"{counted} The error that is told is an estimate from {close.count:,} bits that are "
+        f"nearly wrong, their soft value being for what was sent by less than {close.margin:.3g}: "
+        f"{close.more:,} more and {close.fewer:,} fewer are so as run, a change of "
+        f"{close.change * 100:.2g} %, at 99.9 % between {close.relative[0] * 100:.2g} % and "
+        f"{close.relative[1] * 100:.2g} %. Where the bit error rate changes by the same share it "
+        f"is off by {paired.value:.2g} half-widths, between {paired.low:.2g} and {paired.high:.2g}."
     )
 
 

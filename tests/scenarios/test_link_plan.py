@@ -148,6 +148,9 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
     rows = {row["effect"]: row for row in plan.documents({"scintillation": 0.5})}
     assert rows["scintillation"]["measured"] == 0.5
     assert 0 < rows["scintillation"]["bound"] < 0.05
+    # What a closed form that is not the receiver's makes of a bound is no proof.
+    kinds = {row.kind for row in plan.plan.rows if row.effect != "random initial charge"}
+    assert kinds == {"estimate"} and rows["scintillation"]["kind"] == "estimate"
     everything = seen.plan(0.0, device)
     assert everything.tier == "exact" and not everything.left_out and everything.run_air is None
     assert everything.camera == seen.camera
@@ -182,6 +185,7 @@ def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
     full, bits = found["reference"], seen.scene.bits
     assert full.rate < 0.05 and full.wrong.shape == (patches.symbols, len(patches.cells))
     assert full.air_ns > 0 and full.camera_ns > 0
+    assert full.wrong.sum() == (full.lead < 0).sum() + ((full.lead == 0) & full.wrong).sum()
     for name in ("exact", "fast"):
         assert compare(full.wrong, found[name].wrong, bits).low == 0
         assert (full.wrong != found[name].wrong).mean() < 1e-3
