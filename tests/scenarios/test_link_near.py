@@ -9,6 +9,7 @@ import pytest
 
 from scenarios.link_check import ESTIMATED, KIND, LinkCheck, compare
 from scenarios.link_near import FEWEST, near
+from scenarios.report.link_tables import told_error
 
 LEVEL, SLOPE, RATE = 0.999, 0.6, 1e-5
 
@@ -72,3 +73,16 @@ def test_few_bits_or_many_errors_are_counted_only() -> None:
     assert paired.kind == KIND and (paired.value, paired.low, paired.high) == paired.counted
     many = leads(10**5, 1) - np.float32(math.log(0.01 / RATE) / SLOPE)
     assert (many <= 0).mean() > 5e-3 and near(many, many, LEVEL) is None
+
+
+def test_the_report_says_which_figure_is_counted_and_which_is_estimated() -> None:
+    full = leads(10**5, 3)
+    run = full - np.float32(0.1)
+    paired = compare(full <= 0, run <= 0, 10**8, (full, run))
+    assert paired.near is not None
+    told = told_error(LinkCheck(paired, {}, 0.0, 3, 1.0))
+    assert "an estimate from 200 bits that are nearly wrong" in told
+    assert f"{paired.near.more} more and {paired.near.fewer} fewer" in told
+    assert f"between {paired.counted[1]:.2g} and {paired.counted[2]:.2g}" in told
+    alone = told_error(LinkCheck(compare(full <= 0, run <= 0, 10**8), {}, 0.0, 3, 1.0))
+    assert "estimate" not in alone and "So counted" in alone
