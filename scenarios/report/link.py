@@ -153,21 +153,20 @@ def _eye(run: LinkRun) -> str:
     path = run.folder / "figures" / "eye.png"
     eye_figure(eye, path)
     told = (
-        f"Of all but {RARE:.0%} of each it is {eye.height:.3f} high, where 1 is every pixel firing "
-        f"in every tick, decided at {eye.level:.3f}, and {eye.width:.3g} ticks wide."
+        f"With {RARE:.0%} of each bit left aside it is {eye.height:.3f} high and {eye.width:.3g} "
+        f"ticks wide; the level half-way is {eye.level:.3f}."
         if eye.height > 0
-        else f"It is closed: {RARE:.0%} of each overlap by {-eye.height:.3f}, where 1 is every "
-        "pixel firing in every tick."
+        else f"It is closed: with {RARE:.0%} of each bit left aside, on and off overlap by "
+        f"{-eye.height:.3f}."
     )
     at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
     return (
         f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes of "
-        "the pixels that see a cell, each weighted by the share of its light that is the cell's, "
-        f"mean of a window of {run.mode.ticks} ticks, as it slides past the symbol. The camera "
-        "sees whole ticks; where a symbol begins between them differs by row and, with the "
-        "clocks' offset, by symbol, and in between traces are drawn straight. "
-        f"The window nearest to the symbol lies {at} ticks from its middle. {told} Detectors weigh "
-        "ticks and what came before as well, and so err less than a level in this eye would.</p>"
+        "the pixels that see a cell, each weighted by the share of its light that is the cell's, 1 "
+        "where all fire. The camera sees whole ticks; where a symbol begins between them differs "
+        "by row and, with the clocks' offset, by symbol; in between traces are drawn straight. "
+        f"The tick nearest to a symbol's middle lies {at} ticks from it. {told} Detectors weigh "
+        "all ticks of a symbol and what came before, and err less than this one tick.</p>"
         + plot(path, "eye diagram")
     )
 
