@@ -38,11 +38,12 @@ _COLUMNS, _LEVELS = 129, 60
 @dataclass(frozen=True, eq=False)
 class Eye:
     """x: ticks after a symbol's middle, from one symbol before to one after, (columns,). density:
-    traces through each place, (levels, columns), levels evenly from 0 (no spike) to 1 (all pixels). low: what all but `RARE` of the cells that were on
-    exceed, high: what all but `RARE` of those that were off stay below, (columns,). sampled: ticks
-    from the symbol's middle to that of the tick nearest to it, 5 % and 95 % quantile. height: low less
-    high there, below 0 where the eye is closed. level: half-way between both. width: ticks around
-    it in which low exceeds high, 0 where the eye is closed. traces: how many."""
+    traces through each place, (levels, columns), levels evenly from 0 (no spike) to 1 (all pixels).
+    low: what all but `RARE` of the cells that were on exceed, high: what all but `RARE` of those
+    that were off stay below, (columns,). sampled: ticks from the symbol's middle to that of the
+    tick nearest to it, 5 % and 95 % quantile. height: low less high there, below 0 where the eye is
+    closed. level: half-way between both. width: ticks around it in which low exceeds high, 0 where
+    the eye is closed. traces: how many."""
 
     x: Floats
     density: npt.NDArray[np.int64]
@@ -145,10 +146,10 @@ def open_eye(
 
 
 def _measured(
-    x: Floats, values: npt.NDArray[np.float32], nearest: Floats, sums: Floats,
+    x: Floats, values: npt.NDArray[np.float32], nearest: Floats, shown: Floats,
     on: npt.NDArray[np.bool_],
 ) -> Eye:  # fmt: skip
-    """values: of all traces at x, (traces, columns). nearest, sums: where the ticks nearest to the
+    """values: of all traces at x, (traces, columns). nearest, shown: where the ticks nearest to the
     symbols' middles are, and what cells show there, (traces,). on: what was sent, (traces,)."""
     level = np.clip((values * _LEVELS).astype(np.intp), 0, _LEVELS - 1)
     density = np.zeros((_LEVELS, x.size), np.int64)
@@ -156,7 +157,7 @@ def _measured(
         density[:, n] = np.bincount(level[:, n], minlength=_LEVELS)
     low = np.asarray(np.quantile(values[on], RARE, axis=0), np.float64)
     high = np.asarray(np.quantile(values[~on], 1 - RARE, axis=0), np.float64)
-    top, bottom = float(np.quantile(sums[on], RARE)), float(np.quantile(sums[~on], 1 - RARE))
+    top, bottom = float(np.quantile(shown[on], RARE)), float(np.quantile(shown[~on], 1 - RARE))
     left, right = (float(q) for q in np.quantile(nearest, (0.05, 0.95)))
     middle = int(np.argmin(np.abs(x - (left + right) / 2)))
     width = 0.0
