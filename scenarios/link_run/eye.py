@@ -1,10 +1,12 @@
 """The eye diagram of a recording: what a cell shows over time, symbols laid over each other.
 
-What is drawn is what a cell shows in each of the camera's ticks: spikes of the pixels that see it,
-each weighted by the share of its light that is the cell's. Tick by tick that makes a trace. Where
+What is drawn is the sum that a matched detector without memory would decide by: spikes of the
+pixels that see a cell, each weighted by the share of its light that is the cell's, over as many
+ticks as a symbol has. As this window slides past a symbol, tick by tick, it makes a trace; where
 between the camera's ticks a symbol begins differs from row to row and, by the clocks' offset, from
 symbol to symbol, so traces fill the time between ticks as far as phases differ. Within a trace,
-values between the middles of ticks are taken to run straight.
+values between ticks are taken to run straight. Single ticks would be shown more finely, but as half
+a symbol that nothing decides by.
 """
 
 from __future__ import annotations
@@ -37,13 +39,14 @@ _COLUMNS, _LEVELS = 129, 60
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """x: ticks after a symbol's middle, from one symbol before to one after, (columns,). density:
-    traces through each place, (levels, columns), levels evenly from 0 (no spike) to 1 (all pixels).
+    """x: ticks from a symbol's middle to the window's, from one symbol before to one after,
+    (columns,). density: traces through each place, (levels, columns), levels evenly from 0 (no
+    spike) to 1 (all pixels in all ticks).
     low: what all but `RARE` of the cells that were on exceed, high: what all but `RARE` of those
     that were off stay below, (columns,). sampled: ticks from the symbol's middle to that of the
-    tick nearest to it, 5 % and 95 % quantile. height: low less high there, below 0 where the eye is
-    closed. level: half-way between both. width: ticks around it in which low exceeds high, 0 where
-    the eye is closed. traces: how many."""
+    window nearest to it, 5 % and 95 % quantile. height: low less high there, below 0 where the eye
+    is closed. level: half-way between both. width: ticks around it in which low exceeds high, 0
+    where the eye is closed. traces: how many."""
 
     x: Floats
     density: npt.NDArray[np.int64]
@@ -80,19 +83,21 @@ def _weights(
     return row, column, weight, v
 
 
-def _shown(
+def _sums(
     stream: SpikeStream, first: int, stop: int, row: npt.NDArray[np.intp],
-    column: npt.NDArray[np.intp], weight: Floats,
+    column: npt.NDArray[np.intp], weight: Floats, ticks: int,
 ) -> Floats:  # fmt: skip
-    """Weighted spikes of each cell in ticks first to stop, (cells, ticks), 1 where every pixel
-    fires. first: of a word."""
+    """Weighted spikes of each cell over windows of `ticks`, the n-th one from tick first + n on,
+    (cells, windows), 1 where every pixel fires in every tick. first: of a word."""
     words = stream.read_words(first // WORD, words_for(stop))
     spikes = np.zeros((len(row), stop - first))
     for k in range(row.shape[1]):
         picked = np.ascontiguousarray(words[:, row[:, k], column[:, k]].T).astype("<u4", copy=False)
         bits = np.unpackbits(picked.view(np.uint8), axis=1, bitorder="little")
         spikes += weight[:, k, None] * bits[:, : stop - first]
-    return np.asarray(spikes / np.maximum(weight.sum(axis=1), 1e-9)[:, None])
+    spikes /= np.maximum(weight.sum(axis=1), 1e-9)[:, None]
+    run = np.cumsum(np.pad(spikes, ((0, 0), (1, 0))), axis=1)
+    return np.asarray((run[:, ticks:] - run[:, :-ticks]) / ticks)
 
 
 def open_eye(
@@ -109,23 +114,26 @@ def open_eye(
     room = min(stream.cycles, int(timing.start(symbols, timing.rows)) + ticks) - length
     x = np.linspace(-period, period, _COLUMNS)
     values, nearest, at_middle, bits = [], [], [], []
+    done: set[int] = set()  # stretches of a short recording overlap
     for first in sorted(
         {int(t) // WORD * WORD for t in np.linspace(begin, max(room, begin), _STRETCHES)}
     ):
-        if first < 0:
+        if not 0 <= first < stream.cycles:
             continue
         stop = min(first + length, stream.cycles)
         row, column, weight, v = _weights(
             layout, registration, cells, (first + stop) / 2, stream.shape
         )
-        shown = _shown(stream, first, stop, row, column, weight)
+        shown = _sums(stream, first, stop, row, column, weight, ticks)
         low = max(TRAINING, int(np.ceil((first - timing.first) / period)) + 2)
         high = min(symbols, int((stop - timing.first) / period) - 2)
         for symbol in range(low, high):
-            # number of the tick in whose middle the symbol's lies, between two of them
-            where = timing.start(symbol, v) + period / 2 - 0.5 - first
-            if where.min() - period < 0 or where.max() + period > shown.shape[1] - 1:
+            # number of the window in whose middle the symbol's lies, between two of them
+            where = timing.start(symbol, v) + period / 2 - ticks / 2 - first
+            inside = where.min() >= period and where.max() + period <= shown.shape[1] - 1
+            if symbol in done or not inside:
                 continue
+            done.add(symbol)
             at = where[:, None] + x
             index = np.minimum(at.astype(np.intp), shown.shape[1] - 2)
             before = np.take_along_axis(shown, index, axis=1)
@@ -149,8 +157,8 @@ def _measured(
     x: Floats, values: npt.NDArray[np.float32], nearest: Floats, shown: Floats,
     on: npt.NDArray[np.bool_],
 ) -> Eye:  # fmt: skip
-    """values: of all traces at x, (traces, columns). nearest, shown: where the ticks nearest to the
-    symbols' middles are, and what cells show there, (traces,). on: what was sent, (traces,)."""
+    """values: of all traces at x, (traces, columns). nearest, shown: where the windows nearest to
+    the symbols' middles are, and what they hold, (traces,). on: what was sent, (traces,)."""
     level = np.clip((values * _LEVELS).astype(np.intp), 0, _LEVELS - 1)
     density = np.zeros((_LEVELS, x.size), np.int64)
     for n in range(x.size):

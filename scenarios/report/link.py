@@ -162,11 +162,12 @@ def _eye(run: LinkRun) -> str:
     at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
     return (
         f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes of "
-        "the pixels that see a cell, each weighted by the share of its light that is the cell's, 1 "
-        "where all fire. The camera sees whole ticks; where a symbol begins between them differs "
-        "by row and, with the clocks' offset, by symbol; in between traces are drawn straight. "
-        f"The tick nearest to a symbol's middle lies {at} ticks from it. {told} Detectors weigh "
-        "all ticks of a symbol and what came before, and err less than this one tick.</p>"
+        "the pixels that see a cell, each weighted by the share of its light that is the cell's, "
+        f"mean of a window of {run.mode.ticks} ticks as it slides past the symbol, 1 where all "
+        "fire. The camera sees whole ticks; where a symbol begins between them differs by row and, "
+        "with the clocks' offset, by symbol; in between traces are drawn straight. "
+        f"The window nearest to a symbol lies {at} ticks from its middle. {told} Detectors weigh "
+        "each tick by what it tells, and by what came before, and err less than this sum.</p>"
         + plot(path, "eye diagram")
     )
 

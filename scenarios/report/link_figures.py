@@ -125,8 +125,8 @@ def eye_figure(eye: Eye, path: Path) -> None:
             left - reach / 400, right + reach / 400, color=MARK, alpha=0.35, linewidth=0,
             label="sampled here",
         )  # fmt: skip
-        ax.set_xlabel("ticks after the symbol's middle")
-        ax.set_ylabel("spikes a pixel in a tick")
+        ax.set_xlabel("middle of the window, ticks after the symbol's middle")
+        ax.set_ylabel("spikes a pixel and tick")
         figure.legend(fontsize=8.5, loc="outside upper center", ncols=3, frameon=False)
 
 

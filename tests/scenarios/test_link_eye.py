@@ -35,24 +35,24 @@ def clean() -> Eye:
     return eye_of(PlaneStream(SENT, CLOCK))
 
 
-def test_without_noise_it_is_two_ticks_and_straight_lines_to_their_neighbours(clean: Eye) -> None:
-    # Middles of a symbol's ticks lie at -0.5 and 0.5, those of its neighbours at -1.5 and 1.5.
-    low = np.clip(1.5 - np.abs(clean.x), 0, 1)
-    assert clean.low == pytest.approx(low, abs=1e-6)
-    assert clean.high == pytest.approx(1 - low, abs=1e-6)
+def test_without_noise_it_is_the_triangle_of_a_sliding_mean(clean: Eye) -> None:
+    # A neighbour of the other kind enters the window in proportion to how far it has slid.
+    off = np.abs(clean.x) / TICKS
+    assert clean.low == pytest.approx(1 - off, abs=1e-6)
+    assert clean.high == pytest.approx(off, abs=1e-6)
     assert (clean.height, clean.level) == pytest.approx((1.0, 0.5))
     assert clean.width == pytest.approx(TICKS, abs=2 * (clean.x[1] - clean.x[0]))
-    assert np.abs(clean.sampled) == pytest.approx((0.5, 0.5))
+    assert clean.sampled == pytest.approx((0.0, 0.0))
 
 
 def test_every_trace_crosses_every_instant(clean: Eye) -> None:
-    assert (clean.density.sum(axis=0) == clean.traces).all() and clean.traces > 5000
+    assert (clean.density.sum(axis=0) == clean.traces).all() and clean.traces > 3000
     middle = clean.density[:, clean.x.size // 2]
     assert middle[0] + middle[-1] == clean.traces  # all off or all on at the instant of sampling
     assert middle[-1] / clean.traces == pytest.approx(0.5, abs=0.02)  # 8B10B is balanced
 
 
-@pytest.mark.parametrize(("phase", "nearest"), [(0.25, 0.25), (-0.4, -0.1)])
+@pytest.mark.parametrize(("phase", "nearest"), [(0.25, -0.25), (-0.4, 0.4)])
 def test_the_camera_s_ticks_lie_where_the_phase_says(phase: float, nearest: float) -> None:
     eye = eye_of(PlaneStream(SENT, CLOCK), first=phase)
     assert eye.sampled == pytest.approx((nearest, nearest))
@@ -62,13 +62,13 @@ def test_the_camera_s_ticks_lie_where_the_phase_says(phase: float, nearest: floa
 
 
 def test_rows_of_other_phases_fill_the_time_between_ticks() -> None:
-    eye = eye_of(PlaneStream(SENT, CLOCK), first=0.2, slope=0.3)
+    eye = eye_of(PlaneStream(SENT, CLOCK), slope=0.3)
     assert eye.sampled[1] - eye.sampled[0] == pytest.approx(0.9 * 0.3, abs=0.03)
 
 
 def test_noise_closes_it_as_the_binomial_law_says() -> None:
-    # Every pixel errs in a share of its ticks.
-    share, n = 0.03, PIXELS
+    # Every pixel errs in a share of its ticks: sums of PIXELS x TICKS of them.
+    share, n = 0.1, PIXELS * TICKS
     words = SENT.words(0, SENT.planes)
     rng = np.random.Generator(np.random.Philox(key=3))
     planes = rng.random((SENT.planes, MODE.height, MODE.width)) < share
@@ -78,14 +78,15 @@ def test_noise_closes_it_as_the_binomial_law_says() -> None:
     # Shares are told in classes of 1/16, so pixels wholly within a cell weigh up to 1/15 apart.
     assert (eye.height, eye.level) == pytest.approx((low - high, (low + high) / 2), abs=0.02)
     assert 0 < eye.width < TICKS
-    closed = rng.random(planes.shape) < 0.2
+    closed = rng.random(planes.shape) < 0.4
     flips = Viform.from_planes(closed, CLOCK).words
     shut = eye_of(Viform(words ^ flips, SENT.planes, CLOCK))
     assert shut.height < 0 and shut.width == 0
 
 
-def test_a_stream_without_a_symbol_and_its_neighbours_has_none() -> None:
-    short = Viform(SENT.words(0, 96), 96, CLOCK)
+@pytest.mark.parametrize("cycles", [1, 60, 96, 103])
+def test_a_stream_without_a_symbol_and_its_neighbours_has_none(cycles: int) -> None:
+    short = Viform(SENT.words(0, cycles), cycles, CLOCK)
     there = Registration(np.eye(3), np.zeros((0, 3)))
     timing = Timing(0.0, TICKS, 0.0, MODE.height)
     assert open_eye(short, SENT.layout, there, timing, SENT.bits, SENT.symbols) is None
