@@ -157,7 +157,7 @@ def _eye(run: LinkRun) -> str:
         f"ticks wide; the level half-way is {eye.level:.3f}."
         if eye.height > 0
         else f"It is closed: with {RARE:.0%} of each bit left aside, on and off overlap by "
-        f"{-eye.height:.3f}."
+        f"{abs(eye.height):.3f}."
     )
     at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
     return (
