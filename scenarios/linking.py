@@ -81,10 +81,10 @@ def payload_of(scenario: LinkScenario) -> Payload:
         size = path.stat().st_size
         if not path.is_file():
             raise bad("neither a file nor a folder")
-        if not 0 < size <= LARGEST:
+        if size > LARGEST:
             raise InputError(
                 "link.file",
-                f"of 1 to {LARGEST:,} bytes",
+                f"of at most {LARGEST:,} bytes",
                 f"{size:,}",
                 "choose another",
             )

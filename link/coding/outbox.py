@@ -45,6 +45,7 @@ class Outbox:
         blocks = -(-wanted // self._blocks.frames)
         self.frames = blocks * self._blocks.frames
         """Frames sent."""
+        self._wanted = wanted
         self.groups = blocks * self._blocks.groups
         """Groups that carry them."""
         self._packets = packets(packed, symbol, self.frames)
@@ -53,6 +54,13 @@ class Outbox:
     def frames_by(self, groups: int) -> int:
         """Frames that the first `groups` groups carry whole."""
         return min(groups, self.groups) // self._blocks.groups * self._blocks.frames
+
+    def frames_beyond(self, groups: int) -> tuple[int, int]:
+        """Of the frames that the first `groups` groups carry, those beyond the file's own: sent
+        since `overhead` asks for them, and only to fill the last block."""
+        sent = self.frames_by(groups)
+        fill = max(sent - self._wanted, 0)
+        return max(sent - fill - self.frames_needed, 0), fill
 
     def values(self, group: int) -> npt.NDArray[np.uint8]:
         """What the data cells carry in a group: (cells,) uint8 of the line code's values."""

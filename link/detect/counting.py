@@ -148,18 +148,18 @@ def _chain(said, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-d
 
 @njit(cache=True, parallel=True)
 def add_evidence(  # type: ignore[no-untyped-def]
-    words, start, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0, count, dx,
-    dy, share, whole, single, limit, out,
+    words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,
+    count, dx, dy, share, whole, single, limit, out,
 ):  # fmt: skip
     """Soft values of each cell's bits in the window of `symbols` from first_symbol on.
 
-    whole: (regions, PHASES, parts, SHARES, patterns, PAIRS) float32, by pattern. single: (regions,
-    PHASES, ticks, SHARES, contexts, 2, PAIRS) float32, by tick, for symbols that the words hold in
-    part; both are 0 where both bits are off. out: (n, cells) float32, of the window's symbols
-    `skipped` to skipped + n.
+    stop: ticks of the words that are read. whole: (regions, PHASES, parts, SHARES, patterns, PAIRS)
+    float32, by pattern. single: (regions, PHASES, ticks, SHARES, contexts, 2, PAIRS) float32, by
+    tick, for symbols that the words hold in part; both are 0 where both bits are off. out: (n,
+    cells) float32, of the window's symbols `skipped` to skipped + n.
     """
     height, width = words.shape[1], words.shape[2]
-    stop, cells = words.shape[0] * 32, out.shape[1]
+    cells = out.shape[1]
     # flat, since the compiler does not take apart what it indexes by six numbers
     flat_words, flat_whole = words.reshape(-1), whole.reshape(-1)
     flat_count, flat_share = count.reshape(-1), share.reshape(-1)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import Words
+from cosim.viform import WORD, Words
 from link.layout import Layout
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
     from link.detect.pixel import PixelLaw
 
-__all__ = ["DETECTORS", "Bits", "Detector", "DetectorName", "Soft", "make_detector"]
+__all__ = ["DETECTORS", "Bits", "Detector", "DetectorName", "Soft", "bits_held", "make_detector"]
 
 DetectorName = Literal["joint", "threshold", "forward-backward"]
 DETECTORS: tuple[DetectorName, ...] = ("joint", "threshold", "forward-backward")
@@ -24,11 +24,18 @@ Soft = npt.NDArray[np.float32]
 """(symbols, cells): ln P(spikes | on) - ln P(spikes | off)."""
 
 
+def bits_held(words: Words, start_tick: int, stop_tick: int | None) -> int:
+    """Bits of words, counted from start_tick, that are of the stream."""
+    every = len(words) * WORD
+    return every if stop_tick is None else min(max(stop_tick - start_tick, 0), every)
+
+
 class Detector(Protocol):
     """Spikes to soft values of the data cells.
 
     words: (n, H, W) uint32, bit 0 of word 0 being tick start_tick. Symbols are numbered from first
-    light; the first one's time is the timing's `first`. A symbol that the words do not hold at all
+    light; the first one's time is the timing's `first`. stop_tick: the stream's end where it lies
+    within the last word: nothing from there on is read. A symbol that the words do not hold at all
     gets 0. `learn` may be called again and adds what it sees; `learn_pilots` does so from the pilot
     cells, for symbols first_symbol to first_symbol + count, where the training was missed.
     """
@@ -37,7 +44,10 @@ class Detector(Protocol):
     def learn_pilots(
         self, words: Words, start_tick: int, first_symbol: int, count: int
     ) -> None: ...
-    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft: ...
+    def soft(
+        self, words: Words, start_tick: int, first_symbol: int, count: int,
+        stop_tick: int | None = None,
+    ) -> Soft: ...  # fmt: skip
 
 
 def make_detector(

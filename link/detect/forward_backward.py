@@ -17,7 +17,7 @@ from numba import njit, prange
 from cosim.viform import WORD, Words
 from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
-from link.detect.detector import Bits, Soft
+from link.detect.detector import Bits, Soft, bits_held
 from link.detect.geometry import PLACES, SHARES, Seen, see
 from link.detect.joint import LIMIT
 from link.detect.pixel import PixelLaw, Rule
@@ -185,7 +185,10 @@ class ForwardBackward:
         seen = see(self._layout, self._registration, cells, columns_alike=True)
         self._learn(seen, words, start_tick, known, first_symbol)
 
-    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
+    def soft(
+        self, words: Words, start_tick: int, first_symbol: int, count: int,
+        stop_tick: int | None = None,
+    ) -> Soft:  # fmt: skip
         if self._laws is None:
             raise ValueError("the detector must have learned from known symbols before")
         seen, place, laws, time = self._seen, self._seen.places, self._laws, self._timing
@@ -193,7 +196,8 @@ class ForwardBackward:
         symbol, symbols = first_symbol - before, before + count + _AFTER
         edge = [time.start(n, [0, time.rows]) for n in (symbol, symbol + symbols)]
         begin = max(int(np.floor(edge[0].min())) - start_tick, 0)
-        stop = min(int(np.ceil(edge[1].max())) - start_tick, len(words) * WORD)
+        held = bits_held(words, start_tick, stop_tick)
+        stop = min(int(np.ceil(edge[1].max())) - start_tick, held)
         out = np.zeros((count, seen.x.size), np.float32)
         if begin >= stop:
             return out

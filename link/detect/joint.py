@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cosim.viform import Words
 from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
-from link.detect.detector import Bits, Soft
+from link.detect.detector import Bits, Soft, bits_held
 from link.detect.geometry import SHARES, Seen, see
 from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
@@ -92,13 +92,17 @@ class Joint:
         known = np.repeat(bits[:, None], len(cells), axis=1)
         self._learn(seen, words, start_tick, known, first_symbol)
 
-    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
+    def soft(
+        self, words: Words, start_tick: int, first_symbol: int, count: int,
+        stop_tick: int | None = None,
+    ) -> Soft:  # fmt: skip
         laws = self.tables()
         seen, place = self.seen, self.seen.places
         out = np.zeros((count, seen.x.size), np.float32)
         first, symbols = first_symbol - AROUND, count + 2 * AROUND
         add_evidence(
-            np.ascontiguousarray(words), start_tick, first, symbols, AROUND,
+            np.ascontiguousarray(words), start_tick, bits_held(words, start_tick, stop_tick),
+            first, symbols, AROUND,
             self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y,
             place.count, place.dx, place.dy, place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cosim.viform import WORD, Words
 from link.detect.counting import PHASES
-from link.detect.detector import Bits, Soft
+from link.detect.detector import Bits, Soft, bits_held
 from link.detect.geometry import PLACES, Seen, see
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
@@ -37,7 +37,7 @@ class Threshold:
         self._met = np.zeros((2, 2), np.int64)  # by bit and spike
 
     def _spikes(
-        self, seen: Seen, words: Words, start_tick: int, symbol: int
+        self, seen: Seen, words: Words, start_tick: int, symbol: int, stop_tick: int | None = None
     ) -> npt.NDArray[np.intp]:
         """0 or 1 of each cell, -1 where the words or the sensor do not hold it."""
         middle = float(self._timing.start(symbol + 0.5, self._timing.rows / 2))
@@ -52,8 +52,9 @@ class Threshold:
         tick = np.floor(begin).astype(np.intp)
         phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
         bit = tick + self._fullest[phase] - start_tick
-        n, height, width = words.shape
-        held = (bit >= 0) & (bit < n * WORD) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        _, height, width = words.shape
+        stop = bits_held(words, start_tick, stop_tick)
+        held = (bit >= 0) & (bit < stop) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
         w, row, column = (np.where(held, i, 0) for i in (bit // WORD, y, x))
         spike = (words[w, row, column] >> (bit % WORD).astype(np.uint32)) & 1
         return np.where(held, spike.astype(np.intp), -1)
@@ -76,11 +77,15 @@ class Threshold:
         seen = see(self._layout, self._registration, cells)
         self._learn(seen, words, start_tick, known, first_symbol)
 
-    def soft(self, words: Words, start_tick: int, first_symbol: int, count: int) -> Soft:
+    def soft(
+        self, words: Words, start_tick: int, first_symbol: int, count: int,
+        stop_tick: int | None = None,
+    ) -> Soft:  # fmt: skip
         right, wrong = self._met[0, 0] + self._met[1, 1], self._met[0, 1] + self._met[1, 0]
         size = 1.0 if not right + wrong else abs(np.log((right + 1) / (wrong + 1)))
         value = np.array([-size, size, 0.0], np.float32)  # the last one by index -1
         out = np.empty((count, self._seen.x.size), np.float32)
         for n in range(count):
-            out[n] = value[self._spikes(self._seen, words, start_tick, first_symbol + n)]
+            spike = self._spikes(self._seen, words, start_tick, first_symbol + n, stop_tick)
+            out[n] = value[spike]
         return out

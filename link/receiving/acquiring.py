@@ -42,6 +42,9 @@ _MATCH: Final = 0.15
 """Least correlation with the training."""
 _SMALL_TAG: Final = 4.0
 """Camera pixels to a tag's module below which the cells register the panel better."""
+_LEAST_CELL: Final = 0.5
+"""Camera pixels to a cell's side below which no cell is looked for: tags that claim such a panel
+would cost memory by its cells, not by the camera's pixels."""
 _PILOT_SYMBOLS: Final = 64
 """Of the timing by pilots alone."""
 
@@ -50,7 +53,8 @@ _PILOT_SYMBOLS: Final = 64
 class Evidence:
     """rates: spikes a tick where the stream is brightest, (height, width). bright: share of pixels
     that fire at every tick. most: rate that one pixel of a thousand exceeds. tags found, and what
-    followed from them as far as it went. off: largest distance of a corner from the homography."""
+    followed from them as far as it went. off: largest distance of a corner from the homography.
+    tiny: camera pixels to a cell's side where they are too few to look for cells."""
 
     rates: npt.NDArray[np.float32]
     bright: float
@@ -59,6 +63,7 @@ class Evidence:
     mode: Mode | None = None
     refined: Refined | None = None
     off: float | None = None
+    tiny: float | None = None
     lit: tuple[int, int] | None = None
     clocking: Clocking | None = None
 
@@ -140,6 +145,18 @@ def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[
     return recording.first + first, recording.first + last + 1
 
 
+def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> float:
+    """Camera pixels to a cell's side: the root of the panel's image, at most the camera's of
+    `shape`, over its cells."""
+    (rows, columns), side = layout.shape, layout.mode.cell
+    u, v = project(
+        homography,
+        np.array([0, columns, columns, 0]) * side - 0.5, np.array([0, 0, rows, rows]) * side - 0.5,
+    )  # fmt: skip
+    area = abs(np.dot(u, np.roll(v, -1)) - np.dot(v, np.roll(u, -1))) / 2
+    return float(np.sqrt(min(area, shape[0] * shape[1]) / (rows * columns)))
+
+
 def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
     """What there is to see, and the transmission where there is one."""
     evidence = look(recording)
@@ -148,9 +165,14 @@ def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
         return evidence, None
     layout = Layout(mode)
     fitted = fit_homography(evidence.found, layout)
-    if fitted is None or layout.cells < 8:
+    if fitted is None:
         return replace(evidence, mode=None), None
     homography, off = fitted
+    side = cell_side(homography, layout, recording.shape)
+    if side < _LEAST_CELL:
+        return replace(evidence, off=off, tiny=side), None
+    if layout.cells < 8:
+        return replace(evidence, mode=None), None
     refined = refine_homography(evidence.rates, homography, layout)
     evidence = replace(evidence, refined=refined, off=off)
     if refined is None:

@@ -73,6 +73,14 @@ def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
             f"{e.bright:.0%} of the pixels fire at every tick; stop the lens down, raise the "
             "threshold, or shade the camera",
         )
+    if e.tiny is not None:
+        assert e.mode is not None
+        return Verdict(
+            Cause.TOO_SMALL,
+            f"the tags say {e.mode.width} x {e.mode.height} panel pixels with cells of "
+            f"{e.mode.cell} x {e.mode.cell}, of which one is {e.tiny:.2g} camera pixels wide; step "
+            "nearer or send larger cells",
+        )
     if e.refined is not None:
         return _of_panel(recording, e)
     if e.found.tags:

@@ -133,7 +133,9 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_seen, self.inbox.frames_right
-            soft = detector.soft(recording.words, recording.first, first, count * group)
+            soft = detector.soft(
+                recording.words, recording.first, first, count * group, recording.stop
+            )
             self._deliver(first, soft)
             self._next += count
             seen, right = (

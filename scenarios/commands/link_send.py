@@ -68,6 +68,7 @@ def link_send(
     for note in lost:
         progress.note(note)
     seconds = sent.planes / panel_clock.hz
+    repair, fill = sent.outbox.frames_beyond(sent.groups)
     if json:
         print_document(
             {
@@ -77,6 +78,7 @@ def link_send(
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
                 "frames": sent.outbox.frames, "frames_needed": sent.outbox.frames_needed,
+                "frames_repair": repair, "frames_fill": fill,
                 "seconds": seconds, "goodput_bps": 8 * len(data) / seconds,
             }
         )  # fmt: skip
@@ -84,7 +86,8 @@ def link_send(
         rate = 8 * len(data) / seconds
         progress.note(
             f"{len(data)} bytes in {sent.outbox.frames} frames ({sent.outbox.frames_needed} are "
-            f"enough), {sent.planes} planes, {seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s"
+            f"enough, {fill} only fill the last group), {sent.planes} planes, "
+            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s"
         )
 
 

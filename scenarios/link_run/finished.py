@@ -14,17 +14,18 @@ from link.mode import Mode
 from link.verdict import Verdict
 from scenarios.link_check import LinkCheck
 from scenarios.link_run.errors import Errors
+from scenarios.link_run.eye import Eye
 from scenarios.link_run.rates import Rates
 from scenarios.link_run.reach import CellScene, Reach
 from scenarios.linking import LinkSetting, Payload
 from scenarios.result import Result
 from scenarios.schema import LinkScenario
 
-__all__ = ["Eye", "LinkRun", "Theory"]
+__all__ = ["LinkRun", "SoftValues", "Theory"]
 
 
 @dataclass(frozen=True, eq=False)
-class Eye:
+class SoftValues:
     """A sample of soft values, ln P(spikes | on) - ln P(spikes | off), with what was sent: both
     (n,)."""
 
@@ -66,6 +67,7 @@ class LinkRun:
     theory: Theory
     rates: Rates
     eye: Eye | None
+    soft: SoftValues | None
     image: npt.NDArray[np.float32]
     outline: npt.NDArray[np.float64] | None
     truth: npt.NDArray[np.float64]

@@ -20,7 +20,8 @@ from scenarios.link_check import LinkCheck
 from scenarios.link_given import given_by
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
-from scenarios.link_run.finished import Eye, LinkRun, Theory
+from scenarios.link_run.eye import Eye, open_eye
+from scenarios.link_run.finished import LinkRun, SoftValues, Theory
 from scenarios.link_run.light import cell_scene, transmission
 from scenarios.link_run.prepare import PreparedLink
 from scenarios.link_run.rates import link_rates
@@ -44,7 +45,7 @@ def _errors(run: PreparedLink, received: Any) -> Errors:
     return count_errors(run.sent.bits, received.decided, run.sent.layout, symbols)
 
 
-def _eye(run: PreparedLink, received: Any) -> Eye | None:
+def _soft(run: PreparedLink, received: Any) -> SoftValues | None:
     """The receiver's sample of soft values, with what was sent there."""
     if received.mode != run.mode or not len(received.soft):
         return None
@@ -55,7 +56,15 @@ def _eye(run: PreparedLink, received: Any) -> Eye | None:
     for each in np.unique(symbol):
         mine = symbol == each
         on[mine] = run.sent.bits(int(each), 1)[0, cell[mine]]
-    return Eye(soft, on)
+    return SoftValues(soft, on)
+
+
+def _eye(run: PreparedLink, stream: SpikeStream, received: Any) -> Eye | None:
+    """The eye, where the receiver has found the panel and its symbols in the mode sent in."""
+    found, timing = received.registration, received.timing
+    if received.mode != run.mode or found is None or timing is None:
+        return None
+    return open_eye(stream, run.sent.layout, found, timing, run.sent.bits, run.sent.symbols)
 
 
 def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) -> Theory:
@@ -90,6 +99,8 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
     low, high = theory.interval or (None, None)
     delays = finished.delays
     needed = received.frames_needed
+    repair, fill = run.sent.outbox.frames_beyond(run.sent.groups)
+    eye = finished.eye
     return {
         "raw_bps": Metric(rates.raw, "bit/s"),
         "coded_bps": Metric(rates.coded, "bit/s"),
@@ -106,6 +117,10 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "frames_received": Metric(right, "frames"),
         "frames_lost": Metric(lost, "frames"),
         "frames_needed": Metric(needed, "frames"),
+        "frames_repair": Metric(repair, "frames"),
+        "frames_fill": Metric(fill, "frames"),
+        "eye_height": Metric(None if eye is None else eye.height, "1"),
+        "eye_width": Metric(None if eye is None else eye.width, "ticks"),
         "latency_us": Metric(float(np.median(delays)) / 1e6 if delays.size else None, "us"),
         "file_bytes": Metric(len(run.payload.data), "bytes"),
         "cell": Metric(run.mode.cell, "panel pixels"),
@@ -169,7 +184,7 @@ def judge_link(
     if delivered and received.delivered_tick is not None:
         done = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
     scene = cell_scene(setting)
-    errors, eye = _errors(run, received), _eye(run, received)
+    errors, eye = _errors(run, received), _eye(run, stream, received)
     check = run.check.met(errors.rate, errors.bits)
     truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)
     outline = None
@@ -195,7 +210,8 @@ def judge_link(
     finished = LinkRun(
         result, run.scenario, folder, setting, run.payload, run.mode, layout, verdict, delivered,
         received, errors, _theory(scene, run, errors, received),
-        link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye, _image(stream),
+        link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye,
+        _soft(run, received), _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
         _reach(run, scene), capacity_bps(given_by(setting, scene, run.mode)), seconds, began, check,
         run.choice,

@@ -55,25 +55,15 @@ class ReadyLink:
 
 
 @dataclass(frozen=True)
-class PreparedLink:
-    """A checked run. cycles: of the camera. choice: how the mode was chosen, None where it was
-    given. plan: what is kept; check: what of the plan was measured on patches of the link. short:
-    promises that do not hold with everything kept."""
+class PreparedLink(ReadyLink):
+    """A ready run that is planned and checked. plan: what is kept; check: what of the plan was
+    measured on patches of the link. short: promises that do not hold with everything kept."""
 
     name: str
-    scenario: LinkScenario
-    payload: Payload
-    setting: LinkSetting
-    mode: Mode
-    choice: Choice | None
-    sent: Transmission
-    cycles: int
-    device: Device | None
     plan: LinkPlan
     check: LinkCheck
     notes: list[str]
     short: list[str]
-    seconds: dict[str, float]
 
     def make_air(self) -> Air:
         """The stage that shines."""
@@ -161,7 +151,8 @@ def choose_mode(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
     progress: Progress,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
-    """The mode, and how it was chosen. size: of the file, bytes."""
+    """The mode, and how it was chosen. size: of the file, bytes; an empty one is
+    weighed as one byte."""
     mode = given_mode(scenario)
     if mode is not None:
         return mode, None
@@ -186,7 +177,7 @@ def choose_mode(
 
     camera = setting.camera
     choice = choose(
-        trial, modes, size=size, hz=setting.panel.clock.hz, most_trials=_PILOTS,
+        trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_PILOTS,
         threshold=camera.threshold if camera.reset == "hard" else None,
         background=cell_scene(setting).background,
         most_overhead=modem.overhead,
@@ -252,10 +243,7 @@ def prepare_link(
     )
     run.seconds["plan and check"] = time.perf_counter() - begin
     notes = [*_notes(run.setting, run.choice), *told]
-    return PreparedLink(
-        name, scenario, run.payload, run.setting, run.mode, run.choice, run.sent, run.cycles,
-        run.device, plan, check, notes, short, run.seconds,
-    )  # fmt: skip
+    return PreparedLink(**vars(run), name=name, plan=plan, check=check, notes=notes, short=short)
 
 
 def _notes(setting: LinkSetting, choice: Choice | None) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.verdict import Cause
+from scenarios.link_run.eye import RARE
 from scenarios.link_run.finished import LinkRun
 from scenarios.loading import to_toml
 from scenarios.report.link_figures import (
@@ -20,6 +21,7 @@ from scenarios.report.link_figures import (
     eye_figure,
     rates_figure,
     reach_figure,
+    soft_figure,
     view_figure,
 )
 from scenarios.report.link_tables import kept_section, machine_section
@@ -83,6 +85,7 @@ def _rates(run: LinkRun) -> str:
         ["line code", mode.line],
         ["Reed-Solomon", f"(255, {255 - mode.parity})"],
         ["data cells", f"{run.layout.cells:,} of {run.layout.shape[0] * run.layout.shape[1]:,}"],
+        ["frames", _frames(run)],
     ]  # fmt: skip
     return (
         "<h2>Rates</h2><p>Capacity: of all camera pixels that see the panel, a bit a tick, or what "
@@ -93,6 +96,16 @@ def _rates(run: LinkRun) -> str:
         "byte, training, framing and repair frames counted.</p>"
         + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(run)
     )  # fmt: skip
+
+
+def _frames(run: LinkRun) -> str:
+    """What was sent beyond the file's own frames, and why."""
+    told = {name: each.value or 0 for name, each in run.result.metrics.items()}
+    sent, more, fill = (told[f"frames_{name}"] for name in ("sent", "repair", "fill"))
+    return (
+        f"{sent:,.0f} sent; beyond the file's own, {more:,.0f} that link.modem.overhead asks for "
+        f"and {fill:,.0f} that only fill the last group"
+    )
 
 
 def _choice(run: LinkRun) -> str:
@@ -121,15 +134,6 @@ def _errors(run: LinkRun) -> str:
     span = ""
     if theory.interval is not None:
         span = f", 99.9 % interval {theory.interval[0]:.2g} to {theory.interval[1]:.2g}"
-    eye = ""
-    if run.eye is not None and run.eye.soft.size:
-        eye_path = run.folder / "figures" / "eye.png"
-        eye_figure(run.eye, eye_path)
-        eye = (
-            f"<h3>The eye</h3><p>{run.eye.soft.size:,} symbols of data cells, by what was sent. "
-            "What lies on the wrong side of 0 was decided wrong; the outermost bins hold what lies "
-            "beyond.</p>" + plot(eye_path, "eye diagram")
-        )  # fmt: skip
     return (
         f"<h2>Errors</h2><p>{run.errors.wrong:,} of {run.errors.bits:,} bits on data cells were "
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
@@ -137,8 +141,47 @@ def _errors(run: LinkRun) -> str:
         "They take a cell's pixels and ticks as independent of each other, which promises too "
         "much. So does the closed form, an estimate from blurred cells whose neighbours' light is "
         "normal, without turbulence, fixed pattern and drift: the run may err more.</p>"
-        + plot(path, "bit error rates") + eye
+        + plot(path, "bit error rates") + _eye(run) + _soft(run)
     )  # fmt: skip
+
+
+def _eye(run: LinkRun) -> str:
+    eye = run.eye
+    if eye is None:
+        return ""
+    path = run.folder / "figures" / "eye.png"
+    eye_figure(eye, path)
+    told = (
+        f"With {RARE:.0%} of each bit left aside it is {eye.height:.3f} high and {eye.width:.3g} "
+        f"ticks wide; the level half-way is {eye.level:.3f}."
+        if eye.height > 0
+        else f"It is closed: with {RARE:.0%} of each bit left aside, on and off overlap by "
+        f"{abs(eye.height):.3f}."
+    )
+    at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
+    return (
+        f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes of "
+        "the pixels that see a cell, each weighted by the share of its light that is the cell's, "
+        f"mean of a window of {run.mode.ticks} ticks as it slides past the symbol, 1 where all "
+        "fire. The camera sees whole ticks; where a symbol begins between them differs by row and, "
+        "with the clocks' offset, by symbol; in between traces are drawn straight. "
+        f"The window nearest to a symbol lies {at} ticks from its middle. {told} Detectors weigh "
+        "each tick by what it tells, and by what came before, and err less than this sum.</p>"
+        + plot(path, "eye diagram")
+    )
+
+
+def _soft(run: LinkRun) -> str:
+    if run.soft is None or not run.soft.soft.size:
+        return ""
+    path = run.folder / "figures" / "soft.png"
+    soft_figure(run.soft, path)
+    return (
+        f"<h3>Soft values</h3><p>What the detector made of {run.soft.soft.size:,} symbols, by what "
+        "was sent: how sure it was, and how seldom in vain. What lies on the wrong side of 0 was "
+        "decided wrong; the outermost bins hold what lies beyond.</p>"
+        + plot(path, "histogram of soft values")
+    )
 
 
 def _why(run: LinkRun) -> list[str]:

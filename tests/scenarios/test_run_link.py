@@ -91,12 +91,37 @@ def test_the_report_is_one_file_with_every_section(sent):
     _, _, folder, _, _ = sent
     page = (folder / "report.html").read_text()
     for title in ("Received whole", "What the camera saw", "Rates", "The eye", "Which cells fail",
-                  "From a byte to its arrival", "Rate against distance",
+                  "Soft values", "that only fill the last group", "From a byte to its arrival",
+                  "Rate against distance",
                   "What was kept and what was left out", "Run time"):  # fmt: skip
         assert title in page
     assert "http://" not in page and "https://" not in page
-    for name in ("view", "rates", "errors", "eye", "cells", "latency", "reach"):
+    for name in ("view", "rates", "errors", "eye", "soft", "cells", "latency", "reach"):
         assert (folder / "figures" / f"{name}.png").stat().st_size > 1000
+
+
+def test_the_eye_and_the_overheads_are_told(sent):
+    result, _, _, run, _ = sent
+    metric = {name: each.value for name, each in result.metrics.items()}
+    assert (metric["eye_height"], metric["eye_width"]) == (run.eye.height, run.eye.width)
+    assert -1 < run.eye.height < 1 and (run.eye.height > 0 or run.eye.width == 0)
+    middle = run.eye.density[:, run.eye.x.size // 2]
+    assert middle[:20].sum() > middle[20:40].sum() < middle[40:].sum()  # two levels, parted
+    box = run.received
+    assert metric["frames_sent"] == (
+        metric["frames_needed"] + metric["frames_repair"] + metric["frames_fill"]
+    ) and metric["frames_needed"] == box.frames_needed  # fmt: skip
+    assert metric["frames_repair"] >= 2  # with fewer the fountain may fail
+
+
+@pytest.mark.slow
+def test_an_empty_file_crosses_as_one(tmp_path):
+    file = tmp_path / "nothing.txt"
+    file.touch()
+    result, verdict, folder = link(tmp_path / "run", f"link.file={file}", report=write_link_report)
+    assert (result.outcome, verdict["delivered"], verdict["bytes"]) == ("ok", True, 0)
+    assert (folder / "received" / file.name).read_bytes() == b""
+    assert result.metrics["goodput_bps"].value == 0
 
 
 @pytest.mark.parametrize(

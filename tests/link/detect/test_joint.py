@@ -12,6 +12,7 @@ from link.detect.counting import CONTEXT, PAIRS, PHASES
 from link.detect.forward_backward import ForwardBackward
 from link.detect.geometry import PLACES, see
 from link.detect.joint import Joint
+from link.detect.pixel import PixelLaw
 from link.detect.tables import lit, tables
 from link.layout import TRAINING, Layout, training
 from link.mode import Mode
@@ -122,6 +123,32 @@ def test_words_without_the_symbol_say_nothing(scene: Scene) -> None:
     detector = _learned(scene)
     assert (detector.soft(scene.words, 0, 10_000, 3) == 0).all()
     assert (detector.soft(scene.words, 100_000, TRAINING, 3) == 0).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["joint", "threshold", pytest.param("forward-backward", marks=pytest.mark.slow)]
+)
+def test_nothing_beyond_the_stream_s_last_tick_is_read(scene: Scene, name: str) -> None:
+    # The stream ends 11 ticks into its third word; what the word holds beyond is of no one.
+    law = PixelLaw(reset="hard", off=0.02, on=1.42)
+    detector = make_detector(
+        name, scene.layout, scene.registration, scene.timing, pixel=law,  # type: ignore[arg-type]
+    )  # fmt: skip
+    if name != "forward-backward":
+        detector.learn(scene.words[:2], 0, scene.bits[:28], 0)
+    stop, first = 75, 32
+    assert scene.timing.start(first + 2, 0) < stop < scene.timing.start(first + 3, 0)
+    kept = np.uint32((1 << (stop % 32)) - 1)
+    dark, lit = scene.words[:3].copy(), scene.words[:3].copy()
+    dark[2] &= kept
+    lit[2] |= ~kept
+    soft = [detector.soft(each, 0, first, 4, stop) for each in (dark, lit)]
+    assert np.array_equal(*soft)
+    assert (soft[0][3] == 0).all()  # begins after the end
+    # Symbols that are held are decided by what is there, and not by dark ticks that never were.
+    assert ((soft[0][:2] > 0) == scene.bits[first : first + 2]).mean() > 0.9
+    blind = [detector.soft(each, 0, first, 4) for each in (dark, lit)]
+    assert not np.array_equal(blind[0], blind[1]) and not np.array_equal(blind[0], soft[0])
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from cosim import InputError, Viform
 from cosim.files import write_stream
 from scenarios.commands.link_receive import link_receive
 from tests.link.receiving.toy import CLOCK, small
 
+app = typer.Typer()
+app.command()(link_receive)
 DATA = np.random.Generator(np.random.Philox(key=8)).bytes(3000)
 
 
@@ -36,6 +39,26 @@ def test_a_file_is_written_only_when_it_is_whole(
     assert printed["outcome"] == "failed" and printed["cause"] == "truncated"
     assert json.loads((tmp_path / "b/receive.json").read_text()) == printed
     assert not (tmp_path / "b/received").exists()
+
+
+@pytest.mark.parametrize(
+    ("cycles", "told"),
+    [(40, "too few to find a panel in"), (90, "0 of unknown frames arrived"),
+     pytest.param(149, "record to the end", marks=pytest.mark.slow)],
+    ids=["before a tag", "in the training", "among the groups"],
+)  # fmt: skip
+def test_a_recording_cut_anywhere_is_truncated_and_hands_out_nothing(
+    tmp_path: Path, cycles: int, told: str
+) -> None:
+    toy = small(DATA * 2)
+    toy.cycles = cycles
+    assert cycles < 14 + toy.sent.planes and cycles % 32
+    write_stream(toy.stream(), tmp_path / "cut.zarr")
+    got = CliRunner().invoke(app, [str(tmp_path / "cut.zarr"), "--out", str(tmp_path / "got")])
+    assert got.exit_code == 1 and got.stdout.startswith("failed: ") and told in got.stdout
+    said = json.loads((tmp_path / "got/receive.json").read_text())
+    assert (said["cause"], said["file"], said["ticks"]) == ("truncated", None, cycles)
+    assert not (tmp_path / "got/received").exists()
 
 
 def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from cosim import Viform
+from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
+from link.receiving.tags import art_of
 from link.verdict import Cause
 from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 
@@ -158,6 +162,45 @@ def test_faults_of_light_and_clock_are_named(given: dict[str, object], cause: Ca
     got = receive(small(DATA, **given))  # type: ignore[arg-type]
     assert got.verdict.cause is cause, got.verdict
     assert got.delivered is None
+
+
+def tags_alone(mode: Mode, module: int, side: int) -> Viform:
+    """64 ticks of the tags of a square panel in a square image, `module` camera pixels to their
+    modules, and nothing else."""
+    size = round(mode.width * module / Layout(mode).module)
+    image, tag, low = np.zeros((side, side), np.bool_), TAG_MODULES * module, (side - size) // 2
+    high = low + size - tag
+    for number, top, left in zip(
+        mode.tags, (low, low, high, high), (low, high, high, low), strict=True
+    ):
+        art = np.kron(art_of(number), np.ones((module, module), np.bool_))
+        image[top : top + tag, left : left + tag] = art
+    words = np.where(image, np.uint32(0xFFFFFFFF), np.uint32(0))
+    return Viform(np.stack([words, words]), 64, CLOCK)
+
+
+def test_tags_that_claim_cells_no_camera_could_see_are_refused_at_once() -> None:
+    # 21 million cells, were they looked for: 1 GB.
+    mode = Mode(4640, 4640, 1, 1, "none", 16)
+    receiver = Receiver((520, 520))
+    receiver.step(tags_alone(mode, 5, 520))
+    tracemalloc.start()
+    got = receiver.finish()
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert got.verdict.cause is Cause.TOO_SMALL and got.delivered is None and got.mode == mode
+    assert "4640 x 4640" in got.verdict.told and "0.1 camera pixels" in got.verdict.told
+    assert most < 100e6
+
+
+@pytest.mark.parametrize(("cell", "refused"), [(3, True), (4, False)])
+def test_cells_of_half_a_pixel_are_looked_for(cell: int, refused: bool) -> None:
+    mode = Mode(1920, 1920, cell, 2, "8b10b", 32)
+    receiver = Receiver((320, 320))
+    receiver.step(tags_alone(mode, 3, 320))  # 0.45 and 0.6 pixels to a cell's side
+    got = receiver.finish()
+    assert got.delivered is None
+    assert (got.verdict.cause is Cause.TOO_SMALL and "step nearer" in got.verdict.told) == refused
 
 
 @pytest.mark.slow

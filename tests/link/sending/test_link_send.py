@@ -13,6 +13,8 @@ from link.layout import Layout
 from link.mode import Mode
 from link.sending import Transmission
 from scenarios.commands.link_send import link_send
+from scenarios.linking import payload_of
+from scenarios.loading import load
 
 app = typer.Typer()
 app.command()(link_send)
@@ -34,6 +36,17 @@ def test_the_stream_holds_the_planes(tmp_path, ending):
     assert (stream.read_words(0, len(words)) == words).all()
     assert said["tags"] == list(Layout(sent.mode).mode.tags)
     assert unpack_planes(words, 0, 1).any()
+
+
+def test_an_empty_file_is_sent_and_run_alike(tmp_path):
+    source, out = tmp_path / "nothing.txt", tmp_path / "sent.npz"
+    source.touch()
+    result = CliRunner().invoke(app, [str(source), "--out", str(out), *SMALL, "--json"])
+    said = json.loads(result.stdout)
+    assert result.exit_code == 0 and (said["bytes"], said["goodput_bps"]) == (0, 0)
+    assert said["frames"] == said["frames_needed"] + said["frames_repair"] + said["frames_fill"]
+    payload = payload_of(load("light-link", [f"link.file={source}"])[1])
+    assert (payload.name, payload.data) == ("nothing.txt", b"")
 
 
 @pytest.mark.parametrize(
