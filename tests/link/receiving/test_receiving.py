@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from cosim import Viform
+from cosim.viform import unpack_planes
 from link.mode import Mode
 from link.receiving import Received, Receiver
+from link.sending import Transmission
 from link.verdict import Cause
 from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 
@@ -167,3 +169,21 @@ def test_a_wrong_interleaver_delivers_nothing() -> None:
     receiver.step(toy.stream())
     got = receiver.finish()
     assert got.delivered is None and got.verdict.cause is Cause.NOISY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [True, False], ids=["dark", "missing"])
+def test_a_gap_is_no_noise(dark: bool) -> None:
+    """Groups take 20 ticks after the 96 of the training; the third and fourth are spoilt."""
+    sent = Transmission(MODE, DATA * 11, "a.bin", overhead=0)
+    planes = unpack_planes(sent.words(0, sent.planes), 0, sent.planes).astype(np.bool_)
+    given = planes & (np.abs(np.arange(len(planes)) - 156) > 19)[:, None, None]
+    if not dark:
+        given = np.delete(planes, slice(140, 145), axis=0)
+    receiver = Receiver((MODE.height, MODE.width))
+    receiver.step(Viform.from_planes(np.ascontiguousarray(given), CLOCK))
+    got = receiver.finish()
+    assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
+    assert "what ended by tick 137 is right" in got.verdict.told
+    assert ("what began after tick 177 too" in got.verdict.told) == dark
+    assert got.delivered is None
