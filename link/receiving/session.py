@@ -215,7 +215,7 @@ class Session:
         for n in range(len(values)):
             number = (first - TRAINING) // group + n
             right = self.inbox.put(number, values[n], quality[n])
-            tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1)))
+            tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick

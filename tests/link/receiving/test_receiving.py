@@ -184,6 +184,6 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
     receiver.step(Viform.from_planes(np.ascontiguousarray(given), CLOCK))
     got = receiver.finish()
     assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
-    assert "what ended by tick 137 is right" in got.verdict.told
-    assert ("what began after tick 177 too" in got.verdict.told) == dark
+    assert "what ended by tick 136 is right" in got.verdict.told
+    assert ("what began after tick 176 too" in got.verdict.told) == dark
     assert got.delivered is None
