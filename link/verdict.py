@@ -15,6 +15,7 @@ class Cause(Enum):
     NONE = "received whole"
     DARK = "no light of a panel"
     OUT_OF_VIEW = "the panel is out of view"
+    MIRRORED = "the image is mirrored"
     OCCLUDED = "part of the panel is hidden"
     OUT_OF_FOCUS = "the panel is out of focus"
     SATURATED = "the sensor is saturated"

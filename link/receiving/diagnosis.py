@@ -14,7 +14,7 @@ from link.receiving.clocking import global_clock, pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
-from link.receiving.tags import tag_places
+from link.receiving.tags import find_tags, tag_places
 from link.verdict import Cause, Verdict
 
 __all__ = ["explain_failure", "explain_loss"]
@@ -242,6 +242,13 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     # What is far out of focus has no edge: it stands away from the image's, or on all of it.
     apart = not at_edge and lit.mean() > _BLOB
     blob = (apart or lit.mean() > _FILLS) and e.most > 0.05 and min(lit.shape) >= _LEAST
+    mirrored = find_tags(np.ascontiguousarray(e.rates[:, ::-1]))
+    if mirrored.tags:
+        return Verdict(
+            Cause.MIRRORED,
+            f"no tag is readable, but {len(mirrored.tags)} of 4 are in the image's mirror image "
+            f"({figure}); turn the recording's rows or columns round",
+        )
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
@@ -280,10 +287,13 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
         how = f"while the panel is on, at tick {recording_stop}"
         if not ended:
             how = f"with {session.lit_stop} ticks, before a group of symbols is whole"
+        begun, since = "", ""
+        if session.trained is None:
+            begun, since = "the recording begins after first light, ", "from first light "
         return Verdict(
             Cause.TRUNCATED,
-            f"{frames}, {loss}, and the transmission ends {how}; record to the end, or send the "
-            "file again",
+            f"{frames}, {loss}, {begun}and the transmission ends {how}; record {since}to the end, "
+            "or send the file again",
         )
     why = f"{frames}; {loss}"
     hole = _hole(session)
