@@ -186,7 +186,7 @@ def _receive_shown(planes: np.ndarray) -> Received:
 
 @pytest.mark.slow
 def test_a_recording_that_begins_too_late_is_told_so() -> None:
-    verdict = _receive_shown(_shown(DATA * 5)[110:]).verdict
+    verdict = _receive_shown(_shown(DATA * 11)[110:]).verdict
     assert verdict.cause is Cause.TRUNCATED
     assert "begins after first light" in verdict.told
 
