@@ -14,7 +14,7 @@ from link.receiving.clocking import global_clock, pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
-from link.receiving.tags import tag_places
+from link.receiving.tags import find_tags, tag_places
 from link.verdict import Cause, Verdict
 
 __all__ = ["explain_failure", "explain_loss"]
@@ -50,6 +50,11 @@ _BLOB, _SHARP = 0.04, 0.03
 most, of a panel out of focus."""
 _MENDED: Final = 0.02
 """Share of codewords lost up to which decoding is said to work."""
+_SURE: Final = 1e-3
+"""Share of wrong decisions that soft values promise below which noise is no reason for losing every
+frame."""
+_FRAMES: Final = 4
+"""Frames in a row that are lost, and that are right beside them, from which a stream has a gap."""
 
 
 def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
@@ -245,6 +250,13 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     # What is far out of focus has no edge: it stands away from the image's, or on all of it.
     apart = not at_edge and lit.mean() > _BLOB
     blob = (apart or lit.mean() > _FILLS) and e.most > 0.05 and min(lit.shape) >= _LEAST
+    mirrored = find_tags(np.ascontiguousarray(e.rates[:, ::-1]))
+    if mirrored.tags:
+        return Verdict(
+            Cause.MIRRORED,
+            f"no tag is readable, but {len(mirrored.tags)} of 4 are in the image's mirror image "
+            f"({figure}); turn the recording's rows or columns round",
+        )
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
@@ -283,10 +295,13 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
         how = f"while the panel is on, at tick {recording_stop}"
         if not ended:
             how = f"with {session.lit_stop} ticks, before a group of symbols is whole"
+        begun, since = "", ""
+        if session.trained is None:
+            begun, since = "the recording begins after first light, ", "from first light "
         return Verdict(
             Cause.TRUNCATED,
-            f"{frames}, {loss}, and the transmission ends {how}; record to the end, or send the "
-            "file again",
+            f"{frames}, {loss}, {begun}and the transmission ends {how}; record {since}to the end, "
+            "or send the file again",
         )
     why = f"{frames}; {loss}"
     hole = _hole(session)
@@ -324,9 +339,46 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
             f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
             "the file again, with more overhead",
         )
+    gap = _gap(session)
+    if gap is not None:
+        return Verdict(Cause.INTERRUPTED, f"{why}; {gap}")
+    wrong = session.promised / max(session.symbols * layout.cells, 1)
+    if right == 0 and wrong < _SURE:
+        return Verdict(
+            Cause.NOISY,
+            f"{why}, though only {wrong:.1g} of the decisions seem doubtful; receive with "
+            "`interleave` as the sender had it, or send the file again",
+        )
     return Verdict(
         Cause.NOISY,
         f"{why}; send larger cells, longer symbols, or more parity",
+    )
+
+
+def _gap(session: Session) -> str | None:
+    """What shows that ticks are missing, or were dark: blocks that are wholly lost, all in one
+    stretch, among others that are wholly right. None where frames were lost otherwise."""
+    from link.coding import Blocks
+
+    form = Blocks(session.layout)
+    found: dict[int, tuple[int, int]] = {}
+    for each in session.instants:
+        block = each.group // form.groups
+        found[block] = each.tick, found.get(block, (0, 0))[1] + each.right
+    ticks, right = zip(*(found[block] for block in sorted(found)), strict=True)
+    lost = [n for n, frames in enumerate(right) if frames == 0]
+    if not lost or lost[0] == 0 or lost[-1] - lost[0] + 1 > len(lost):
+        return None
+    # those that the gap's ends fall into may be right in part
+    far = [n for n in range(len(right)) if not lost[0] - 1 <= n <= lost[-1] + 1]
+    whole = sum(frames == form.frames for frames in right)
+    if any(right[n] < form.frames for n in far) or min(len(lost), whole) * form.frames < _FRAMES:
+        return None
+    return (
+        f"what ended by tick {ticks[lost[0] - 1]} is right"
+        + (f", what began after tick {ticks[lost[-1]]} too" if right[-1] else "")
+        + ", nothing else: ticks are missing from the recording, or the light was broken; record "
+        "without gaps, or send the file again"
     )
 
 

@@ -41,6 +41,9 @@ _MOVED: Final = 1 / 16
 """Ticks that the phase may move before the detector learns again."""
 _SLACK: Final = 4.0
 """Ticks after the tags go dark that may still belong to the last symbol."""
+_CUT: Final = 0.1
+"""Ticks of a group that the recording may lack: the timing is not known so well that a group which
+ends with the recording seems to end before it."""
 _HELD: Final = 2048
 """Symbols whose decisions are held."""
 _SAMPLED: Final = 2048
@@ -122,7 +125,7 @@ class Session:
         group = self.layout.group
         # rows end one after another, and half a group that is not there does no harm
         slack = min(_SLACK, group * self.layout.mode.ticks / 2)
-        last = min(lit[1] + slack, float(recording.stop))
+        last = min(lit[1] + slack, recording.stop + _CUT)
         many = max(1, _CHUNK // group)
         detector = self._detector(recording, registration, lit)
         while True:
@@ -214,7 +217,7 @@ class Session:
         for n in range(len(values)):
             number = (first - TRAINING) // group + n
             right = self.inbox.put(number, values[n], quality[n])
-            tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1)))
+            tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick

@@ -161,8 +161,8 @@ def choose_mode(
 
     modem = scenario.link.modem
     modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
-    if not in_view(setting):  # nothing arrives in any of them
-        return modes[-1], None
+    if not in_view(setting):  # nothing arrives in any of them: that which is soonest over
+        return modes[0], None
     strip = strip_of(setting)
     progress.start("pilots", _PILOTS)
     tried = 0

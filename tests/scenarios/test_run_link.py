@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
+from link.layout import Layout
 from scenarios.commands.output import SilentProgress
 from scenarios.link_run.finished import LinkRun
+from scenarios.link_run.prepare import choose_mode
+from scenarios.linking import link_setting
 from scenarios.loading import load
 from scenarios.report.link import write_link_report
 from scenarios.run_link import run_link
@@ -181,3 +184,12 @@ def test_four_megabytes_cross_two_metres_at_a_gigabit(tmp_path):
     assert result.metrics["goodput_bps"].value >= 1e9
     assert (folder / "received" / "random.bin").stat().st_size == 4_000_000
     assert "scintillation" in [row["effect"] for row in result.left_out]
+
+
+def test_a_panel_out_of_view_is_not_filmed_for_long():
+    """4 MB take less than 0.1 s of light, not the 3 s of the surest mode."""
+    _, scenario = load("light-link", ["link.aim.offset_x=600"])
+    mode, choice = choose_mode(scenario, link_setting(scenario), 4_000_000, None, SilentProgress())
+    assert choice is None
+    rate = 8 * Layout(mode).group_bytes(1) / (Layout(mode).group * mode.ticks) * 40_000
+    assert 8 * 4_000_000 / rate < 0.1

@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 
 from cosim import InputError, Viform
 from cosim.files import write_stream
+from link.sending import PlaneStream, Transmission
 from scenarios.commands.link_receive import link_receive
-from tests.link.receiving.toy import CLOCK, small
+from tests.link.receiving.toy import CLOCK, MODE, small
 
 app = typer.Typer()
 app.command()(link_receive)
@@ -68,3 +69,13 @@ def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError):
             link_receive(path, tmp_path / "out", detector, True, None, False)
     assert not (tmp_path / "out").exists()
+
+
+def test_planes_that_end_with_the_light_are_received_whole(tmp_path: Path) -> None:
+    """Every group is needed, and the last one ends with the stream."""
+    sent = Transmission(MODE, DATA, "a.bin", overhead=0)
+    write_stream(PlaneStream(sent, CLOCK), tmp_path / "sent.npz")
+    link_receive(tmp_path / "sent.npz", tmp_path / "out", "joint", True, None, False)
+    assert (tmp_path / "out/received/a.bin").read_bytes() == DATA
+    told = json.loads((tmp_path / "out/receive.json").read_text())
+    assert f"whole at tick {sent.planes}" in told["verdict"]

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from cosim import Viform
+from cosim.viform import unpack_planes
 from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
 from link.receiving.tags import art_of
+from link.sending import Transmission
 from link.verdict import Cause
 from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 
@@ -140,7 +142,8 @@ def test_each_fault_is_named() -> None:
         (noisy, Cause.NOISY),
         (hole, Cause.OCCLUDED),
         (hidden, Cause.OCCLUDED),
-        (planes[:, :, ::-1], Cause.OUT_OF_VIEW),
+        (planes[:, :, ::-1], Cause.MIRRORED),
+        (planes[:, ::-1], Cause.MIRRORED),
     ):
         got = receive(toy, np.ascontiguousarray(given))
         assert got.verdict.cause is cause, got.verdict
@@ -210,3 +213,37 @@ def test_a_wrong_interleaver_delivers_nothing() -> None:
     receiver.step(toy.stream())
     got = receiver.finish()
     assert got.delivered is None and got.verdict.cause is Cause.NOISY
+
+
+def _shown(data: bytes) -> np.ndarray:
+    """A panel's own planes, all frames of which are needed."""
+    sent = Transmission(MODE, data, "a.bin", overhead=0)
+    return unpack_planes(sent.words(0, sent.planes), 0, sent.planes).astype(np.bool_)
+
+
+def _receive_shown(planes: np.ndarray) -> Received:
+    receiver = Receiver((MODE.height, MODE.width))
+    receiver.step(Viform.from_planes(np.ascontiguousarray(planes), CLOCK))
+    return receiver.finish()
+
+
+@pytest.mark.slow
+def test_a_recording_that_begins_too_late_is_told_so() -> None:
+    verdict = _receive_shown(_shown(DATA * 11)[110:]).verdict
+    assert verdict.cause is Cause.TRUNCATED
+    assert "begins after first light" in verdict.told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [True, False], ids=["dark", "missing"])
+def test_a_gap_is_no_noise(dark: bool) -> None:
+    """Groups take 20 ticks after the 96 of the training; the third and fourth are spoilt."""
+    planes = _shown(DATA * 11)
+    given = planes & (np.abs(np.arange(len(planes)) - 156) > 19)[:, None, None]
+    if not dark:
+        given = np.delete(planes, slice(140, 145), axis=0)
+    got = _receive_shown(given)
+    assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
+    assert "what ended by tick 136 is right" in got.verdict.told
+    assert ("what began after tick 176 too" in got.verdict.told) == dark
+    assert got.delivered is None
