@@ -8,6 +8,7 @@ import json
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cosim import InputError
@@ -108,8 +109,8 @@ def test_the_eye_and_the_overheads_are_told(sent):
     metric = {name: each.value for name, each in result.metrics.items()}
     assert (metric["eye_height"], metric["eye_width"]) == (run.eye.height, run.eye.width)
     assert -1 < run.eye.height < 1 and (run.eye.height > 0 or run.eye.width == 0)
-    middle = run.eye.density[:, run.eye.x.size // 2]
-    assert middle[:20].sum() > middle[20:40].sum() < middle[40:].sum()  # two levels, parted
+    assert (run.eye.density.sum(axis=0) == run.eye.traces).all()
+    assert np.abs(run.eye.sampled).max() <= 0.55  # half a tick, and what the timing is off
     box = run.received
     assert metric["frames_sent"] == (
         metric["frames_needed"] + metric["frames_repair"] + metric["frames_fill"]
