@@ -74,7 +74,8 @@ def steady_interval(charge, goal, rate, circuit):  # type: ignore[no-untyped-def
     """Time from `charge` to the end of the next reset under steady light; infinite where the leak
     holds the charge below goal."""
     far = 1e30
-    total, phase = 0.0, INTEGRATE
+    # A constant would have `within` compiled for it as well.
+    total, phase = 0.0, np.int64(INTEGRATE)
     if charge >= goal:
         phase = DELAY
     volts, wait = 0.0, circuit[7]

@@ -17,7 +17,8 @@ _SCALE = 1e12
 
 @njit(cache=True, error_model="numpy")
 def _train(knots, first, last, goals, charge, circuit, out):  # type: ignore[no-untyped-def]
-    phase, volts, wait, k = 0, 0.0, 0.0, 0
+    # A constant would have `within` compiled for it as well.
+    phase, volts, wait, k = np.int64(INTEGRATE), 0.0, 0.0, 0
     for i in range(first.size):
         begin, end = knots[i], knots[i + 1]
         slope = (last[i] - first[i]) / (end - begin)
