@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -18,7 +20,8 @@ _SCALE = 1e12
 @njit(cache=True, error_model="numpy")
 def _train(knots, first, last, goals, charge, circuit, out):  # type: ignore[no-untyped-def]
     # A constant would have `within` compiled for it as well.
-    phase, volts, wait, k = np.int64(INTEGRATE), 0.0, 0.0, 0
+    phase: Any = np.int64(INTEGRATE)
+    volts, wait, k = 0.0, 0.0, 0
     for i in range(first.size):
         begin, end = knots[i], knots[i + 1]
         slope = (last[i] - first[i]) / (end - begin)
