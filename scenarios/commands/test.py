@@ -18,8 +18,9 @@ from scenarios.commands.output import Json, print_document
 
 __all__ = ["test"]
 
-# Files stay whole, so that what a file's tests share is made once.
-_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile"]
+# Files stay whole, so that what a file's tests share is made once, and keep the order that
+# tests/conftest.py gives them.
+_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile", "--no-loadscope-reorder"]
 _STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
 
 
