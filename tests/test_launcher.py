@@ -206,7 +206,7 @@ def test_test_adds_its_own_and_covers_run(box):
     assert added.stderr == "viform: adding what `test` needs to .venv\n"
     calls = box.calls()
     assert made(calls) == 0
-    assert pips(calls)[0] == f"-r {box.clone}/requirements-dev.lock"
+    assert pips(calls)[0] == f"--no-compile -r {box.clone}/requirements-dev.lock"
     for command in ("test", "list"):
         assert box.run(command).stderr == ""
     assert pips(box.calls()) == []

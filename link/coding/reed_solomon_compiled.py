@@ -3,6 +3,10 @@
 A word is a polynomial, its first byte the coefficient of x^254. `table`: (256, parity), row f is f
 times the generator's coefficients below its leading one, highest first. `first`: exponent of the
 generator's first root; the others follow.
+
+Arrays are copied element by element: numba compiles a slice's assignment with all that its errors
+may say, which takes seconds. A number that is counted from 0 begins as np.int64(0), since what is
+called with it would be compiled for the constant as well.
 """
 
 from __future__ import annotations
@@ -21,7 +25,8 @@ _N = 255
 def _remainder(word, table, out):  # type: ignore[no-untyped-def]
     """What division by the generator leaves, in the last `parity` bytes of out, (255,)."""
     parity = table.shape[1]
-    out[:] = word
+    for i in range(_N):
+        out[i] = word[i]
     for i in range(_N - parity):
         factor = out[i]
         if factor:
@@ -36,10 +41,11 @@ def encode_words(data, table, words):  # type: ignore[no-untyped-def]
     work = np.zeros(_N, np.uint8)
     padded = np.zeros(_N, np.uint8)
     for w in range(len(data)):
-        padded[: _N - parity] = data[w]
+        for i in range(_N - parity):
+            padded[i] = data[w, i]
         _remainder(padded, table, work)
-        words[w, : _N - parity] = data[w]
-        words[w, _N - parity :] = work[_N - parity :]
+        for i in range(_N):
+            words[w, i] = padded[i] if i < _N - parity else work[i]
 
 
 @njit(cache=True, nogil=True)
@@ -59,13 +65,14 @@ def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[n
     """Berlekamp-Massey begun at the erasures' locator (Blahut 2003, section 7.4): `locator` is
     filled, its length, errors and erasures, comes back. erased: exponents of the erased places."""
     parity = len(syndromes)
-    locator[:] = 0
-    locator[0] = 1
+    for i in range(parity + 1):
+        locator[i] = 1 if i == 0 else 0
     for n in range(count):
         row = PRODUCT[EXP[erased[n]]]
         for i in range(n + 1, 0, -1):
             locator[i] ^= row[locator[i - 1]]
-    other[:] = locator
+    for i in range(parity + 1):
+        other[i] = locator[i]
     length = count
     for r in range(count + 1, parity + 1):
         discrepancy = np.uint8(0)
@@ -78,7 +85,8 @@ def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[n
             continue
         row = PRODUCT[discrepancy]
         if 2 * length <= r + count - 1:
-            spare[:] = locator
+            for i in range(parity + 1):
+                spare[i] = locator[i]
             inverse = PRODUCT[EXP[_N - LOG[discrepancy]]]
             for i in range(r + 1):
                 locator[i] ^= row[other[i]]
@@ -160,7 +168,7 @@ def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[
         ok[w] = clean
         if clean:
             continue
-        count = 0
+        count = np.int64(0)
         for i in range(_N):
             if erasures[w, i]:
                 erased[count] = _N - 1 - i
@@ -174,7 +182,8 @@ def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[
         found = _search(locator, length, steps, spare, places)
         if found < 0:
             continue
-        mended[:] = words[w]
+        for i in range(_N):
+            mended[i] = words[w, i]
         changed = _correct(mended, syndromes, locator, places, found, first, evaluator)
         if changed < 0:
             continue
@@ -183,6 +192,7 @@ def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[
         for i in range(_N - parity, _N):
             clean = clean and work[i] == 0
         if clean:
-            words[w] = mended
+            for i in range(_N):
+                words[w, i] = mended[i]
             ok[w] = True
             corrected[w] = changed

@@ -118,12 +118,13 @@ def likelihood(  # type: ignore[no-untyped-def]
     none = merged.size - 1
     now, then = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
     total = 0.0
+    # Plain constants would have `_forward` compiled twice, for these and for those of `posterior`.
     for k in range(train.size):
         f, n = fraction[k], symbol[k]
         sure = known[n] if 0 <= n < known.size else -1
         chanced = _forward(
-            now, then, train[k] > 0, s, f, f < none, sure, False, n, chance, low, high, merged[f],
-            levels, hard,
+            now, then, train[k] > 0, s, f, f < none, sure, np.bool_(False), n, chance, low, high,
+            merged[f], levels, hard,
         )  # fmt: skip
         total += np.log(max(chanced, 1e-30))
         now, then = then, now
@@ -142,8 +143,8 @@ def posterior(  # type: ignore[no-untyped-def]
     for k in range(ticks):
         f = fraction[k]
         _forward(
-            states[k], states[k + 1], train[k] > 0, s, f, f < none, -1, pairs, symbol[k], chance,
-            low, high, merged[f], levels, hard,
+            states[k], states[k + 1], train[k] > 0, s, f, f < none, np.int64(-1), pairs, symbol[k],
+            chance, low, high, merged[f], levels, hard,
         )  # fmt: skip
     later, now = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
     for k in range(ticks - 1, -1, -1):

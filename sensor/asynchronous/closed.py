@@ -17,7 +17,7 @@ from cosim.light import Light
 from sensor.asynchronous.interval import goal, later
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.pattern import DevicePattern
-from sensor.pixel.interval import interval_table
+from sensor.pixel.interval import NO_TABLE, interval_table
 
 __all__ = ["ClosedPixels", "is_steady"]
 
@@ -86,9 +86,7 @@ class ClosedPixels:
         fixed = None if pattern is None else pattern.at(numbers)
         self._scale = np.ones(1) if fixed is None else fixed.gain
         self._dark = np.zeros(1) if fixed is None else fixed.dark
-        self._table = (
-            interval_table(float(model.threshold)) if model.shot else np.zeros(1, np.int64)
-        )
+        self._table = interval_table(float(model.threshold)) if model.shot else NO_TABLE
 
     def unordered(self, light: Light, start: int, stop: int) -> Firings:
         """First spikes after start, up to stop (ps), in the order of the pixels' numbers. Raises

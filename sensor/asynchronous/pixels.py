@@ -21,7 +21,7 @@ from cosim.memory import check_memory
 from sensor.asynchronous.engine import advance
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.pattern import DevicePattern
-from sensor.pixel.interval import interval_table
+from sensor.pixel.interval import NO_TABLE, interval_table
 
 __all__ = ["AsynchronousPixels", "EventPixels"]
 
@@ -75,9 +75,7 @@ class AsynchronousPixels:
         fixed = None if pattern is None else pattern.at(self._pixels)
         self._scale: Rates | None = None if fixed is None else fixed.gain
         self._dark: Rates | None = None if fixed is None else fixed.dark
-        self._table = (
-            interval_table(float(model.threshold)) if model.shot else np.zeros(1, np.int64)
-        )
+        self._table = interval_table(float(model.threshold)) if model.shot else NO_TABLE
         self._state = (
             np.full(n, start, np.int64), np.zeros(n), np.zeros(n), np.full(n, -1.0),
             np.zeros(n, np.uint64), np.full(n, -1.0), np.zeros(n), np.full(n, -1, np.int64),

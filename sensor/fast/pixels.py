@@ -100,7 +100,8 @@ class FastPixels:
             defines.append("-DDEAD_TIME")
         if flags & RESET:
             defines += [f"-DRESET_{self._ground.model.reset.upper()}"]
-            defines += [f"-DDEEPEST=({self._ground.deepest})"]
+            if self._ground.model.reset == "subtract":
+                defines += [f"-DDEEPEST=({self._ground.deepest})"]
         source += text("deficit.cl" if flags else "phase.cl")
         made = (self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving"))
         return next(made), next(made)

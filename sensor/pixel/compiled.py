@@ -13,6 +13,7 @@ from cosim.streams import Stream
 from cosim.viform import words_for
 from sensor.pixel.draws import look_up
 from sensor.pixel.fixed_point import Charge
+from sensor.pixel.interval import NO_TABLE
 from sensor.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
 
 __all__ = ["CompiledPixels"]
@@ -65,7 +66,7 @@ class CompiledPixels:
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32]) -> None:
         self._model, self._pixels = model, pixels
         self._state = model.initial(pixels)
-        self._table: Charge = model.table() if model.noisy else np.zeros(1, np.int64)
+        self._table: Charge = model.table() if model.noisy else NO_TABLE
 
     def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)

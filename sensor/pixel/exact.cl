@@ -167,9 +167,11 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
                      __global const long *slopes, __global const long *table,
                      __global uint *words, const long q, const long room, const uint seed,
                      const uint first, const uint n, const long elapsed,
-                     const long dead)
+                     const long dead, const uint groups)
 {
-    const size_t g = get_global_id(0), stride = get_global_size(0);
+    const size_t g = get_global_id(0), stride = groups;
+    if (g >= groups)
+        return;
     const uint end = first + n;
     long16 d = vload16(g, deficit);
     long16 add = vload16(g, charge);

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from sensor.pixel.fixed_point import ONE, Charge
 
-__all__ = ["KNOTS", "MANTISSA_BITS", "interval_table", "threshold"]
+__all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "threshold"]
 
 MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS
@@ -95,6 +95,12 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
         raise ValueError(f"threshold must leave table steps below 2^46, not {step} at Q = {q:g}")
     table.setflags(write=False)
     return table
+
+
+NO_TABLE: Charge = np.zeros(1, np.int64)
+"""Stands for a table where none is looked up: read-only as they are, or numba would compile what is
+given it once more."""
+NO_TABLE.setflags(write=False)
 
 
 def threshold(table: Charge, word: npt.NDArray[np.uint32]) -> Charge:

@@ -25,7 +25,8 @@ _SHORT: Final = 8
 _PLANES: Final = 8
 """Arrays of charges and slopes of such a launch."""
 _LOCAL: Final = 8
-"""Work-items of it that share a core at a time: PoCL keeps the private arrays of all of them."""
+"""Work-items that share a core at a time: PoCL keeps the private arrays of all, and compiles a
+kernel anew for every other number of them."""
 
 
 class KernelPixels:
@@ -99,13 +100,14 @@ class KernelPixels:
         """One launch for one span."""
         model, ramp = self._model, span.slope is not None
         slope = span.slope if span.slope is not None else span.charge
+        groups = self._padded // LANES
         self._kernel("expose", ramp)(
-            self._device.queue, (self._padded // LANES,), None,
+            self._device.queue, (-(-groups // _LOCAL) * _LOCAL,), (_LOCAL,),
             self._deficit, self._low, self._high, self._pixels,
             self._buffer(span.charge), self._buffer(slope), self._table, words,
             np.int64(model.q), np.int64(model.room), np.uint32(model.seed),
             np.uint32(span.first), np.uint32(span.cycles), np.int64(span.elapsed),
-            np.int64(model.dead),
+            np.int64(model.dead), np.uint32(groups),
         )  # fmt: skip
 
     def _walk(self, spans: list[Span], words: Any) -> None:

@@ -128,7 +128,9 @@ class ExactModel:
     def _shifted(self, table: Charge) -> Charge:
         if not self.shift:
             return table
-        return np.maximum(table + round(self.shift * ONE), 1)
+        shifted: Charge = np.maximum(table + round(self.shift * ONE), 1)
+        shifted.setflags(write=False)
+        return shifted
 
     def _first_table(self) -> Charge:
         """Quantiles of the interval that a run starts in: longer ones are met more often. Weighted

@@ -60,7 +60,7 @@ def expose(  # type: ignore[no-untyped-def]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         pixel = np.uint64(pixels[p])
         stop = edges[cycles] + offset
-        i, done = -1, -1
+        i, done = np.int64(-1), -1  # a constant would have `piece_at` compiled for it as well
         if tick < begins[0] and begins[0] > 0:
             # Light that was cut anew: what was gathered by the last latch is as good an anchor.
             tick, part, charge = max(tick, edges[0] + offset), 0.0, held[p]

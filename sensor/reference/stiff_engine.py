@@ -67,7 +67,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         phase, volts, wait = phases[p], outputs[p], waits[p]
         pixel = np.uint64(pixels[p])
         stop = edges[cycles] + offset
-        i = -1
+        i = np.int64(-1)  # a constant would have `piece_at` compiled for it as well
         while True:
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)

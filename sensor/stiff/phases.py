@@ -8,6 +8,7 @@ light drives through it. An event is where a phase ends.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -74,7 +75,9 @@ def steady_interval(charge, goal, rate, circuit):  # type: ignore[no-untyped-def
     """Time from `charge` to the end of the next reset under steady light; infinite where the leak
     holds the charge below goal."""
     far = 1e30
-    total, phase = 0.0, INTEGRATE
+    # A constant would have `within` compiled for it as well.
+    phase: Any = np.int64(INTEGRATE)
+    total = 0.0
     if charge >= goal:
         phase = DELAY
     volts, wait = 0.0, circuit[7]

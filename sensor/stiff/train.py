@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -17,7 +19,9 @@ _SCALE = 1e12
 
 @njit(cache=True, error_model="numpy")
 def _train(knots, first, last, goals, charge, circuit, out):  # type: ignore[no-untyped-def]
-    phase, volts, wait, k = 0, 0.0, 0.0, 0
+    # A constant would have `within` compiled for it as well.
+    phase: Any = np.int64(INTEGRATE)
+    volts, wait, k = 0.0, 0.0, 0
     for i in range(first.size):
         begin, end = knots[i], knots[i + 1]
         slope = (last[i] - first[i]) / (end - begin)
