@@ -39,10 +39,12 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
     if not 1 <= window <= ticks:
         raise ValueError(f"window must be 1 to the {ticks} ticks given, not {window}")
     total = np.concatenate([np.zeros((*means.shape[:-1], 1)), np.cumsum(means, axis=-1)], axis=-1)
+    first, last_one = np.triu_indices(ticks + 1, 1)
+    gone = survival(total[..., last_one] - total[..., first], q, noise)
     alive = {
-        (i, j): survival(total[..., j] - total[..., i], q, noise)
-        for i in range(ticks) for j in range(i + 1, ticks + 1)
-    }  # fmt: skip
+        pair: gone[..., n]
+        for n, pair in enumerate(zip(first.tolist(), last_one.tolist(), strict=True))
+    }
     one = np.ones(means.shape[:-1])
     alive |= {(i, i): one for i in range(ticks + 1)}  # of no tick
     fresh = [one]  # P(emptied just before a tick)

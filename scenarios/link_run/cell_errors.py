@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -63,6 +64,12 @@ class CellSight:
     psf: Psf
     blur: float
     phases: Values
+
+    @cached_property
+    def table(self) -> npt.NDArray[np.float32]:
+        """Weights of panel pixels by place, of `kernel_table`."""
+        count = taps(self.affine, self.psf)
+        return kernel_table(self.affine, self.psf, count, _PHASES)
 
 
 @dataclass(frozen=True)
@@ -114,7 +121,8 @@ def _set_against(rng: np.random.Generator, bits: Flags, around: int) -> Values:
     part = bits[:, around - 1 : around + 2, around - 1 : around + 2]
     part ^= flip.reshape(count, 3, 3, 1)
     n = against.sum(axis=1)
-    return np.asarray(2 / (1 + (2 * _AGAINST) ** n * (2 - 2 * _AGAINST) ** (8 - n)))
+    weight = 2 / (1 + (2 * _AGAINST) ** n * (2 - 2 * _AGAINST) ** (8 - n))
+    return np.asarray(weight / weight.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +143,8 @@ def _light(
 ) -> Values:  # fmt: skip
     """Share of light that is on at camera pixels, (cells, pixels, symbols). points: (cells, pixels,
     2) camera (x, y) from the cell's middle. bits: (cells, rows, columns, symbols) about it."""
-    count, phases = taps(sight.affine, sight.psf), _PHASES
-    table = kernel_table(sight.affine, sight.psf, count, phases)
+    table = sight.table
+    phases, count = table.shape[1:3]
     panel = points @ np.linalg.inv(sight.affine).T + (cell - 1) / 2
     whole = np.floor(panel).astype(np.intp)
     part = ((panel - whole) * phases).astype(np.intp)

@@ -151,7 +151,8 @@ def _errors(run: LinkRun) -> str:
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
         "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
         "They take a cell's pixels and ticks as independent of each other, though the cells beside "
-        f"light them together. {_of_theory(run)}</p>"
+        "light them together; the receiver shrinks them by the factor that the training asks for. "
+        f"{_of_theory(run)}</p>"
         + plot(path, "bit error rates") + eye
     )  # fmt: skip
 
