@@ -46,6 +46,10 @@ _AGAINST: Final = 0.8
 """Chance of a cell beside to show the other bit, in half of the draws."""
 _BATCHES: Final = 16
 """That the interval comes from."""
+_PRIOR: Final = 1.0
+"""Drawn pixels that the mean over contexts counts for in one context's chance."""
+_ROUNDS: Final = 12
+"""Of draws, at most."""
 _T: Final = 4.073
 """Student's quantile of 99.9 %, two-sided, with 15 degrees of freedom."""
 Values = npt.NDArray[np.float64]
@@ -217,7 +221,9 @@ def _tables(drawn: list[_Drawn], ticks: int) -> Values:
                         met[j, s, int(before), int(own)] += np.bincount(
                             at, law[k], 2 << _CONTEXT
                         ).reshape(-1, 2)
-    chance = (met[..., 1] + 1e-9 / 2) / (met.sum(-1) + 1e-9)
+    every = met.sum(axis=-2, keepdims=True)  # what a context hardly met is taken to be like
+    prior = (every[..., 1] + 1e-9 / 2) / (every.sum(-1) + 1e-9)
+    chance = (met[..., 1] + _PRIOR * prior) / (met.sum(-1) + _PRIOR)
     chance = np.clip(chance, LEAST_CHANCE, 1 - LEAST_CHANCE)
     return np.log(np.stack([1 - chance, chance], axis=-1))
 
@@ -262,17 +268,23 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
 
 
 def cell_errors(sight: CellSight, mode: Mode, draws: int = 8_192, seed: int = 1) -> CellErrors:
-    """draws: cells with the bits around them; fewer where symbols are long."""
+    """draws: cells with the bits around them, fewer where symbols are long; so many again, at most
+    `_ROUNDS` times, while the limits are further from the rate than 0."""
     from link.detect.geometry import PLACES
 
     rng = np.random.Generator(np.random.Philox(key=seed))
     places = [(y, x) for y in range(PLACES) for x in range(PLACES)]
     each = max(draws * 32 // len(places) >> (_CONTEXT + mode.ticks + 1), _BATCHES)
-    drawn = [_draw(sight, mode, place, each, rng) for place in places]
-    tables = _tables(drawn, mode.ticks)
-    both = [_wrong(d, tables, mode.ticks) for d in drawn]
-    wrong = np.stack([w for w, _ in both])
-    batch = np.array([b.mean() for b in np.array_split(wrong, _BATCHES, axis=1)])
-    rate, half = float(wrong.mean()), _T * float(batch.std(ddof=1)) / math.sqrt(_BATCHES)
-    promise = float(np.mean([p for _, p in both]))
-    return CellErrors(rate, max(rate - half, 0.0), rate + half, promise)
+    tables, batches, promises = None, [], []
+    for _ in range(_ROUNDS):
+        drawn = [_draw(sight, mode, place, each, rng) for place in places]
+        tables = _tables(drawn, mode.ticks) if tables is None else tables
+        both = [_wrong(d, tables, mode.ticks) for d in drawn]
+        wrong = np.stack([w for w, _ in both])
+        batches += [float(b.mean()) for b in np.array_split(wrong, _BATCHES, axis=1)]
+        promises += [float(p.mean()) for _, p in both]
+        rate = float(np.mean(batches))
+        half = _T * float(np.std(batches, ddof=1)) / math.sqrt(len(batches))
+        if half <= rate:
+            break
+    return CellErrors(rate, max(rate - half, 0.0), rate + half, float(np.mean(promises)))
