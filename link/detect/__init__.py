@@ -1,5 +1,6 @@
 """Spikes of a panel's image to soft values of its bits."""
 
+from link.detect.calibration import confidence
 from link.detect.comparison import Compared, comparison
 from link.detect.detector import DETECTORS, Detector, DetectorName, make_detector
 from link.detect.joint import Joint
@@ -14,6 +15,7 @@ __all__ = [
     "Joint",
     "PixelLaw",
     "comparison",
+    "confidence",
     "make_detector",
     "plain_soft",
 ]

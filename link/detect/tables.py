@@ -24,7 +24,7 @@ _STEPS: Final = 32
 """Classes of the part of a tick in which a cell is on, in the first layer."""
 _CLASS_WEIGHT, _REGION_WEIGHT = 8.0, 64.0
 """Observations that a layer's prior counts for in the next one."""
-_LEAST: Final = 1e-4
+LEAST_CHANCE: Final = 1e-4
 """Of a chance, and of one minus it: what no table of this size can rule out (a bad pixel, a wrong
 place), so that one tick alone never decides."""
 
@@ -91,7 +91,7 @@ def tables(counts: npt.NDArray[np.int32], ticks: int) -> Tables:
     each = spike_counts(counts, ticks)
     pooled = each.sum(axis=0)
     second = _chances(pooled, _first_layer(pooled, ticks), _CLASS_WEIGHT)
-    third = np.clip(_chances(each, second[None], _REGION_WEIGHT), _LEAST, 1 - _LEAST)
+    third = np.clip(_chances(each, second[None], _REGION_WEIGHT), LEAST_CHANCE, 1 - LEAST_CHANCE)
     said = np.log(np.stack([1 - third, third], axis=-1))  # ..., PAIRS, contexts, spikes
     single = np.moveaxis(said, 4, -1)
     single = np.ascontiguousarray(single - single[..., :1], np.float32)

@@ -80,6 +80,8 @@ class Session:
         if acquired.trained is not None:
             low, high = acquired.trained
             self._known = low, training(self.layout.cells)[low:high]
+        self._confidence: float | None = None
+        """Factor on soft values, once it was learned from the training."""
         self._next: int | None = None
         self._checked = self.anchor
         self._sure = TRAINING * self.timing.period
@@ -139,6 +141,7 @@ class Session:
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
+            soft *= np.float32(1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft)
             self._next += count
             seen, right = (
@@ -158,13 +161,17 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        from link.detect import make_detector
+        from link.detect import confidence, make_detector
 
         made = make_detector(
             self.detector_name, self.layout, registration, self.timing,  # type: ignore[arg-type]
         )  # fmt: skip
         if self._known is not None:
-            made.learn(recording.words, recording.first, self._known[1], self._known[0])
+            begin, known = self._known
+            made.learn(recording.words, recording.first, known, begin)
+            if self._confidence is None and begin < TRAINING:
+                said = made.soft(recording.words, recording.first, begin, len(known))
+                self._confidence = confidence(said, known)
         else:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip

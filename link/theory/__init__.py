@@ -32,6 +32,7 @@ from link.theory.fading import (
     log_normal_sigma,
 )
 from link.theory.intervals import JUDGED, clopper_pearson, pointwise_level
+from link.theory.patterns import hard_patterns, survival
 from link.theory.pointing import Pointing
 from link.theory.scintillation import (
     correlation_time,
@@ -68,6 +69,7 @@ __all__ = [
     "gamma_gamma",
     "gamma_gamma_ook",
     "greenwood",
+    "hard_patterns",
     "log_normal_ook",
     "log_normal_sigma",
     "longest_off_run",
@@ -83,5 +85,6 @@ __all__ = [
     "rytov",
     "scintillation_index",
     "size_exponent",
+    "survival",
     "transmittance",
 ]

@@ -36,12 +36,15 @@ class SoftValues:
 @dataclass(frozen=True)
 class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
-    the mean of 1/(1 + e^|L|) over all of them. closed: an estimate for blurred cells from geometry,
-    light and threshold (`reach.predict_errors`). interval: of the measured rate, 99.9 %."""
+    the mean of 1/(1 + e^|L|) over all of them. closed: an estimate from geometry, light and
+    threshold (`cell_errors`), closed_interval the 99.9 % limits of what it draws; without them it
+    is the coarse one of `reach.predict_errors`: no hard reset, or nothing received. interval: of
+    the measured rate, 99.9 %."""
 
     soft: float | None
     closed: float | None
     interval: tuple[float, float] | None
+    closed_interval: tuple[float, float] | None = None
 
 
 @dataclass

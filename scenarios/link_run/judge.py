@@ -18,11 +18,13 @@ from link.verdict import Verdict
 from scenarios.link_capacity import capacity_bps
 from scenarios.link_check import LinkCheck
 from scenarios.link_given import given_by
+from scenarios.link_patches import true_timing
+from scenarios.link_run.cell_errors import cell_errors
 from scenarios.link_run.delay import group_delays, link_latency
 from scenarios.link_run.errors import Errors, count_errors
 from scenarios.link_run.eye import Eye, open_eye
 from scenarios.link_run.finished import LinkRun, SoftValues, Theory
-from scenarios.link_run.light import cell_scene, transmission
+from scenarios.link_run.light import cell_scene, cell_sight, transmission
 from scenarios.link_run.prepare import PreparedLink
 from scenarios.link_run.rates import link_rates
 from scenarios.link_run.reach import CellScene, Reach, predict_errors, reach
@@ -73,7 +75,12 @@ def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) 
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
         interval = float(low), float(high)
     soft = received.promise if received.mode == run.mode else None
-    return Theory(soft, predict_errors(scene, run.mode), interval)
+    wide = scene.blur > run.mode.cell * scene.pixel
+    if scene.reset != "hard" or wide or not errors.bits:
+        return Theory(soft, predict_errors(scene, run.mode), interval)
+    timing = true_timing(run.setting, run.make_air().late, run.mode.ticks)
+    found = cell_errors(cell_sight(run.setting, timing, run.sent.symbols), run.mode)
+    return Theory(soft, found.rate, interval, (found.low, found.high))
 
 
 def _reach(run: PreparedLink, scene: CellScene) -> list[Reach]:
@@ -110,6 +117,8 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ber_low": Metric(low, "1"),
         "ber_high": Metric(high, "1"),
         "ber_theory": Metric(theory.closed, "1"),
+        "ber_theory_low": Metric(theory.closed_interval and theory.closed_interval[0], "1"),
+        "ber_theory_high": Metric(theory.closed_interval and theory.closed_interval[1], "1"),
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(finished.errors.bits, "bits"),
         "fer": Metric(lost / sent if sent else None, "1"),

@@ -5,17 +5,25 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from link.air import levels
-from link.air.geometry import lengths
+import numpy as np
+
+from link.air import image_of, lens_psf, levels
+from link.air.geometry import affine_at, lengths
 from link.air.sun import sun_glare
+from link.timing import Timing
+from scenarios.link_run.cell_errors import CellSight, Mixed
 from scenarios.link_run.reach import CellScene
 from scenarios.linking import LinkSetting
+from sensor.crosstalk import side_share
 
-__all__ = ["cell_scene", "transmission"]
+__all__ = ["cell_scene", "cell_sight", "transmission"]
 
 _AIRY = 0.42
 """Standard deviation of the Gaussian that fits an Airy core, wavelengths over the aperture (Zhang,
 Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007)."""
+
+_ROWS = 33
+"""Of the panel's image, and as many symbols, that stand for all."""
 
 
 def _blur(setting: LinkSetting) -> float:
@@ -46,6 +54,21 @@ def cell_scene(setting: LinkSetting) -> CellScene:
     return CellScene(
         setting.scale, _blur(setting), here.panel * per_lux, stray * per_lux, camera.threshold,
         camera.threshold_noise, camera.reset, setting.phase,
+    )  # fmt: skip
+
+
+def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
+    """What `cell_errors` reads of a run of so many symbols. timing: the true one."""
+    optics, chip = setting.optics, setting.camera.chip
+    home = image_of(optics, setting.aim, setting.air, (chip.height, chip.width))
+    psf = lens_psf(optics, setting.air.distance)
+    mixed = Mixed(psf.sigma, psf.disc, psf.cutoff, side_share(setting.camera.crosstalk))
+    half = optics.height * setting.scale / 2
+    rows = chip.height / 2 + setting.aim.offset[1] + np.linspace(-half, half, _ROWS)
+    begins = timing.start(np.linspace(0, symbols, _ROWS).astype(int)[:, None], rows)
+    return CellSight(
+        cell_scene(setting), affine_at(home, (optics.width - 1) / 2, (optics.height - 1) / 2),
+        mixed, math.hypot(psf.sigma, psf.disc / 2), (begins % 1.0).ravel(),
     )  # fmt: skip
 
 

@@ -21,7 +21,9 @@ from link.layout import GROUP_BITS, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.theory import Reset, byte_error, rs_word_error
 
-__all__ = ["LEAST_CELL", "LONGEST", "CellScene", "Reach", "predict_errors", "reach"]
+__all__ = [
+    "LEAST_CELL", "LONGEST", "CellScene", "Reach", "edge_share", "predict_errors", "reach",
+]  # fmt: skip
 
 _PLACES = 5
 """Places of a camera pixel within the cell's grid that are averaged over, each way."""
@@ -54,7 +56,7 @@ class CellScene:
     phase: float
 
 
-def _edge(x: Values, blur: float) -> Values:
+def edge_share(x: Values, blur: float) -> Values:
     """Share of a camera pixel centred at x that lies beyond an edge at 0, blurred: the integral of
     the normal distribution over the pixel."""
     from scipy.special import ndtr
@@ -77,7 +79,7 @@ def _shares(side: float, blur: float) -> Values:
     pixels = np.arange(-reach, reach + 1)
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
     at = pixels + place[:, None]
-    return _edge(at + side / 2, blur) - _edge(at - side / 2, blur)
+    return edge_share(at + side / 2, blur) - edge_share(at - side / 2, blur)
 
 
 def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:

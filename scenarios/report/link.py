@@ -128,6 +128,21 @@ def _choice(run: LinkRun) -> str:
     )  # fmt: skip
 
 
+def _of_theory(run: LinkRun) -> str:
+    """What the theory beside the measured rate is, and what it leaves out."""
+    span = run.theory.closed_interval
+    if span is None:
+        return (
+            "The theory is a coarse estimate, by Bhattacharyya's bound for looks that err "
+            "independently, with the neighbours' light normal: the run may err many times more."
+        )
+    return (
+        "The theory has the exact law of spikes under drawn light of the cells beside and before, "
+        f"99.9 % limits of the drawing {span[0]:.2g} to {span[1]:.2g}. It takes place, phase and "
+        "the spikes' laws as known, and leaves out turbulence, fog blur and fixed pattern."
+    )
+
+
 def _errors(run: LinkRun) -> str:
     path, theory = run.folder / "figures" / "errors.png", run.theory
     errors_figure(run, path)
@@ -138,9 +153,9 @@ def _errors(run: LinkRun) -> str:
         f"<h2>Errors</h2><p>{run.errors.wrong:,} of {run.errors.bits:,} bits on data cells were "
         f"decided wrong before any code{span}. The soft values' own promise is the mean of "
         "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
-        "They take a cell's pixels and ticks as independent of each other, which promises too "
-        "much. So does the closed form, an estimate from blurred cells whose neighbours' light is "
-        "normal, without turbulence, fixed pattern and drift: the run may err more.</p>"
+        "They take a cell's pixels and ticks as independent of each other, though the cells beside "
+        "light them together; the receiver shrinks them by the factor that the training asks for. "
+        f"{_of_theory(run)}</p>"
         + plot(path, "bit error rates") + _eye(run) + _soft(run)
     )  # fmt: skip
 

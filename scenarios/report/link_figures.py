@@ -86,7 +86,7 @@ def errors_figure(run: LinkRun, path: Path) -> None:
         shown = [
             ("measured", errors.rate, theory.interval, MARK),
             ("the soft values' own promise", theory.soft, None, BLUE),
-            ("closed form, blurred cells (estimate)", theory.closed, None, BLUE),
+            ("theory (estimate)", theory.closed, theory.closed_interval, BLUE),
         ]
         for n, (_, value, interval, colour) in enumerate(shown):
             if interval is not None:

@@ -89,6 +89,8 @@ def test_errors_are_counted_beside_what_was_sent(sent):
     assert carried.sum() == run.layout.cells
     low, high = run.theory.interval
     assert low <= errors.rate <= high
+    assert run.theory.closed_interval is not None
+    assert run.theory.closed_interval[0] <= run.theory.closed <= run.theory.closed_interval[1]
 
 
 def test_the_report_is_one_file_with_every_section(sent):
