@@ -20,11 +20,14 @@ from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
+    Witnesses,
     choose_witnesses,
+    fit_levels,
     fit_timing,
     known_cells,
     known_pilots,
     match,
+    nudge,
 )
 from link.receiving.tags import Found, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
@@ -42,6 +45,8 @@ _MATCH: Final = 0.15
 """Least correlation with the training."""
 _SMALL_TAG: Final = 4.0
 """Camera pixels to a tag's module below which the cells register the panel better."""
+_NEAR: Final = 0.45
+"""Ticks of the phase by the pilots within which that by the spikes is looked for around it."""
 _PILOT_SYMBOLS: Final = 64
 """Of the timing by pilots alone."""
 
@@ -187,7 +192,13 @@ def _time(
         known = known_cells(layout, low, training(layout.cells)[low:high])
         w = choose_witnesses(recording, layout, registration, begun, known, low)
         if w is not None and match(w, begun) > _MATCH:
-            timing, levels = fit_timing(w, begun)
+            timing, levels, late = fit_timing(w, begun, clocking.span)
+            mixed = choose_witnesses(
+                recording, layout, registration, timing, known, low, pure=False
+            )
+            if mixed is not None:
+                levels = fit_levels(mixed, timing, levels)
+            timing = _phased(w, timing, levels, late)
             scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
             if scale * layout.module < _SMALL_TAG:
                 better = fit_by_known(recording, layout, registration, timing, levels, known, low)
@@ -203,5 +214,16 @@ def _time(
     w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
     if w is None:
         return None
-    timing, levels = fit_timing(w, begun)
+    timing, levels, late = fit_timing(w, begun, clocking.span)
+    timing = _phased(w, timing, levels, late)
     return Acquired(layout, refined, timing, levels, lit, None, evidence)
+
+
+def _phased(w: Witnesses, timing: Timing, levels: Levels, late: float) -> Timing:
+    """With the phase that the pilots told, where it explains the spikes as well as that which was
+    found, `late` ticks from it."""
+    told = replace(timing, first=timing.first - late)
+    better = nudge(w, told, levels)
+    if abs(late) < _NEAR and abs(better) < _NEAR:
+        return replace(told, first=told.first + better)
+    return replace(timing, first=timing.first + nudge(w, timing, levels))

@@ -52,11 +52,12 @@ class PilotSignal:
 @dataclass(frozen=True)
 class Clocking:
     """timing; score: how far the sequence's peak stands above the rest, standard deviations;
-    scatter: of bands and stretches about the timing, ticks rms."""
+    scatter: of bands and stretches about the timing, ticks rms; span: ticks that they lie in."""
 
     timing: Timing
     score: float
     scatter: float
+    span: float
 
 
 def pilot_pixels(
@@ -187,7 +188,7 @@ def _plane(
         period = period_new
         slope += c
         scatter = float(np.sqrt(np.mean(off[keep] ** 2)))
-    return Clocking(Timing(first, period, slope, rows), score, scatter)
+    return Clocking(Timing(first, period, slope, rows), score, scatter, float(lit[1] - lit[0]))
 
 
 def _phases(
