@@ -20,6 +20,7 @@ class Cause(Enum):
     SATURATED = "the sensor is saturated"
     DIM = "the panel is too dim for the threshold"
     WRONG_CLOCK = "the panel's clock is off"
+    INTERRUPTED = "the transmission breaks off and goes on elsewhere"
     TRUNCATED = "the stream ends too early"
     TOO_LARGE = "the file is larger than the run can carry"
     TOO_SMALL = "the panel's cells are too small in the image"

@@ -182,12 +182,19 @@ def _time(
     registration = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
     rough = clocking.timing
     turn = PERIOD * rough.period
-    seen = max(lit[0], recording.first)
+    seen = max(clocking.lit[0] if clocking.broken else lit[0], recording.first)
     # the training that the recording may hold: that of the start nearest to first light
     first = rough.first + round((seen - rough.first) / turn) * turn
     begun = replace(rough, first=first)
     low = max(0, int(np.ceil((seen - first) / rough.period)) + 1 if seen - first > 2 else 0)
-    high = min(TRAINING, int((min(lit[1], recording.stop) - first) / rough.period) - 1)
+    high = min(
+        TRAINING,
+        int(
+            (min(clocking.lit[1] if clocking.broken else lit[1], recording.stop) - first)
+            / rough.period
+        )
+        - 1,
+    )
     if high - low >= 8:
         known = known_cells(layout, low, training(layout.cells)[low:high])
         w = choose_witnesses(recording, layout, registration, begun, known, low)

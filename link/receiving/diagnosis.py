@@ -263,14 +263,26 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> Verdict:
-    """Of a transmission that was found, but did not arrive whole."""
+def explain_loss(
+    session: Session, evidence: Evidence, recording_stop: int,
+    interrupted: tuple[int, float] | None = None,
+) -> Verdict:  # fmt: skip
+    """Of a transmission that was found, but did not arrive whole. interrupted: tick behind which
+    the pilots' sequence jumped, and by how many ticks."""
     inbox, refined, layout = session.inbox, session.refined, session.layout
     needed, right = inbox.frames_needed, inbox.frames_right
     share = inbox.codewords_wrong / inbox.codewords if inbox.codewords else 0.0
     ended = session.lit_stop >= recording_stop - 2
     frames = f"{right} of {needed if needed is not None else 'unknown'} frames arrived"
     loss = f"{inbox.codewords_wrong} of {inbox.codewords} codewords could not be mended"
+    if interrupted is not None:
+        tick, late = interrupted
+        return Verdict(
+            Cause.INTERRUPTED,
+            f"{frames}, {loss}, and behind tick {tick} the pilots go on {late:+.0f} ticks late: "
+            "words of the stream were lost, or another transmission begins; record without a gap, "
+            "or send with more overhead",
+        )
     if inbox.codewords == 0 or (ended and share <= _MENDED):
         how = f"while the panel is on, at tick {recording_stop}"
         if not ended:

@@ -322,9 +322,10 @@ def match(w: Witnesses, timing: Timing) -> float:
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
-    """Ticks by which the symbols are late against a timing that is nearly right: 0 where it explains
-    the spikes as well as any, else the mean of what is likely. Where light fills a threshold or
-    does not, many phases explain the same spikes, and the likeliest of them is one by chance."""
+    """Ticks by which the symbols are late against a timing that is nearly right: 0 where that
+    explains the spikes as well as any, else the mean of what is likely. Where light fills a
+    threshold or does not, many phases explain the same spikes, and the likeliest of them is one by
+    chance."""
     low, high = -_REACH, _REACH
     for _ in range(2):
         late = np.linspace(low, high, _TRIED)
