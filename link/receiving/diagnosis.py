@@ -279,7 +279,7 @@ def explain_loss(
         tick, late = interrupted
         return Verdict(
             Cause.INTERRUPTED,
-            f"{frames}, {loss}, and behind tick {tick} the pilots go on {late:+.0f} ticks late: "
+            f"{frames}, {loss}, and by tick {tick} or so the pilots go on {late:+.0f} ticks late: "
             "words of the stream were lost, or another transmission begins; record without a gap, "
             "or send with more overhead",
         )

@@ -22,7 +22,7 @@ __all__ = ["Receiver"]
 _LOOK: Final = 1024
 """Ticks after which a transmission is looked for though the stream goes on, and after which those
 held are decoded."""
-_BREAKS, _SHORTEST = 8, 96
+_BREAKS, _SHORTEST = 8, 64
 """Breaks that are followed at a time, and ticks in which a sequence may be found."""
 _JUMP: Final = 2.0
 """Ticks from which the sequence is said to jump."""
@@ -131,11 +131,15 @@ class Receiver:
             assert old is not None
             if old.inbox.file is not None or not old.lost or self.recording.ticks < _SHORTEST:
                 return
-            self.recording.forget(int(old.sound_until))
+            clocking = self._acquired.evidence.clocking if self._acquired is not None else None
+            until = old.sound_until
+            if clocking is not None and clocking.broken:
+                until = max(until, clocking.lit[1])
+            self.recording.forget(int(until))
             _, acquired = acquire(self.recording)
             if acquired is None or acquired.layout.mode != old.layout.mode:
                 return
-            jump = self._jump(old, acquired)
+            jump = self._jump(old, acquired, until)
             if jump is None:
                 return
             self.interrupted = jump
@@ -145,15 +149,15 @@ class Receiver:
             self._session = session
             session.advance(self.recording)
 
-    def _jump(self, old: Session, new: Acquired) -> tuple[int, float] | None:
+    def _jump(self, old: Session, new: Acquired, until: float) -> tuple[int, float] | None:
         """(tick, ticks) at which and by which the sequence jumps; None where it does not."""
         turn = PERIOD * old.timing.period
         row = self.recording.shape[0] / 2
-        symbol = round((old.sound_until - new.timing.first) / new.timing.period)
+        symbol = round((until - new.timing.first) / new.timing.period)
         at = float(new.timing.start(symbol, row))
         late = at - float(old.timing.start(symbol, row))
         late -= turn * round(late / turn)
-        return (int(old.sound_until), late) if abs(late) > _JUMP else None
+        return (int(until), late) if abs(late) > _JUMP else None
 
     def _begin(self, acquired: Acquired) -> None:
         from link.coding import Inbox

@@ -109,7 +109,7 @@ def test_a_short_transmission_shown_twice_arrives() -> None:
 
 @pytest.mark.slow
 def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
-    data = np.random.Generator(np.random.Philox(key=8)).bytes(40_000)
+    data = np.random.Generator(np.random.Philox(key=8)).bytes(100_000)
     toy = small(data, mode=Mode(256, 256, 2, 2, "8b10b", 32))
     planes = toy.planes()
     short = receive(toy, np.concatenate([planes[:170], planes[177:]]))
