@@ -73,10 +73,12 @@ def _first_layer(counts: Values, ticks: int) -> Values:
     step = np.minimum((on * _STEPS).astype(np.intp), _STEPS - 1)
     met = np.zeros((_STEPS, SHARES, _BEFORE, 2))
     np.add.at(met, step.ravel(), counts.transpose(0, 1, 3, 2, 4, 5).reshape(-1, *met.shape[1:]))
-    every = met.sum(axis=1, keepdims=True)  # a share not met is as the mean of those that were
-    chance = (met[..., 1] + _CLASS_WEIGHT * (every[..., 1] + 1) / (every.sum(-1) + 2)) / (
-        met.sum(axis=-1) + _CLASS_WEIGHT
-    )
+    # a share not met is as the mean of those that were, and so is a context: runs of bits that the
+    # training has not got bring spikes before that no pair of its bits had
+    every = met.sum(axis=1, keepdims=True)
+    all_of_it = every.sum(axis=2, keepdims=True)
+    mean = (all_of_it[..., 1] + 1) / (all_of_it.sum(-1) + 2)
+    chance = _chances(met, _chances(every, mean, _CLASS_WEIGHT), _CLASS_WEIGHT)
     have = np.flatnonzero(every.sum(axis=(1, 2, 3)))
     out = np.empty((*step.shape, SHARES, _BEFORE))
     for s in range(SHARES):

@@ -20,11 +20,14 @@ from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
+    Witnesses,
     choose_witnesses,
+    fit_levels,
     fit_timing,
     known_cells,
     known_pilots,
     match,
+    nudge,
 )
 from link.receiving.tags import Found, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
@@ -45,6 +48,8 @@ _SMALL_TAG: Final = 4.0
 _LEAST_CELL: Final = 0.5
 """Camera pixels to a cell's side below which no cell is looked for: tags that claim such a panel
 would cost memory by its cells, not by the camera's pixels."""
+_NEAR: Final = 0.45
+"""Ticks of the phase by the pilots within which that by the spikes is looked for around it."""
 _PILOT_SYMBOLS: Final = 64
 """Of the timing by pilots alone."""
 
@@ -199,17 +204,30 @@ def _time(
     registration = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
     rough = clocking.timing
     turn = PERIOD * rough.period
-    seen = max(lit[0], recording.first)
+    seen = max(clocking.lit[0] if clocking.broken else lit[0], recording.first)
     # the training that the recording may hold: that of the start nearest to first light
     first = rough.first + round((seen - rough.first) / turn) * turn
     begun = replace(rough, first=first)
     low = max(0, int(np.ceil((seen - first) / rough.period)) + 1 if seen - first > 2 else 0)
-    high = min(TRAINING, int((min(lit[1], recording.stop) - first) / rough.period) - 1)
+    high = min(
+        TRAINING,
+        int(
+            (min(clocking.lit[1] if clocking.broken else lit[1], recording.stop) - first)
+            / rough.period
+        )
+        - 1,
+    )
     if high - low >= 8:
         known = known_cells(layout, low, training(layout.cells)[low:high])
         w = choose_witnesses(recording, layout, registration, begun, known, low)
         if w is not None and match(w, begun) > _MATCH:
-            timing, levels = fit_timing(w, begun)
+            timing, levels, late = fit_timing(w, begun, clocking.span)
+            mixed = choose_witnesses(
+                recording, layout, registration, timing, known, low, pure=False
+            )
+            if mixed is not None:
+                levels = fit_levels(mixed, timing, levels)
+            timing = _phased(w, timing, levels, late)
             scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
             if scale * layout.module < _SMALL_TAG:
                 better = fit_by_known(recording, layout, registration, timing, levels, known, low)
@@ -225,5 +243,16 @@ def _time(
     w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
     if w is None:
         return None
-    timing, levels = fit_timing(w, begun)
+    timing, levels, late = fit_timing(w, begun, clocking.span)
+    timing = _phased(w, timing, levels, late)
     return Acquired(layout, refined, timing, levels, lit, None, evidence)
+
+
+def _phased(w: Witnesses, timing: Timing, levels: Levels, late: float) -> Timing:
+    """With the phase that the pilots told, where it explains the spikes as well as that which was
+    found, `late` ticks from it."""
+    told = replace(timing, first=timing.first - late)
+    better = nudge(w, told, levels)
+    if abs(late) < _NEAR and abs(better) < _NEAR:
+        return replace(told, first=told.first + better)
+    return replace(timing, first=timing.first + nudge(w, timing, levels))

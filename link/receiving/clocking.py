@@ -7,7 +7,7 @@ the rows' slope by one robust plane fit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -34,6 +34,8 @@ _REACH: Final = 2.0
 """Ticks around the common peak in which bands and stretches may lie."""
 _STEP: Final = 0.125
 """Ticks between phases that are tried for them."""
+_SHOWS: Final = 0.4
+"""Correlation from which a quarter of a stretch shows the same sequence."""
 _SPAN: Final = (48, 24)
 """Of a stretch that has a phase of its own: ticks and symbols at least."""
 
@@ -52,11 +54,19 @@ class PilotSignal:
 @dataclass(frozen=True)
 class Clocking:
     """timing; score: how far the sequence's peak stands above the rest, standard deviations;
-    scatter: of bands and stretches about the timing, ticks rms."""
+    scatter: of bands and stretches about the timing, ticks rms. lit: ticks that they lie in, where
+    the sequence runs through; broken: whether that is not all of those in which the panel is on."""
 
     timing: Timing
     score: float
     scatter: float
+    lit: tuple[int, int]
+    broken: bool = False
+
+    @property
+    def span(self) -> float:
+        """Ticks over which the period was measured."""
+        return float(self.lit[1] - self.lit[0])
 
 
 def pilot_pixels(
@@ -144,11 +154,64 @@ def clock_by_pilots(
     begin = low + max(0, (high - low - want) // 2)
     stop = min(begin + want, high)
     weights = signal.pixels / signal.pixels.sum()
-    lag, score = _peak((signal.bits @ weights)[begin:stop], nominal)
-    if score < _TRUSTED:
-        return None
+    total = signal.bits @ weights
+    lag, score = _peak(total[begin:stop], nominal)
+    broken = False
+    if score < _TRUSTED or not _runs_through(total, nominal, begin, stop, lag):
+        # the sequence may break off in the middle, and begin anew
+        found = _unbroken(total, nominal, low, high, want)
+        if found is not None:
+            begin, stop, lag, score = found
+            low, high = _reaches(total, nominal, (low, high), (begin, stop), lag)
+            broken = True
+        elif score < _TRUSTED:
+            return None
     rough = signal.first + begin - lag
-    return _plane(signal, nominal, rows, (low, high), rough, score, (begin + stop) / 2)
+    told = _plane(signal, nominal, rows, (low, high), rough, score, (begin + stop) / 2)
+    return replace(told, broken=broken) if told is not None else None
+
+
+def _unbroken(
+    total: Floats, nominal: float, low: int, high: int, want: int
+) -> tuple[int, int, float, float] | None:
+    """(begin, stop, lag, score) of the first stretch that shows the sequence, long ones before
+    short ones."""
+    for length in (want, want // 2):
+        for begin in range(low, high - length + 1, length // 4):
+            lag, score = _peak(total[begin : begin + length], nominal)
+            through = _runs_through(total, nominal, begin, begin + length, lag)
+            if score >= _TRUSTED and through:
+                return begin, begin + length, lag, score
+    return None
+
+
+def _shows(total: Floats, nominal: float, a: int, b: int, first: float) -> bool:
+    """Whether ticks a to b show the sequence that begins at tick `first`."""
+    code = _shown(np.array(first), nominal, np.arange(a, b, dtype=np.float64))
+    if b - a < 8 or np.ptp(code) == 0 or np.ptp(total[a:b]) == 0:
+        return False
+    return float(np.corrcoef(code, total[a:b])[0, 1]) > _SHOWS
+
+
+def _runs_through(total: Floats, nominal: float, begin: int, stop: int, lag: float) -> bool:
+    """Whether each quarter of a stretch shows what all of it does."""
+    edges = np.linspace(begin, stop, 5).astype(int)
+    return all(_shows(total, nominal, int(a), int(b), begin - lag) for a, b in pairwise(edges))
+
+
+def _reaches(
+    total: Floats, nominal: float, lit: tuple[int, int], stretch: tuple[int, int], lag: float
+) -> tuple[int, int]:
+    """How far the sequence that a stretch shows runs through, to a quarter of the stretch."""
+    step = max((stretch[1] - stretch[0]) // 4, 8)
+
+    first = stretch[0] - lag
+    low, high = stretch
+    while low > lit[0] and _shows(total, nominal, max(low - step, lit[0]), low, first):
+        low = max(low - step, lit[0])
+    while high < lit[1] and _shows(total, nominal, high, min(high + step, lit[1]), first):
+        high = min(high + step, lit[1])
+    return low, high
 
 
 def _plane(
@@ -187,7 +250,12 @@ def _plane(
         period = period_new
         slope += c
         scatter = float(np.sqrt(np.mean(off[keep] ** 2)))
-    return Clocking(Timing(first, period, slope, rows), score, scatter)
+    return Clocking(
+        Timing(first, period, slope, rows),
+        score,
+        scatter,
+        (signal.first + lit[0], signal.first + lit[1]),
+    )
 
 
 def _phases(

@@ -11,6 +11,7 @@ from link.layout import TRAINING, Layout
 from link.mode import TICKS
 from link.receiving.acquiring import Evidence
 from link.receiving.clocking import global_clock, pilot_signal
+from link.receiving.gap import gap_told
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
@@ -53,8 +54,6 @@ _MENDED: Final = 0.02
 _SURE: Final = 1e-3
 """Share of wrong decisions that soft values promise below which noise is no reason for losing every
 frame."""
-_FRAMES: Final = 4
-"""Frames in a row that are lost, and that are right beside them, from which a stream has a gap."""
 
 
 def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
@@ -283,14 +282,26 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> Verdict:
-    """Of a transmission that was found, but did not arrive whole."""
+def explain_loss(
+    session: Session, evidence: Evidence, recording_stop: int,
+    interrupted: tuple[int, float] | None = None,
+) -> Verdict:  # fmt: skip
+    """Of a transmission that was found, but did not arrive whole. interrupted: tick behind which
+    the pilots' sequence jumped, and by how many ticks."""
     inbox, refined, layout = session.inbox, session.refined, session.layout
     needed, right = inbox.frames_needed, inbox.frames_right
     share = inbox.codewords_wrong / inbox.codewords if inbox.codewords else 0.0
     ended = session.lit_stop >= recording_stop - 2
     frames = f"{right} of {needed if needed is not None else 'unknown'} frames arrived"
     loss = f"{inbox.codewords_wrong} of {inbox.codewords} codewords could not be mended"
+    if interrupted is not None:
+        tick, late = interrupted
+        return Verdict(
+            Cause.INTERRUPTED,
+            f"{frames}, {loss}, and by tick {tick} or so the pilots go on {late:+.0f} ticks late: "
+            "words of the stream were lost, or another transmission begins; record without a gap, "
+            "or send with more overhead",
+        )
     if inbox.codewords == 0 or (ended and share <= _MENDED):
         how = f"while the panel is on, at tick {recording_stop}"
         if not ended:
@@ -339,7 +350,7 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
             f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
             "the file again, with more overhead",
         )
-    gap = _gap(session)
+    gap = gap_told(session)
     if gap is not None:
         return Verdict(Cause.INTERRUPTED, f"{why}; {gap}")
     wrong = session.promised / max(session.symbols * layout.cells, 1)
@@ -352,33 +363,6 @@ def explain_loss(session: Session, evidence: Evidence, recording_stop: int) -> V
     return Verdict(
         Cause.NOISY,
         f"{why}; send larger cells, longer symbols, or more parity",
-    )
-
-
-def _gap(session: Session) -> str | None:
-    """What shows that ticks are missing, or were dark: blocks that are wholly lost, all in one
-    stretch, among others that are wholly right. None where frames were lost otherwise."""
-    from link.coding import Blocks
-
-    form = Blocks(session.layout)
-    found: dict[int, tuple[int, int]] = {}
-    for each in session.instants:
-        block = each.group // form.groups
-        found[block] = each.tick, found.get(block, (0, 0))[1] + each.right
-    ticks, right = zip(*(found[block] for block in sorted(found)), strict=True)
-    lost = [n for n, frames in enumerate(right) if frames == 0]
-    if not lost or lost[0] == 0 or lost[-1] - lost[0] + 1 > len(lost):
-        return None
-    # those that the gap's ends fall into may be right in part
-    far = [n for n in range(len(right)) if not lost[0] - 1 <= n <= lost[-1] + 1]
-    whole = sum(frames == form.frames for frames in right)
-    if any(right[n] < form.frames for n in far) or min(len(lost), whole) * form.frames < _FRAMES:
-        return None
-    return (
-        f"what ended by tick {ticks[lost[0] - 1]} is right"
-        + (f", what began after tick {ticks[lost[-1]]} too" if right[-1] else "")
-        + ", nothing else: ticks are missing from the recording, or the light was broken; record "
-        "without gaps, or send the file again"
     )
 
 

@@ -41,7 +41,7 @@ def fit_by_known(
     unit = np.array([[half[0], 0, half[0]], [0, half[1], half[1]], [0, 0, 1.0]])
     back = np.linalg.inv(unit)
     w = choose_witnesses(
-        recording, layout, registration, timing, known, begin, count=_PIXELS, seed=2
+        recording, layout, registration, timing, known, begin, count=_PIXELS, pure=False, seed=2
     )
     if w is None:
         return None

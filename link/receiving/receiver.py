@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.viform import Viform
 from link.detect import DETECTORS
+from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire
 from link.receiving.diagnosis import explain_failure, explain_loss
 from link.receiving.received import Received
@@ -21,6 +22,10 @@ __all__ = ["Receiver"]
 _LOOK: Final = 1024
 """Ticks after which a transmission is looked for though the stream goes on, and after which those
 held are decoded."""
+_BREAKS, _SHORTEST = 8, 64
+"""Breaks that are followed at a time, and ticks in which a sequence may be found."""
+_JUMP: Final = 2.0
+"""Ticks from which the sequence is said to jump."""
 _KEPT: Final = 256
 """Ticks that are held on when none was found."""
 
@@ -46,6 +51,8 @@ class Receiver:
         self._acquired: Acquired | None = None
         self._session: Session | None = None
         self._unusable: Verdict | None = None
+        self.interrupted: tuple[int, float] | None = None
+        """Tick behind which the pilots' sequence jumped last, and by how many ticks."""
 
     def step(self, given: Viform, block: Any = None) -> None:
         """Takes the words of a block."""
@@ -114,6 +121,43 @@ class Receiver:
             self._begin(acquired)
         if self._session is not None:
             self._session.advance(self.recording)
+            self._again()
+
+    def _again(self) -> None:
+        """Looks for the pilots anew behind what was right, where the sequence broke off: words were
+        lost, or the panel has begun again. The frames found so far stay."""
+        for _ in range(_BREAKS):
+            old = self._session
+            assert old is not None
+            if old.inbox.file is not None or not old.lost or self.recording.ticks < _SHORTEST:
+                return
+            clocking = self._acquired.evidence.clocking if self._acquired is not None else None
+            until = old.sound_until
+            if clocking is not None and clocking.broken:
+                until = max(until, clocking.lit[1])
+            self.recording.forget(int(until))
+            _, acquired = acquire(self.recording)
+            if acquired is None or acquired.layout.mode != old.layout.mode:
+                return
+            jump = self._jump(old, acquired, until)
+            if jump is None:
+                return
+            self.interrupted = jump
+            self._acquired = acquired
+            session = Session(acquired, self._detector, old.inbox, self.recording.shape)
+            session.go_on_from(old)
+            self._session = session
+            session.advance(self.recording)
+
+    def _jump(self, old: Session, new: Acquired, until: float) -> tuple[int, float] | None:
+        """(tick, ticks) at which and by which the sequence jumps; None where it does not."""
+        turn = PERIOD * old.timing.period
+        row = self.recording.shape[0] / 2
+        symbol = round((until - new.timing.first) / new.timing.period)
+        at = float(new.timing.start(symbol, row))
+        late = at - float(old.timing.start(symbol, row))
+        late -= turn * round(late / turn)
+        return (int(until), late) if abs(late) > _JUMP else None
 
     def _begin(self, acquired: Acquired) -> None:
         from link.coding import Inbox
@@ -133,7 +177,7 @@ class Receiver:
         inbox = session.inbox
         if inbox.file is None:
             assert self._evidence is not None
-            return explain_loss(session, self._evidence, self.recording.stop)
+            return explain_loss(session, self._evidence, self.recording.stop, self.interrupted)
         return Verdict(
             Cause.NONE,
             f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_seen}, "

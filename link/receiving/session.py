@@ -87,6 +87,16 @@ class Session:
         self._sure = TRAINING * self.timing.period
         """Ticks over which the timing is known to `_LATE`: what it was fitted to, then more."""
         self._learned = 0.0
+        self.sound_until = float(self.timing.start(0, self.rows / 2))
+        """Tick until which what was decided is known to be right."""
+        self.lost = False
+        """Whether the last frames were wrong."""
+
+    def go_on_from(self, old: Session) -> None:
+        """Takes over what an earlier session of the same transmission has measured."""
+        self.drift, self.instants = old.drift, old.instants
+        self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
+        self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
 
     def symbol_ends(self, symbol: int) -> float:
         """Tick by which all rows have seen all of a symbol."""
@@ -150,7 +160,11 @@ class Session:
             )  # fmt: skip
             if seen == 0 or right >= _SOUND * seen:
                 self._known = self._keep(first, soft > 0)
+                if seen:
+                    self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
+            else:
+                self.lost = True
         if self._known is not None:
             recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
 

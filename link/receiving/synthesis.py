@@ -24,6 +24,7 @@ __all__ = [
     "Levels",
     "Witnesses",
     "choose_witnesses",
+    "fit_levels",
     "fit_timing",
     "known_cells",
     "known_pilots",
@@ -46,7 +47,16 @@ _FEW: Final = 200
 _MIDDLE: Final = 0.5
 """Of the rows."""
 _SLOPE_ERROR, _PERIOD_ERROR = 0.1, 0.1
-"""Ticks over the rows, and over the time, by which the pilots' plane may be wrong."""
+"""Ticks over the rows, and over the time that pilots were seen, by which their plane may be wrong.
+"""
+_REACH, _TRIED = 0.5, 17
+"""Ticks to each side in which a middle is looked for, and phases that are tried at a time."""
+_PURE, _ENOUGH = 0.98, 400
+"""Share of light from one cell of pixels that see it alone, and how many of them are enough."""
+_KEPT: Final = 3.0
+"""Nats below the likeliest phase down to which one that is held is kept."""
+_LIKELY: Final = 10.0
+"""Nats below the likeliest phase down to which others count."""
 _LEAST_PIXELS, _LEAST_TICKS = 100, 16
 _RULES: Final = ("residual", "hard", "subtract")
 _SKIP: Final = 4
@@ -67,7 +77,8 @@ class Levels:
 @dataclass(frozen=True, eq=False)
 class Witnesses:
     """Pixels that are computed: rows and columns (n,); light of each symbol from `begin` on, (n,
-    symbols) float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on."""
+    symbols) float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on. cells: that
+    they look at, all together."""
 
     rows: Floats
     columns: Floats
@@ -75,6 +86,13 @@ class Witnesses:
     begin: int
     bits: npt.NDArray[np.uint8]
     tick: int
+    cells: int
+
+    @property
+    def independent(self) -> float:
+        """Share of the pixels that err on their own: those of one cell see the same light, and the
+        model is wrong of all of them together."""
+        return min(self.cells / len(self.rows), 1.0)
 
     def some(self, count: int) -> Witnesses:
         """Evenly chosen ones of them."""
@@ -106,10 +124,12 @@ def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> npt.
 def choose_witnesses(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
     known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, *, count: int = 1500,
-    of_pilots: bool = False, seed: int = 1,
+    of_pilots: bool = False, pure: bool = True, seed: int = 1,
 ) -> Witnesses | None:  # fmt: skip
     """Pixels by chance within the panel, or on its pilots. known: (n, rows, columns) of symbols
-    from `begin` on. None where too few pixels or ticks are there."""
+    from `begin` on. pure: only such as see one cell, if there are enough: where cells meet, light
+    follows blur and registration, whose errors would pass for lateness. None where too few pixels
+    or ticks are there."""
     mode, h = layout.mode, registration.homography
     rng = np.random.default_rng(seed)
     middle = float(timing.start(begin + len(known) / 2, timing.rows / 2))
@@ -126,7 +146,12 @@ def choose_witnesses(
     u, v = (np.rint(a) for a in project(h, x, y))
     height, width = recording.shape
     seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-    u, v = u[seen][:count], v[seen][:count]
+    u, v = u[seen], v[seen]
+    share, cell = _purity(layout, h, registration.blur, u, v)
+    within = share > _PURE
+    if pure and np.count_nonzero(within) >= _ENOUGH:
+        u, v, cell = u[within], v[within], cell[within]
+    u, v, cell = u[:count], v[:count], cell[:count]
     if len(u) < _LEAST_PIXELS:
         return None
     late = (timing.start(begin, v), timing.start(begin + len(known), v))
@@ -137,7 +162,7 @@ def choose_witnesses(
     bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
     bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
     light = light_on(layout, h, registration.blur, u, v, known)
-    return Witnesses(v, u, light, begin, bits, low)
+    return Witnesses(v, u, light, begin, bits, low, len(np.unique(cell)))
 
 
 def light_on(
@@ -149,6 +174,16 @@ def light_on(
     for n, cells in enumerate(known):
         out[:, n] = np.sum(weight * cells[row, column], axis=1)
     return out
+
+
+def _purity(
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
+) -> tuple[Floats, npt.NDArray[np.intp]]:
+    """Of camera pixels: the share of light from the cell in their middle, and which it is."""
+    row, column, weight = _taps(layout, h, blur, u, v)
+    cell = row * layout.shape[1] + column
+    middle = cell[:, cell.shape[1] // 2]
+    return np.sum(weight * (cell == middle[:, None]), axis=1), middle
 
 
 def _taps(
@@ -203,8 +238,10 @@ def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset
     return total / (len(w.rows) * max(w.bits.shape[1] - _SKIP, 1))
 
 
-def fit_timing(w: Witnesses, timing: Timing) -> tuple[Timing, Levels]:
-    """The timing that makes the spikes likeliest, and the light's levels."""
+def fit_timing(w: Witnesses, timing: Timing, span: float) -> tuple[Timing, Levels, float]:
+    """The timing that makes the spikes likeliest, the light's levels, and ticks by which symbols
+    are later in it than in `timing`. span: ticks over which
+    the pilots told the period of `timing`, which is believed within three errors."""
     from scipy.optimize import minimize
 
     few = w.some(_FEW)
@@ -220,23 +257,45 @@ def fit_timing(w: Witnesses, timing: Timing) -> tuple[Timing, Levels]:
     tried = [(likelihood(few, moved, on, b, rule), a, on, b, rule) for b in _BACKGROUNDS]
     _, a, on, background, rule = max(best, *tried)
 
+    ticks = w.bits.shape[1]
+    period_error = _PERIOD_ERROR * min(ticks / span, 1.0)
+
     def cost(p: Floats) -> float:
-        if not (abs(p[0]) < 1.5 and abs(p[3]) < 0.5 and abs(p[4]) < 0.5):
+        if not (abs(p[0]) < 1.5 and abs(p[3]) < 0.5 and abs(p[4]) < 3 * period_error):
             return 1e3
         moved = _moved(timing, w, p[0], p[3], p[4])
-        held = (p[3] / _SLOPE_ERROR) ** 2 + (p[4] / _PERIOD_ERROR) ** 2
+        held = (p[3] / _SLOPE_ERROR) ** 2 + (p[4] / period_error) ** 2
         fit = likelihood(w, moved, float(np.exp(p[1])), float(np.exp(p[2])), rule)
-        return held / (2 * w.bits.size) - fit
+        return held / (2 * w.bits.size * w.independent) - fit
 
     start = np.array([a, np.log(on), np.log(background), 0.0, 0.0])
-    simplex = np.vstack([start, start + np.diag([0.05, 0.1, 0.4, 0.04, 0.04])])
+    simplex = np.vstack([start, start + np.diag([0.05, 0.1, 0.4, 0.04, 0.4 * period_error])])
     got = minimize(
         cost, start, method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": 130, "xatol": 2e-3, "fatol": 1e-6},
     )  # fmt: skip
     p = [float(value) for value in got.x]
     levels = Levels(float(np.exp(p[1])), float(np.exp(p[2])), rule, -float(got.fun))
-    return _moved(timing, w, p[0], p[3], p[4]), levels
+    return _moved(timing, w, p[0], p[3], p[4]), levels, p[0]
+
+
+def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
+    """The light's levels by witnesses that are not pure: those tell them best, since light that
+    fills a threshold or does not in whole cells does either in parts of them."""
+    from scipy.optimize import minimize
+
+    def cost(p: Floats) -> float:
+        return -likelihood(w, timing, float(np.exp(p[0])), float(np.exp(p[1])), levels.reset)
+
+    tried = [(np.log(on), np.log(levels.background + 1e-4)) for on in (*_ONS, levels.on)]
+    start = np.array(min(tried, key=lambda p: cost(np.array(p))))
+    simplex = np.vstack([start, start + np.diag([0.1, 0.4])])
+    got = minimize(
+        cost, start, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": 40, "xatol": 2e-3, "fatol": 1e-6},
+    )  # fmt: skip
+    on, background = (float(value) for value in np.exp(got.x))
+    return Levels(on, background, levels.reset, -float(got.fun))
 
 
 def _moved(timing: Timing, w: Witnesses, late: float, slope: float, stretch: float) -> Timing:
@@ -263,17 +322,23 @@ def match(w: Witnesses, timing: Timing) -> float:
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
-    """Ticks by which the symbols are late against a timing that is nearly right."""
-    from scipy.optimize import minimize_scalar
-
-    def cost(late: float) -> float:
-        moved = replace(timing, first=timing.first + late)
-        return -likelihood(w, moved, levels.on, levels.background, levels.reset)
-
-    tried = np.linspace(-0.5, 0.5, 9)
-    best = float(tried[int(np.argmin([cost(late) for late in tried]))])
-    found = minimize_scalar(
-        cost, bounds=(best - 0.125, best + 0.125), method="bounded",
-        options={"xatol": 4e-3, "maxiter": 12},
-    )  # fmt: skip
-    return float(found.x)
+    """Ticks by which the symbols are late against a timing that is nearly right: 0 where that
+    explains the spikes as well as any, else the mean of what is likely. Where light fills a
+    threshold or does not, many phases explain the same spikes, and the likeliest of them is one by
+    chance."""
+    low, high = -_REACH, _REACH
+    for _ in range(2):
+        late = np.linspace(low, high, _TRIED)
+        fit = np.array(
+            [
+                likelihoods(w, replace(timing, first=timing.first + float(a)), levels).sum()
+                for a in late
+            ]
+        )
+        nats = (fit - fit.max()) * w.independent
+        if nats[_TRIED // 2] > -_KEPT and late[_TRIED // 2] == 0:
+            return 0.0
+        likely, step = late[nats > -_LIKELY], late[1] - late[0]
+        low, high = float(likely[0] - step), float(likely[-1] + step)
+    weight = np.exp(nats)
+    return float(weight @ late / weight.sum())

@@ -244,3 +244,16 @@ def test_the_plain_way_decides_the_same(scene: Scene) -> None:
     ours = detector.soft(scene.words, 0, TRAINING, 5)
     plain = plain_soft(detector, scene.words, 0, TRAINING, 5)
     assert np.abs(ours - plain).max() < 0.3  # ln(1 + e^-x) taken as linear
+
+
+def test_a_context_that_was_not_met_is_as_those_that_were() -> None:
+    """A cell off for a while spikes as seldom as one off for a tick, though no known symbol was."""
+    from link.detect.counting import CONTEXT, PART
+
+    counts = np.zeros((1, PHASES, 1, 16, 4, 1 << (PART + CONTEXT)), np.int32)
+    for context in (0b01, 0b10, 0b11):  # never 00
+        counts[0, 7, 0, 15, 1, context] = 500  # the bit before off, its own on but not yet
+    counts[0, 7, 0, 15, 0, 0b00] = 500
+    single = tables(counts, 1)[1]
+    off_to_on = single[0, 7, 0, 15, 0b00, :, 1]
+    assert abs(off_to_on[0]) < 0.05  # no spike says next to nothing

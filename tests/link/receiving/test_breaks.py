@@ -1,0 +1,120 @@
+"""Sequences that break off, and spikes that leave the symbols' phase open."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from link.layout import Layout, pilots
+from link.mode import Mode
+from link.receiving.clocking import PilotSignal, clock_by_pilots
+from link.receiving.synthesis import Levels, Witnesses, fit_timing, nudge
+from link.timing import Timing
+from link.verdict import Cause
+from tests.link.receiving.test_receiving import DATA, receive
+from tests.link.receiving.toy import MODE, small
+
+ROWS = 60
+
+
+def signal(*parts: tuple[int, int]) -> PilotSignal:
+    """Of pilots that fire in every tick they are on in, two ticks to a symbol: stretches of the
+    sequence from tick to tick, one behind another."""
+    shown = np.repeat(pilots(), 2).astype(np.float64)
+    bits = np.concatenate([shown[a:b] for a, b in parts])[:, None] * np.ones(4)
+    return PilotSignal(0, bits, np.arange(4) * ROWS / 4, np.full(4, 20))
+
+
+@pytest.mark.parametrize(
+    ("parts", "lit", "first"),
+    [
+        (((0, 200),), (0, 200), 0),
+        (((0, 110), (0, 110)), (0, 110), 0),
+        (((0, 110), (150, 260)), (0, 110), 0),
+        (((0, 60), (300, 480)), (60, 240), -240),
+    ],
+    ids=["whole", "twice", "gap", "late"],
+)
+def test_a_sequence_is_found_on_one_side_of_a_break(
+    parts: tuple[tuple[int, int], ...], lit: tuple[int, int], first: int
+) -> None:
+    given = signal(*parts)
+    got = clock_by_pilots(given, Layout(MODE), ROWS, (0, len(given.bits)))
+    assert got is not None
+    middle = (got.lit[0] + got.lit[1]) // 4 - first // 2
+    assert abs(float(got.timing.start(middle, 0)) - first - 2 * middle) < 0.05
+    assert abs(got.timing.period - 2) < 1e-3
+    if got.broken:
+        assert max(abs(a - b) for a, b in zip(got.lit, lit, strict=True)) <= 24
+
+
+def test_no_sequence_is_found_in_chance() -> None:
+    rng = np.random.Generator(np.random.Philox(key=3))
+    bits = rng.random((400, 4))
+    given = PilotSignal(0, bits, np.arange(4) * ROWS / 4, np.full(4, 20))
+    assert clock_by_pilots(given, Layout(MODE), ROWS, (0, 400)) is None
+
+
+def witnesses(first: float, cells: int = 30, ticks: int = 43) -> Witnesses:
+    """Pixels with hard reset and 1.4 thresholds a tick, without noise, of symbols of one tick:
+    fifty of each cell."""
+    rng = np.random.Generator(np.random.Philox(key=4))
+    even = rng.random((cells, 24)) < 0.5
+    light = np.stack([even, ~even], 2).reshape(cells, 48).astype(np.float64)
+    bits = np.zeros((cells, ticks), np.uint8)
+    charge = np.zeros(cells)
+    for k in range(-2, ticks):
+        at = 14 + k - first
+        n = int(np.floor(at))
+        share = at - n
+        charge += 1.4 * ((1 - share) * light[:, n] + share * light[:, n + 1])
+        fired = charge >= 1
+        charge[fired] = 0
+        if k >= 0:
+            bits[:, k] = fired
+    every: npt.NDArray[np.intp] = np.repeat(np.arange(cells), 50)
+    rows = np.tile(np.linspace(0, ROWS, 50), cells)
+    return Witnesses(rows, rows, light[every], 0, bits[every], 14, cells)
+
+
+def test_a_period_that_the_spikes_leave_open_is_that_of_the_pilots() -> None:
+    w = witnesses(12.0)
+    told = Timing(12.0, 1.00001, 0.0, ROWS)
+    got, _, _ = fit_timing(w, told, 400.0)
+    # a tenth of a tick over what the pilots were seen for, and three of those at most
+    assert abs(got.period / told.period - 1) < 3 * 0.1 / 400
+    # so little that no symbol of this transmission slips
+    assert abs(got.period - 1) * 300 < 0.25
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1, 0.45])
+def test_a_phase_is_kept_where_the_spikes_leave_it_open(late: float) -> None:
+    """Late by so much, or in time: spikes are the same, up to what 1.4 thresholds leave."""
+    w, levels = witnesses(12.0), Levels(1.4, 1e-4, "hard", 0.0)
+    held = nudge(w, Timing(12.0 + late, 1.0, 0.0, ROWS), levels)
+    assert held == 0.0
+    moved = nudge(w, Timing(12.0 - 0.45, 1.0, 0.0, ROWS), levels)
+    assert 0.45 - 0.4 / 1.4 < moved < 0.45 + 1 / 1.4  # into what explains them
+
+
+@pytest.mark.slow
+def test_a_short_transmission_shown_twice_arrives() -> None:
+    toy = small(DATA[:3000])
+    planes, stop = toy.planes(), 14 + toy.sent.planes
+    got = receive(toy, np.concatenate([planes[20:stop], planes[13:]]))
+    assert got.verdict.whole, got.verdict
+    assert got.delivered == (DATA[:3000], "a.bin")
+
+
+@pytest.mark.slow
+def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
+    data = np.random.Generator(np.random.Philox(key=8)).bytes(100_000)
+    toy = small(data, mode=Mode(256, 256, 2, 2, "8b10b", 32))
+    planes = toy.planes()
+    short = receive(toy, np.concatenate([planes[:170], planes[177:]]))
+    assert short.verdict.whole, short.verdict
+    assert short.delivered == (data, "a.bin")
+    much = receive(toy, np.concatenate([planes[:140], planes[241:]]))
+    assert much.verdict.cause is Cause.INTERRUPTED, much.verdict
+    assert much.delivered is None and much.frames_right > 0
