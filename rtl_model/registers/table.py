@@ -211,6 +211,7 @@ MEMORIES: tuple[Memory, ...] = (
         0x0010_0000,
         "PATTERN_BYTES",
         "rw",
-        "electrons a 40 kHz tick of each pixel, one byte each, four in a word, the first in bits 7 to 0; rows padded to whole tiles",
+        "electrons of each pixel in a 40 kHz tick, a byte each, the first in bits 7 to 0; "
+        "rows are padded to whole tiles",
     ),
 )
