@@ -33,10 +33,16 @@ class Geometry(NamedTuple):
         return -(-self.columns // self.lanes)
 
     @property
+    def row_clocks(self) -> int:
+        """Clocks from one row's first tile to the next row's: as many as storing a captured row
+        takes, so that the writer is never late, and one more."""
+        return self.row_words + 4
+
+    @property
     def tick_minimum(self) -> int:
-        """Fewest clocks of a tick: one a tile, and four in which the last tile leaves the pipeline
+        """Fewest clocks of a tick: all rows, and four in which the last tile leaves the pipeline
         and the next frame begins."""
-        return self.rows * self.tiles + 4
+        return self.rows * self.row_clocks + 4
 
     @property
     def tick_clocks(self) -> int:
