@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 
@@ -33,7 +34,7 @@ def faults(
         else:
             spans.append((memory.address, memory.address + size, memory.name))
     spans.sort()
-    for (_, end, name), (start, _, later) in zip(spans, spans[1:], strict=False):
+    for (_, end, name), (start, _, later) in itertools.pairwise(spans):
         if start < end:
             found.append(f"{later}: overlaps {name}")
     found += [f"{name}: beyond 32 bits of address" for _, end, name in spans if end > 1 << 32]

@@ -11,13 +11,13 @@ IDENTIFIER_WORDS = 64
 """Words of the identifier's memory: the text, one character a word, then zeros."""
 
 PARAMETERS: dict[str, str] = {
-    "GEOMETRY": "rows << 16 | columns",
+    "GEOMETRY": "65536 rows + columns",
     "LANES": "32 or 64",
     "CLOCK_HZ": "the board's clock, Hz",
     "BUILD": "CRC-32 of the Verilog and its parameters",
     "BIT_CLOCKS": "CLOCK_HZ / baud, rounded",
-    "ALL_ROWS": "(rows - 1) << 16: all rows",
-    "ALL_COLUMNS": "(columns - 1) << 16: all columns",
+    "ALL_ROWS": "65536 (rows - 1): all rows",
+    "ALL_COLUMNS": "65536 (columns - 1): all columns",
     "TICK_CLOCKS": "the greater of CLOCK_HZ / 40 000 and TICK_MINIMUM",
     "TICK_MINIMUM": "rows (row_words + 4) + 4, with row_words 32-bit words in a row of whole tiles",
     "CAPTURE_WORDS": "words of the capture memory, a power of two",

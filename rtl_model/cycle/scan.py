@@ -1,0 +1,161 @@
+"""The row scan compiled by numba: frame after frame, tile after tile, with registers that stand
+still between two clocks. `rtl_model.cycle.plain` is the same, clock by clock, in numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = [
+    "ACTIVE",
+    "CLEAR",
+    "END",
+    "FRAMES",
+    "REGISTERS",
+    "ROWS_READ",
+    "SELECT",
+    "SPIKES",
+    "START",
+    "STATE",
+    "scan",
+]
+
+# Registers, in the order of the array `registers`.
+RUN, THRESHOLD, CLOCK_SELECT, RULE, ROWS, COLUMNS, TICK, PATTERN, LEVEL = range(9)
+REGISTERS: tuple[str, ...] = (
+    "sensor_run",
+    "sensor_threshold",
+    "sensor_clock_select",
+    "sensor_reset_rule",
+    "sensor_rows",
+    "sensor_columns",
+    "sensor_tick_clocks",
+    "sensor_pattern",
+    "sensor_level",
+)
+
+# State, in the order of the array `state`: of the frame under way (from edge START to END, its
+# settings as sampled, the tile that comes next) and counters.
+ACTIVE, START, END, SELECT, TOP, BOTTOM, LEFT, RIGHT, ROW, INDEX = range(10)
+FRAMES, ROWS_READ, SPIKES, CLEAR = range(10, 14)
+STATE = 14
+
+
+@njit(cache=True)
+def _begin(registers, state, charge, clock, tick_minimum):  # type: ignore[no-untyped-def]
+    state[ACTIVE] = 1
+    state[START] = clock
+    state[SELECT] = registers[CLOCK_SELECT]
+    state[END] = clock + (max(registers[TICK], tick_minimum) << state[SELECT])
+    state[TOP], state[BOTTOM] = registers[ROWS] & 0xFFFF, registers[ROWS] >> 16
+    state[LEFT], state[RIGHT] = registers[COLUMNS] & 0xFFFF, registers[COLUMNS] >> 16
+    state[ROW] = state[INDEX] = 0
+    if state[CLEAR]:
+        state[CLEAR] = state[FRAMES] = state[ROWS_READ] = state[SPIKES] = 0
+        charge[:] = 0
+    state[FRAMES] = (state[FRAMES] + 1) & 0xFFFFFFFF
+
+
+@njit(cache=True)
+def _electrons(registers, frame, row, first, memory, made):  # type: ignore[no-untyped-def]
+    """Fills `made` (int32) with the electrons of pixels first, first + 1, .. of a row in a tick."""
+    pattern, level = registers[PATTERN], registers[LEVEL]
+    if pattern == 0:
+        for j in range(made.size):
+            made[j] = memory[first + j]
+    elif pattern == 1:
+        made[:] = level
+    elif pattern == 2:
+        start = level + row + first + frame
+        for j in range(made.size):
+            made[j] = (start + j) & 255
+    else:
+        odd = (row ^ first ^ frame) & 1
+        for j in range(made.size):
+            made[j] = level if (odd ^ j) & 1 else 0
+
+
+@njit(cache=True)
+def _tick(charge, electrons, shift, q, rule, fired):  # type: ignore[no-untyped-def]
+    """One tick of a tile: charge (int32) changes, fired (uint8) is filled."""
+    q = np.int32(q)
+    top = np.int32(4095)
+    zero = np.int32(0)
+    for j in range(charge.size):
+        total = np.int32(charge[j] + (electrons[j] << shift))
+        once = total >= q
+        fired[j] = once
+        left = np.int32(total - q)
+        if rule == 1:
+            rest = zero if once else total
+        elif rule == 2:
+            rest = left if once else total
+        else:
+            rest = left if once else total
+            rest = np.int32(rest - q) if rest >= q and once else rest
+        charge[j] = min(rest, top)
+
+
+@njit(cache=True)
+def scan(
+    registers, state, charge, memory, lanes, columns, row_clocks, tick_minimum, clock, stop, out
+):  # type: ignore[no-untyped-def]
+    """Runs edges `clock` to `stop` - 1 and returns how many tiles it put into `out`.
+
+    registers: (9,) int64; state: (STATE,) int64, changed; charge: (rows, lanes * tiles) int32,
+    changed; memory: the same shape, uint8; out: (tiles,) `TILE`, large enough.
+    """
+    rows, wide = charge.shape
+    tiles = wide // lanes
+    made = 0
+    electrons = np.zeros(lanes, np.int32)
+    fired = np.zeros(lanes, np.uint8)
+    q = 255 + 256 * registers[THRESHOLD]
+    while clock < stop:
+        if state[ACTIVE] == 0 or clock >= state[END]:
+            state[ACTIVE] = 0
+            if registers[RUN] == 0:
+                break
+            _begin(registers, state, charge, clock, tick_minimum)
+            clock += 1
+            continue
+        if state[ROW] >= rows:
+            clock = min(stop, state[END])
+            continue
+        row, tile = state[ROW], state[INDEX]
+        edge = state[START] + 1 + row * row_clocks + tile
+        if edge >= stop:
+            break
+        clock = edge + 1
+        first = tile * lanes
+        inside = state[TOP] <= row <= state[BOTTOM]
+        low = min(max(state[LEFT], first), first + lanes)
+        high = max(min(state[RIGHT] + 1, first + lanes, columns), low)
+        if not inside:
+            charge[row, first : first + lanes] = 0
+        else:
+            frame = (state[FRAMES] - 1) & 0xFFFFFFFF
+            _electrons(registers, frame, row, first, memory[row], electrons)
+            here = charge[row, first : first + lanes]
+            _tick(here, electrons, state[SELECT], q, registers[RULE], fired)
+            here[: low - first] = 0
+            here[high - first :] = 0
+            bits = np.uint64(0)
+            count = 0
+            for j in range(low - first, high - first):
+                bits |= np.uint64(fired[j]) << np.uint64(j)
+                count += fired[j]
+            out[made].clock = edge
+            out[made].frame = frame
+            out[made].row = row
+            out[made].tile = tile
+            out[made].bits = bits
+            made += 1
+            state[SPIKES] = (state[SPIKES] + count) & 0xFFFFFFFF
+        state[INDEX] += 1
+        if state[INDEX] == tiles:
+            state[INDEX] = 0
+            state[ROW] += 1
+            if inside:
+                state[ROWS_READ] = (state[ROWS_READ] + 1) & 0xFFFFFFFF
+    return made
