@@ -39,6 +39,7 @@ class PixelArray:
         self._registers = np.array([resets[name] for name in scan.REGISTERS], np.int64)
         self._state = np.zeros(scan.STATE, np.int64)
         self._state[scan.CLEAR] = 1
+        self._state[scan.LAST] = -1
 
     def register(self, name: str) -> int:
         """Returns a register that is written and read."""
@@ -62,15 +63,16 @@ class PixelArray:
         """Edge at which the last frame began; 0 before the first."""
         return int(self._state[scan.START])
 
-    @property
-    def rows_read(self) -> int:
-        """Rows inside the window read since the clear."""
-        return int(self._state[scan.ROWS_READ])
+    def rows_read(self, clock: int) -> int:
+        """Rows inside the window read since the clear, as seen at `clock`: the last tile of a row
+        counts an edge after it was computed."""
+        late = self._state[scan.LAST] == clock - 1 and self._state[scan.LAST_ENDS]
+        return int(self._state[scan.ROWS_READ] - late)
 
-    @property
-    def spikes(self) -> int:
-        """Spikes read since the clear, modulo 2^32."""
-        return int(self._state[scan.SPIKES])
+    def spikes(self, clock: int) -> int:
+        """Spikes read since the clear, modulo 2^32, as seen at `clock`; late like the rows."""
+        late = self._state[scan.LAST_SPIKES] if self._state[scan.LAST] == clock - 1 else 0
+        return int(self._state[scan.SPIKES] - late)
 
     @property
     def period(self) -> int:
@@ -84,10 +86,6 @@ class PixelArray:
         if self._state[scan.ACTIVE] and clock < self._state[scan.END]:
             return int(self._state[scan.END])
         return clock if self.register("sensor_run") else None
-
-    def position(self) -> int:
-        """Returns how many tiles of the frame under way have been computed, window or not."""
-        return int(self._state[scan.ROW]) * self.geometry.tiles + int(self._state[scan.INDEX])
 
     def word(self, index: int) -> int:
         """Returns word `index` of the pattern memory."""

@@ -11,9 +11,11 @@ __all__ = [
     "CLEAR",
     "END",
     "FRAMES",
+    "LAST",
+    "LAST_ENDS",
+    "LAST_SPIKES",
     "REGISTERS",
     "ROWS_READ",
-    "SELECT",
     "SPIKES",
     "START",
     "STATE",
@@ -38,7 +40,8 @@ REGISTERS: tuple[str, ...] = (
 # settings as sampled, the tile that comes next) and counters.
 ACTIVE, START, END, SELECT, TOP, BOTTOM, LEFT, RIGHT, ROW, INDEX = range(10)
 FRAMES, ROWS_READ, SPIKES, CLEAR = range(10, 14)
-STATE = 14
+LAST, LAST_SPIKES, LAST_ENDS = range(14, 17)  # edge of the last tile, its spikes, if it ends a row
+STATE = 17
 
 
 @njit(cache=True)
@@ -73,6 +76,30 @@ def _electrons(registers, frame, row, first, memory, made):  # type: ignore[no-u
         odd = (row ^ first ^ frame) & 1
         for j in range(made.size):
             made[j] = level if (odd ^ j) & 1 else 0
+
+
+@njit(cache=True)
+def _packed(fired):  # type: ignore[no-untyped-def]
+    """Returns the bytes 0 or 1 of `fired`, 8 or more and at most 64, as bits, the first lowest.
+
+    A product brings byte i of eight to bit 56 + i; no two partial products meet, so none carries.
+    """
+    eights = fired.view(np.uint64)
+    bits = np.uint64(0)
+    for n in range(eights.size):
+        eight = (eights[n] * np.uint64(0x0102040810204080)) >> np.uint64(56)
+        bits |= eight << np.uint64(8 * n)
+    return bits
+
+
+@njit(cache=True)
+def _ones(bits):  # type: ignore[no-untyped-def]
+    """Counts the ones of 64 bits, in pairs, nibbles and bytes."""
+    bits -= (bits >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    pairs = np.uint64(0x3333333333333333)
+    bits = (bits & pairs) + ((bits >> np.uint64(2)) & pairs)
+    bits = (bits + (bits >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((bits * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
 @njit(cache=True)
@@ -138,20 +165,22 @@ def scan(
             _electrons(registers, frame, row, first, memory[row], electrons)
             here = charge[row, first : first + lanes]
             _tick(here, electrons, state[SELECT], q, registers[RULE], fired)
-            here[: low - first] = 0
-            here[high - first :] = 0
-            bits = np.uint64(0)
-            count = 0
-            for j in range(low - first, high - first):
-                bits |= np.uint64(fired[j]) << np.uint64(j)
-                count += fired[j]
+            bits = _packed(fired)
+            if high - low < lanes:  # the others are held in reset
+                here[: low - first] = 0
+                here[high - first :] = 0
+                for j in range(lanes):
+                    if not low <= first + j < high:
+                        bits &= ~(np.uint64(1) << np.uint64(j))
             out[made].clock = edge
             out[made].frame = frame
             out[made].row = row
             out[made].tile = tile
             out[made].bits = bits
             made += 1
+            count = _ones(bits)
             state[SPIKES] = (state[SPIKES] + count) & 0xFFFFFFFF
+            state[LAST], state[LAST_SPIKES], state[LAST_ENDS] = edge, count, tile == tiles - 1
         state[INDEX] += 1
         if state[INDEX] == tiles:
             state[INDEX] = 0

@@ -19,7 +19,6 @@ from rtl_model.cycle.sink import Sink
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.registers import (
-    IDENTIFIER_WORDS,
     MEMORIES,
     REGISTERS,
     identifier,
@@ -30,6 +29,8 @@ from rtl_model.registers import (
 __all__ = ["System"]
 
 _BY_ADDRESS = {register.address: register for register in REGISTERS}
+_RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
+_SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_data")
 _MEMORY = {memory.name: memory for memory in MEMORIES}
 _IDENTIFIER = _MEMORY["identifier_mem"].address
 _PATTERN = _MEMORY["pattern_mem"].address
@@ -51,8 +52,7 @@ class System:
         self._clock = 0
         values = parameters(self.geometry, build)
         self._reset = {entry.name: reset_value(entry, values) for entry in REGISTERS}
-        text = identifier(self.geometry).encode("ascii")
-        self._identifier = text.ljust(IDENTIFIER_WORDS, b"\0")
+        self._identifier = identifier(self.geometry).encode("ascii") + b"\0"
         self._array = PixelArray(self.geometry)
         self._power_on()
         self._readers = self._make_readers()
@@ -61,7 +61,7 @@ class System:
     def _power_on(self) -> None:
         self._array.reset()
         self._capture = Capture(self.geometry.capture_words)
-        self._sink = Sink(self.geometry.sink_words)
+        self._sink = Sink(self.geometry)
         self._scratch = self._reset["ctrl_scratch"]
         self._bus_errors = 0
         self._set_order(self._reset["prbs_order"])
@@ -119,10 +119,9 @@ class System:
                     self._frame_begins(clock)
                     frame = clock + array.period
                 end = end if frame is None else min(end, frame)
-                first = 0 if array.next_frame(clock) == clock else array.position()
             tiles = array.run(clock, end)
             if attentive:
-                self._attend(tiles, first)
+                self._attend(tiles, end)
             if self._keep and tiles.size:
                 self._tiles.append(tiles)
             self._clock = end
@@ -131,23 +130,18 @@ class System:
         size = self.geometry
         self._row = []
         self._capture.frame_begins(clock + 1 + (size.rows + 1) * size.row_clocks + 4)
-        self._sink.frame_begins()
+        self._sink.frame_begins(clock)
 
-    def _attend(self, tiles: Tiles, first: int) -> None:
-        """Shows and captures what the array gave between tile `first` of the frame and now."""
-        size, capture, sink = self.geometry, self._capture, self._sink
-        if capture.takes and capture.taken == 0:
-            for tile in tiles:
-                self._collect(int(tile["row"]), int(tile["tile"]), int(tile["bits"]))
-        if sink.active:
-            for place in range(first, self._array.position()):
-                row, index = divmod(place, size.tiles)
-                bits = sink.show(size.lanes // 32)
-                if capture.takes and capture.taken == 1:
-                    self._collect(row, index, bits)
-                sink.rows += index == size.tiles - 1
-            if self._array.position() == size.rows * size.tiles:
-                sink.active = False
+    def _attend(self, tiles: Tiles, stop: int) -> None:
+        """Shows and captures what is due in a frame before edge `stop`."""
+        capture = self._capture
+        shown = self._sink.run(stop)
+        if capture.takes and capture.taken == 1:
+            for tile in shown:
+                self._collect(tile.row, tile.index, tile.bits)
+        elif capture.takes:
+            for row, index, bits in tiles[["row", "tile", "bits"]].tolist():
+                self._collect(row, index, bits)
 
     def _collect(self, row: int, index: int, bits: int) -> None:
         size = self.geometry
@@ -159,15 +153,23 @@ class System:
             self._row = []
 
     def _strobe_write(self, clock: int, address: int, value: int) -> None:
-        self.advance(clock + 1)
         address, value = address & ~3, value & _WORD
+        self.advance(clock)
+        if address == _RESET and value & 1:  # no edge of the scan happens beside a reset
+            self._power_on()
+            self._clock = clock + 1
+            return
+        room = self._sink.room  # before a word is taken at this edge
+        self.advance(clock + 1)
         register = _BY_ADDRESS.get(address)
-        if register is not None:
+        if address == _SINK_DATA:
+            self._sink.push(value, room)
+        elif register is not None:
             if register.mode != "ro":
                 self._writers[register.name](value & ((1 << register.width) - 1))
         elif 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             self._array.set_word(clock, (address - _PATTERN) // 4, value)
-        elif not 0 <= address - _IDENTIFIER < 4 * IDENTIFIER_WORDS:
+        elif not 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
             self._bus_errors += 1
 
     def _value(self, address: int) -> int:
@@ -180,7 +182,7 @@ class System:
             return self._reset[register.name] if reader is None else reader() & _WORD
         if 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             return self._array.word((address - _PATTERN) // 4)
-        if 0 <= address - _IDENTIFIER < 4 * IDENTIFIER_WORDS:
+        if 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
             return self._identifier[(address - _IDENTIFIER) // 4]
         self._bus_errors += 1
         return 0
@@ -197,8 +199,8 @@ class System:
             "prbs_errors": lambda: self._errors,
             "sensor_frames": lambda: self._array.frames,
             "sensor_frame_clock": lambda: self._array.frame_clock,
-            "sensor_rows_read": lambda: self._array.rows_read,
-            "sensor_spikes": lambda: self._array.spikes,
+            "sensor_rows_read": lambda: self._array.rows_read(self._clock),
+            "sensor_spikes": lambda: self._array.spikes(self._clock),
             "capture_source": lambda: self._capture.source,
             "capture_state": lambda: self._capture.state,
             "capture_level": lambda: self._capture.level,
@@ -224,7 +226,7 @@ class System:
     def _make_writers(self) -> dict[str, Callable[[int], None]]:
         made: dict[str, Callable[[int], None]] = {
             "ctrl_scratch": self._set_scratch,
-            "ctrl_reset": lambda value: self._power_on() if value else None,
+            "ctrl_reset": lambda value: None,
             "uart_clear": lambda value: self.line.clear() if value else None,
             "prbs_order": self._set_order,
             "prbs_check": self._check,
@@ -232,7 +234,6 @@ class System:
             "capture_source": self._set_source,
             "capture_arm": lambda value: self._capture.arm(value),
             "capture_pointer": self._seek,
-            "sink_data": lambda value: self._sink.push(value),
             "sink_run": self._show,
             "sink_clear": lambda value: self._sink.clear() if value else None,
         }

@@ -3,7 +3,6 @@
 from rtl_model.registers.checks import faults
 from rtl_model.registers.csr_csv import csr_csv
 from rtl_model.registers.parameters import (
-    IDENTIFIER_WORDS,
     PARAMETERS,
     identifier,
     parameters,
@@ -12,7 +11,6 @@ from rtl_model.registers.parameters import (
 from rtl_model.registers.table import MAGIC, MEMORIES, REGISTERS, VERSION, Field, Memory, Register
 
 __all__ = [
-    "IDENTIFIER_WORDS",
     "MAGIC",
     "MEMORIES",
     "PARAMETERS",

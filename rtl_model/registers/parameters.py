@@ -5,10 +5,7 @@ from __future__ import annotations
 from rtl_model.geometry import Geometry
 from rtl_model.registers.table import Register
 
-__all__ = ["IDENTIFIER_WORDS", "PARAMETERS", "identifier", "parameters", "reset_value"]
-
-IDENTIFIER_WORDS = 64
-"""Words of the identifier's memory: the text, one character a word, then zeros."""
+__all__ = ["PARAMETERS", "identifier", "parameters", "reset_value"]
 
 PARAMETERS: dict[str, str] = {
     "GEOMETRY": "65536 rows + columns",
@@ -22,7 +19,7 @@ PARAMETERS: dict[str, str] = {
     "TICK_MINIMUM": "rows (row_words + 4) + 4, with row_words 32-bit words in a row of whole tiles",
     "CAPTURE_WORDS": "words of the capture memory, a power of two",
     "SINK_WORDS": "words of the sink's memory, a power of two",
-    "IDENTIFIER_BYTES": f"4 x {IDENTIFIER_WORDS}",
+    "IDENTIFIER_BYTES": "four for each character of the identifier and the NUL",
     "PATTERN_BYTES": "a byte for each pixel of each row of whole tiles",
 }
 """Every parameter the table may name, and what it is."""
@@ -47,7 +44,7 @@ def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
         "TICK_MINIMUM": geometry.tick_minimum,
         "CAPTURE_WORDS": geometry.capture_words,
         "SINK_WORDS": geometry.sink_words,
-        "IDENTIFIER_BYTES": 4 * IDENTIFIER_WORDS,
+        "IDENTIFIER_BYTES": 4 * (len(identifier(geometry)) + 1),
         "PATTERN_BYTES": geometry.pattern_bytes,
     }
 

@@ -15,7 +15,9 @@ def test_period_and_balance(order):
     period = (1 << order) - 1
     bits = np.array(Prbs(order).bits(2 * period + order))
     np.testing.assert_array_equal(bits[period : 2 * period], bits[:period])
-    windows = np.lib.stride_tricks.sliding_window_view(bits, order)[:period] @ (1 << np.arange(order))
+    windows = np.lib.stride_tricks.sliding_window_view(bits, order)[:period] @ (
+        1 << np.arange(order)
+    )
     assert np.array_equal(np.sort(windows), np.arange(1, period + 1))
     assert bits[:period].sum() == 1 << (order - 1)
 

@@ -21,8 +21,7 @@ def random_writes(geometry, seed, clocks):
     """Writes of all sorts at random clocks, several a frame, of values that matter."""
     rng = np.random.default_rng(seed)
     writes = [
-        (n, PATTERN + 4 * n, int(rng.integers(1 << 32)))
-        for n in range(geometry.pattern_bytes // 4)
+        (n, PATTERN + 4 * n, int(rng.integers(1 << 32))) for n in range(geometry.pattern_bytes // 4)
     ]
     start = len(writes)
     writes.append((start, ADDRESS["sensor_tick_clocks"], 0))
@@ -79,7 +78,9 @@ def test_every_threshold_and_rule(threshold, rule):
     rng = np.random.default_rng(threshold)
     names = ["sensor_threshold", "sensor_reset_rule", "sensor_clock_select", "sensor_run"]
     values = [threshold, rule, threshold & 1, 1]
-    writes = [(n, ADDRESS[name], value) for n, (name, value) in enumerate(zip(names, values, strict=True))]
+    writes = [
+        (n, ADDRESS[name], value) for n, (name, value) in enumerate(zip(names, values, strict=True))
+    ]
     writes += [
         (10 + n, PATTERN + 4 * n, int(rng.integers(1 << 32)))
         for n in range(geometry.pattern_bytes // 4)

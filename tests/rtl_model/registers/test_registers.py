@@ -71,7 +71,9 @@ def test_the_document_is_the_one_in_docs():
 def test_csr_csv_holds_every_register_in_litex_form():
     rows = list(csv.reader(io.StringIO(csr_csv(Geometry()))))
     assert {len(row) for row in rows} == {5}
-    by_kind = {kind: {row[1]: row for row in rows if row[0] == kind} for kind in {r[0] for r in rows}}
+    by_kind = {
+        kind: {row[1]: row for row in rows if row[0] == kind} for kind in {r[0] for r in rows}
+    }
     for register in REGISTERS:
         _, _, address, words, mode = by_kind["csr_register"][register.name]
         assert int(address, 16) == register.address
@@ -102,10 +104,10 @@ def test_the_model_reads_as_after_reset_and_keeps_no_more_than_its_width(geometr
             assert system.read(register.address) == reset_value(register, values)
 
 
-def test_identifier_ends_in_zeros():
+def test_the_identifier_is_a_character_a_word_with_a_nul_and_nothing_beyond():
     system, base = System(), MEMORIES[0].address
-    read = bytes(system.read(base + 4 * n) for n in range(64))
-    assert read == identifier(Geometry()).encode().ljust(64, b"\0")
+    text = identifier(Geometry()).encode() + b"\0"
+    assert bytes(system.read(base + 4 * n) for n in range(len(text))) == text
     assert system.read(0x020) == 0
-    system.read(base + 256)
+    assert system.read(base + 4 * len(text)) == 0
     assert system.read(0x020) == 1
