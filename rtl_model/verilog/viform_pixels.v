@@ -30,7 +30,9 @@ module viform_pixels #(
     wire [47:0] rest = {next[50:39], next[37:26], next[24:13], next[11:0]};
     wire [3:0] fired = {next[51], next[38], next[25], next[12]};
 
-    viform_ram #(.DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS)) pattern_memory (
+    viform_ram #(
+        .DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS), .COLLIDES(1)
+    ) pattern_memory (
         .clk(clk), .write(pattern_write), .write_address(pattern_address),
         .write_data(pattern_data), .read(read), .read_address(read_address),
         .read_data(electrons)
