@@ -138,7 +138,7 @@ class System:
         shown = self._sink.run(stop)
         if capture.takes and capture.taken == 1:
             for tile in shown:
-                self._collect(tile.row, tile.index, tile.bits)
+                self._collect(tile.row, tile.tile, tile.bits)
         elif capture.takes:
             for row, index, bits in tiles[["row", "tile", "bits"]].tolist():
                 self._collect(row, index, bits)
