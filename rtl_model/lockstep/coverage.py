@@ -89,7 +89,9 @@ class Coverage:
 
     def _count_windows(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> None:
         size = self.geometry
-        pairs, counts = np.unique(rows << 32 | columns, return_counts=True)
+        pairs, counts = np.unique(
+            rows.astype(np.uint64) << np.uint64(32) | columns.astype(np.uint64), return_counts=True
+        )
         for pair, count in zip(pairs.tolist(), counts.tolist(), strict=True):
             row, column = (pair >> 32) & 0xFFFF, pair & 0xFFFF
             row_end = min(pair >> 48, size.rows - 1)
