@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtl_model.cycle import System
+from rtl_model.cycle import System, Tiles
 from rtl_model.lockstep.coverage import Coverage
 from rtl_model.lockstep.difference import Difference, first_difference
 from rtl_model.lockstep.program import ADDRESS, Chunk, Program
@@ -24,7 +24,7 @@ from rtl_model.verilated import VerilatedSystem, Waves, trace_format
 __all__ = ["Outcome", "run"]
 
 _ENDLESS = 1 << 62
-_BUSY = 2  # bit of capture_state
+_MOVING = 3  # bits of capture_state: armed (a burst may begin between two reads) and busy
 _DONE = 4
 _NAMES = {entry.address: entry.name for entry in REGISTERS}
 _CAPTURE = {ADDRESS[f"capture_{name}"] for name in ("state", "level", "pointer", "rows", "lost")}
@@ -113,7 +113,7 @@ class _Lockstep:
         if self.model.clock >= self.until:
             raise _Stop
 
-    def _compare(self, made: np.ndarray, wanted: np.ndarray) -> None:
+    def _compare(self, made: Tiles, wanted: Tiles) -> None:
         shown, due = self.verilog.shown(), self.model.shown()
         self.coverage.shown += len(due)
         found = []
@@ -129,11 +129,10 @@ class _Lockstep:
     def _look(self, chunk: Chunk) -> None:
         """Reads the registers, and the capture memory where it stands still."""
         state = self._read(ADDRESS["capture_state"], compared=False)
-        still = not (state[0] | state[1]) & _BUSY
+        still = not (state[0] | state[1]) & _MOVING
         for address in chunk.reads:
             self._read(address, compared=still or address not in _CAPTURE)
-        state = self._read(ADDRESS["capture_state"], compared=False)
-        if still and not (state[0] | state[1]) & _BUSY and state[1] & _DONE:
+        if still and state[0] & state[1] & _DONE:
             for _ in range(chunk.drain):
                 self._read(ADDRESS["capture_data"])
             if chunk.pointer & 1:

@@ -91,10 +91,11 @@ def first_difference(program: Program, verilog: Tiles, model: Tiles, what: str) 
             clock + 1,
         )
 
-    if here is None or (there is not None and there["clock"] < here["clock"]):
-        return found("tile", there, None, int(there["bits"]))
-    if there is None or here["clock"] < there["clock"]:
+    if there is not None and (here is None or there["clock"] < here["clock"]):
+        return found("tile", there, None, int(there["bits"]))  # the model has one more
+    if here is not None and (there is None or here["clock"] < there["clock"]):
         return found("tile", here, int(here["bits"]), None)
+    assert here is not None and there is not None, "the lists are equal"
     for name in ("clock", "frame", "row", "tile"):
         if here[name] != there[name]:
             return found(f"{name} of the tile", there, int(here[name]), int(there[name]))

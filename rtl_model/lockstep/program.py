@@ -18,7 +18,9 @@ from rtl_model.registers import MEMORIES, REGISTERS
 
 __all__ = ["ADDRESS", "Chunk", "Program", "Write"]
 
-ADDRESS = {entry.name: entry.address for entry in (*REGISTERS, *MEMORIES)}
+ADDRESS = {entry.name: entry.address for entry in REGISTERS} | {
+    memory.name: memory.address for memory in MEMORIES
+}
 """Byte address of every register and memory."""
 
 _NOWHERE = (0x0000_0028, 0x0000_0128, 0x0000_05F0, 0x0010_0000 - 4, 0x7FFF_FFFC)
@@ -116,7 +118,7 @@ class _Draw:
             clock += 1
         self._due[clock] = (address, value & 0xFFFFFFFF)
 
-    def _set(self, clock: int, name: str, value: int) -> None:
+    def _set(self, clock: int, name: str, value: int | np.integer | np.bool) -> None:
         self._put(clock, ADDRESS[name], int(value))
 
     def _word(self) -> int:
@@ -203,7 +205,7 @@ class _Draw:
         self._set(clock - self._later(2) % 40, "sink_run", self.rng.integers(4))
 
     def _prbs(self, clock: int) -> None:
-        self._set(clock, "prbs_order", self.rng.choice([7, 15, 23, 31, self.rng.integers(32)]))
+        self._set(clock, "prbs_order", self.rng.choice([7, 15, 23, 31, 8]))
         for _ in range(3):
             self._set(clock + self._later(1), "prbs_check", self._word())
 

@@ -1,4 +1,4 @@
-"""The verilated system, stepped as `cycle.System` is: register writes at their clocks, tiles out."""
+"""The verilated system, stepped as `cycle.System` is: writes at their clocks, tiles out."""
 
 from __future__ import annotations
 
