@@ -16,11 +16,12 @@ from rtl_model.geometry import Geometry
 from rtl_model.virtual.faults import Faults
 from rtl_model.virtual.noise import noise
 
-__all__ = ["Level", "Simulator", "make_simulator"]
+__all__ = ["ROOM", "Level", "Simulator", "make_simulator"]
 
 Level = Literal["bytes", "pins", "model"]
 
-_ROOM = 4096  # bytes given back at once
+ROOM = 4096
+"""Bytes taken, and given back, at once."""
 _SEED = 1  # of the noise
 
 
@@ -36,8 +37,8 @@ class Simulator(Protocol):
     quiet: bool
 
     def step(self, data: bytes, clocks: int) -> bytes:
-        """Takes bytes for the board and runs: while anything is under way until it is over,
-        otherwise `clocks` clocks, and never more; returns the bytes that came out."""
+        """Takes at most ROOM bytes for the board and runs: while anything is under way until it is
+        over, otherwise `clocks` clocks, and never more; returns the bytes that came out."""
         ...
 
     def set_baud(self, baud: int) -> None:
@@ -97,12 +98,13 @@ class _Verilog:
     def __init__(self, level: Level, geometry: Geometry, faults: Faults) -> None:
         self._geometry, self._faults = geometry, faults
         self._library = _load(level, geometry, faults)
-        self._out = ctypes.create_string_buffer(_ROOM)
+        self._out = ctypes.create_string_buffer(ROOM)
         self._clock, self._made = ctypes.c_uint64(), ctypes.c_uint64()
         self._taken = self._given = 0  # bytes, which is what noise hangs on
         self._baud = geometry.baud
         self._board: int | None = None
-        self._still = np.zeros(_ROOM, np.uint16)
+        self._masks = (np.zeros(ROOM, np.uint16), np.zeros(ROOM, np.uint16))
+        self._pointers = tuple(mask.ctypes.data for mask in self._masks)
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -112,29 +114,19 @@ class _Verilog:
         self.set_baud(self._baud)
 
     def step(self, data: bytes, clocks: int) -> bytes:
-        rx, tx = self._noise(len(data))
+        if self._faults.noise:
+            share = self._faults.noise
+            self._masks[0][: len(data)] = noise(share, _SEED, "rx", self._taken, len(data))
+            self._masks[1][:] = noise(share, _SEED, "tx", self._given, ROOM)
+        rx, tx = self._pointers
         self.quiet = not self._library.viform_step(
-            self._board, data, rx, len(data), clocks, self._out, tx, _ROOM, self._clock, self._made
+            self._board, data, rx, len(data), clocks, self._out, tx, ROOM, self._clock, self._made
         )
         made = self._made.value
         self.clock = self._clock.value
         self._taken += len(data)
         self._given += made
-        return self._out[:made] if made else b""
-
-    def _noise(self, count: int) -> tuple[int, int]:
-        """Returns where the masks of the next bytes stand, either way."""
-        share = self._faults.noise
-        if not share:
-            if count > self._still.size:
-                self._still = np.zeros(count, np.uint16)
-            self._masks = self._still, self._still
-        else:
-            self._masks = (
-                noise(share, _SEED, "rx", self._taken, count),
-                noise(share, _SEED, "tx", self._given, _ROOM),
-            )
-        return self._masks[0].ctypes.data, self._masks[1].ctypes.data
+        return self._out.raw[:made] if made else b""
 
     def set_baud(self, baud: int) -> None:
         self._baud = baud
