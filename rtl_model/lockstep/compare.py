@@ -145,16 +145,21 @@ class _Lockstep:
     def _tiles(self) -> None:
         self._compare(self.verilog.run(0), self.model.run(0))
 
-    def _write(self, address: int, value: int) -> None:
-        if self.model.clock >= self.until:
+    def _room_for(self, clocks: int) -> None:
+        """Ends the run at its last clock where an access of `clocks` clocks finds no room."""
+        left = self.until - self.model.clock
+        if clocks > left:
+            self._compare(self.verilog.run(left), self.model.run(left))
             raise _Stop
+
+    def _write(self, address: int, value: int) -> None:
+        self._room_for(1)
         self.verilog.write(address, value)
         self.model.write(address, value)
 
     def _read(self, address: int, *, compared: bool = True) -> tuple[int, int]:
         clock = self.model.clock
-        if clock + 2 > self.until:
-            raise _Stop
+        self._room_for(2)
         values = self.verilog.read(address), self.model.read(address)
         self.coverage.reads += compared
         if compared and values[0] != values[1]:

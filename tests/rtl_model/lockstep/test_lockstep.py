@@ -1,6 +1,5 @@
 """Verilog and cycle model agree to the bit and the clock, whatever is written when."""
 
-
 import numpy as np
 import pytest
 

@@ -83,8 +83,8 @@ FAULTS = {
     ),
     "record's number": Fault(
         "viform_capture.v",
-        "number <= number + 32'd1;\n            end else",
-        "number <= number;\n            end else",
+        "number <= number + 32'd1;",
+        "number <= number;",
         "capture_data",
     ),
     "PRBS tap": Fault("viform_prbs.v", "bits[i+18]", "bits[i+17]", "prbs_(source|errors)"),
