@@ -8,10 +8,12 @@ while an answer goes out are lost.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import NamedTuple
 
 from rtl_model.cycle.system import System
 from rtl_model.geometry import Geometry
+from rtl_model.registers import REGISTERS
 
 __all__ = ["Bridge", "Reply"]
 
@@ -19,6 +21,7 @@ _WRITES = {0x01: 4, 0x03: 0}  # command: step of the byte address
 _READS = {0x02: 4, 0x04: 0}
 _HEADER = 6
 _ADDRESSES = 0xFFFFFFFC
+_UART_CLEAR = next(entry.address for entry in REGISTERS if entry.name == "uart_clear")
 
 # Clocks from a byte to the strobe on the bus that it leads to, and to the first byte of an answer,
 # as the Verilog (viform_uartbone.v) has them.
@@ -53,7 +56,9 @@ class Bridge:
         self._since = 0  # when the command byte of the transaction came
         self._got = b""  # bytes of the transaction; empty is idle
         self._free = 0  # until then an answer goes out
+        self._coming: deque[int] = deque()  # when bytes come that are not counted yet
         self._last = -1  # when the last byte came
+        self._cleared = -1  # edge of the last uart_clear: a byte that comes with it is not counted
 
     @property
     def idle(self) -> bool:
@@ -64,14 +69,17 @@ class Bridge:
         """Takes bytes whose first has come whole at `clock`, the others `byte_clocks` apart, and
         returns all that the board sends in answer. A clock that has passed already is now."""
         sent: list[tuple[int, int]] = []
-        for byte in data:
-            clock = max(clock, self._last + 1)
-            self._last = clock
-            self.wait(clock)
-            self.system.line.rx_bytes += 1
-            if clock >= self._free:
-                sent += self._take(byte, clock)
+        arrivals = []
+        for _ in data:
+            clock = self._last = max(clock, self._last + 1)
+            arrivals.append(clock)
             clock += self.byte_clocks
+        self._coming.extend(arrivals)
+        for byte, arrival in zip(data, arrivals, strict=True):
+            self.wait(arrival)
+            self._count(arrival + 1)
+            if arrival >= self._free:
+                sent += self._take(byte, arrival)
         return Reply(bytes(byte for _, byte in sent), [clock for clock, _ in sent])
 
     def wait(self, clock: int) -> None:
@@ -80,6 +88,11 @@ class Bridge:
         if self._got and clock >= end:
             self._abort(end)
         self.system.advance(clock)
+
+    def _count(self, clock: int) -> None:
+        """Counts the bytes that have come before edge `clock`, some of them during an answer."""
+        while self._coming and self._coming[0] < clock:
+            self.system.line.rx_bytes += self._coming.popleft() != self._cleared
 
     def framing_error(self, clock: int) -> None:
         """A byte came whose stop bit was low: counted and dropped."""
@@ -124,6 +137,8 @@ class Bridge:
         self.system.advance(clock + _STROBE_OF_WRITE)
         self.system.line.wrote(value)
         self.system.write(address & _ADDRESSES, value)  # uart_clear takes its own count with it
+        if address & _ADDRESSES == _UART_CLEAR and value & 1:
+            self._cleared = self.system.clock - 1
 
     def _answer(self, clock: int) -> list[tuple[int, int]]:
         """Reads and sends word by word, until all is sent or the watchdog ends it. `clock` is when
@@ -137,6 +152,7 @@ class Bridge:
                 self._abort(end)
                 return sent
             self.system.advance(clock + _STROBE_OF_READ)
+            self._count(clock + _STROBE_OF_READ)
             value = self.system.read(address & _ADDRESSES)
             address += stride
             ready = max(ready, clock + _ANSWER)
@@ -148,6 +164,8 @@ class Bridge:
                 sent.append((clock, byte))
                 self.system.line.tx_bytes += 1
                 ready += self.byte_clocks
+        if clock == end:  # cut when nothing was left to cut
+            self._abort(end)
         self._got = b""
         self._free = clock + 1
         return sent

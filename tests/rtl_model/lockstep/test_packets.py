@@ -1,0 +1,44 @@
+"""Random packets, most of them sound and many spoiled: both sides answer the same, and rest."""
+
+import pytest
+
+from rtl_model import lockstep
+from rtl_model.verilated import missing
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
+
+
+def check(packets, seed):
+    told = []
+    outcome = lockstep.fuzz(packets, seed=seed, progress=told.append)
+    assert outcome.failure == ""
+    assert outcome.packets == packets == told[-1]
+    assert outcome.sent > 8 * packets
+    assert outcome.answered > 8 * packets
+    assert len(outcome.counters) == 9
+    assert len(told) == packets // 50
+
+
+def test_the_verilog_and_the_bridge_answer_alike():
+    check(5000, seed=1)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_packets():
+    check(100_000, seed=2)
+
+
+def test_the_comparison_would_notice(monkeypatch):
+    """With a bridge whose watchdog is a clock late, the fuzz must fail, and say where."""
+    real = lockstep.packets.Bridge
+
+    def late(**given):
+        bridge = real(**given)
+        bridge.watchdog_clocks += 1
+        return bridge
+
+    monkeypatch.setattr(lockstep.packets, "Bridge", late)
+    outcome = lockstep.fuzz(2000, seed=1)
+    assert outcome.packets < 2000
+    assert "the Verilog answers" in outcome.failure
+    assert f"packet {outcome.packets} of seed 1" in outcome.failure

@@ -1,0 +1,87 @@
+"""The library of a design: what it needs, and that it is built once and safely."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from cosim import InputError
+from rtl_model.geometry import Geometry
+from rtl_model.verilated import BuildFailed, VerilatedSystem, build_crc, library, missing
+from rtl_model.verilated.system import trace_format
+
+TINY = """
+module tiny (input wire clk, output reg [7:0] count);
+    always @(posedge clk) count <= count + 8'd1;
+endmodule
+"""
+SHIM = """
+#include "Vtop.h"
+extern "C" int after(int clocks) {
+    Vtop top;
+    for (int n = 0; n < 2 * clocks; ++n) { top.clk = n & 1; top.eval(); }
+    return top.count;
+}
+"""
+CALL = """
+import ctypes, sys
+from pathlib import Path
+from rtl_model.geometry import Geometry
+from rtl_model.verilated import library
+folder = Path(sys.argv[1])
+made = library("tiny", Geometry(), folder / "shim.cpp", sources=folder)
+print(made, ctypes.CDLL(str(made)).after(7))
+"""
+
+
+def tiny(folder):
+    (folder / "tiny.v").write_text(TINY)
+    (folder / "shim.cpp").write_text(SHIM)
+    return folder
+
+
+def test_missing_tools_are_named(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert missing() == ["verilator", "g++"]
+    with pytest.raises(InputError, match=r"apt-get install verilator g\+\+$"):
+        VerilatedSystem(Geometry())
+
+
+def test_waveforms_go_by_the_ending(tmp_path):
+    assert trace_format(tmp_path / "a.fst") == "fst"
+    assert trace_format(tmp_path / "a.VCD") == "vcd"
+    with pytest.raises(InputError, match=r"must be a name that ends in \.fst or \.vcd"):
+        trace_format(tmp_path / "a.txt")
+
+
+def test_the_build_number_follows_sources_and_parameters(tmp_path):
+    first = build_crc(Geometry(), tiny(tmp_path))
+    assert first == build_crc(Geometry(), tmp_path)
+    assert first != build_crc(Geometry(rows=33), tmp_path)
+    (tmp_path / "tiny.v").write_text(TINY + "// changed\n")
+    assert first != build_crc(Geometry(), tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
+def test_two_processes_build_at_once_and_a_change_is_built_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path / "cache"))
+    folder = tmp_path / "design"
+    folder.mkdir()
+    tiny(folder)
+    command = [sys.executable, "-c", CALL, str(folder)]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = [process.communicate(timeout=600)[0].split() for process in both]
+    assert said[0] == said[1]
+    assert said[0][1] == "7"
+    (folder / "tiny.v").write_text(TINY.replace("8'd1", "8'd2"))
+    made, count = subprocess.run(
+        command, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout.split()
+    assert made != said[0][0]
+    assert count == "14"
+    assert not list((tmp_path / "cache" / "verilated").glob(".build-*"))
+    (folder / "tiny.v").write_text("module tiny(; endmodule")
+    with pytest.raises(BuildFailed, match="verilator failed"):
+        library("tiny", Geometry(), folder / "shim.cpp", sources=folder)
