@@ -62,9 +62,7 @@ class VerilatedSystem:
     ) -> None:
         self.geometry = geometry
         trace: Trace = "" if waves is None else waves.format
-        path = library(
-            "viform_system", geometry, SHIM, sources=sources, trace=trace, build=build
-        )
+        path = library("viform_system", geometry, SHIM, sources=sources, trace=trace, build=build)
         self._library = _load(path)
         self._board: int | None = self._library.viform_open()
         self._clock = 0

@@ -9,8 +9,8 @@
 namespace {
 
 // Clocks without a byte after which no answer is to come: five from a request to its first byte,
-// and between two words of an answer (viform_uartbone.v); and some.
-const uint64_t QUIET = 16;
+// and between two words of an answer (viform_uartbone.v).
+const uint64_t QUIET = 8;
 
 struct Board {
     VerilatedContext context;
