@@ -24,21 +24,23 @@ module viform_pixels #(
     input wire odd,              // row ^ frame, least significant bit
     output reg [3:0] bits
 );
+    localparam [7:0] COLUMN = FIRST_LANE[7:0];
     wire [31:0] electrons;
-    wire [47:0] charge;
-    wire [51:0] next;
-    wire [47:0] rest = {next[50:39], next[37:26], next[24:13], next[11:0]};
-    wire [3:0] fired = {next[51], next[38], next[25], next[12]};
 
-    viform_ram #(.DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS)) pattern_memory (
+    viform_ram #(
+        .DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS), .COLLIDES(1)
+    ) pattern_memory (
         .clk(clk), .write(pattern_write), .write_address(pattern_address),
         .write_data(pattern_data), .read(read), .read_address(read_address),
         .read_data(electrons)
     );
-    viform_ram #(.DEPTH(DEPTH), .WIDTH(48), .ADDRESS_BITS(ADDRESS_BITS)) charge_memory (
-        .clk(clk), .write(compute), .write_address(address), .write_data(rest),
-        .read(read), .read_address(read_address), .read_data(charge)
-    );
+    // A memory of its own and not a viform_ram: the arithmetic stands where it is stored, so that a
+    // simulator does it for tiles only. Read and write never meet at one address.
+    (* ram_style = "block" *)
+    reg [47:0] charges[0:DEPTH-1];
+    reg [47:0] charge;
+    integer i;
+    initial for (i = 0; i < DEPTH; i = i + 1) charges[i] = 48'd0;
 
     // One tick of one pixel: {fired, rest}.
     function [12:0] tick;
@@ -81,18 +83,32 @@ module viform_pixels #(
         endcase
     endfunction
 
-    genvar lane;
-    generate
-        for (lane = 0; lane < 4; lane = lane + 1) begin : lanes
-            localparam [31:0] COLUMN = FIRST_LANE + lane;
-            assign next[13*lane +: 13] = tick(
-                live[lane], fresh, double, charge[12*lane +: 12],
-                source(pattern, electrons[8*lane +: 8], constant, ramp + COLUMN[7:0],
-                       odd ^ COLUMN[0]),
+    always @(posedge clk) begin
+        if (read) charge <= compute && read_address == address ? 48'bx : charges[read_address];
+        if (compute) begin : update
+            reg [12:0] next_0, next_1, next_2, next_3;
+            next_0 = tick(
+                live[0], fresh, double, charge[11:0],
+                source(pattern, electrons[7:0], constant, ramp + COLUMN + 8'd0, odd),
                 level, rule
             );
+            next_1 = tick(
+                live[1], fresh, double, charge[23:12],
+                source(pattern, electrons[15:8], constant, ramp + COLUMN + 8'd1, !odd),
+                level, rule
+            );
+            next_2 = tick(
+                live[2], fresh, double, charge[35:24],
+                source(pattern, electrons[23:16], constant, ramp + COLUMN + 8'd2, odd),
+                level, rule
+            );
+            next_3 = tick(
+                live[3], fresh, double, charge[47:36],
+                source(pattern, electrons[31:24], constant, ramp + COLUMN + 8'd3, !odd),
+                level, rule
+            );
+            charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
+            bits <= {next_3[12], next_2[12], next_1[12], next_0[12]};
         end
-    endgenerate
-
-    always @(posedge clk) if (compute) bits <= fired;
+    end
 endmodule

@@ -53,7 +53,8 @@ module viform_sink #(
             // Words 2 i and 2 i + 1; `get` may be odd after an underrun.
             wire [31:0] even_word, odd_word;
             reg swap;
-            wire [BANK_BITS-1:0] even_address = get[INDEX_BITS-1:1] + {{BANK_BITS - 1{1'b0}}, get[0]};
+            wire [BANK_BITS-1:0] even_address =
+                get[INDEX_BITS-1:1] + {{BANK_BITS - 1{1'b0}}, get[0]};
             viform_ram #(.DEPTH(SINK_WORDS / 2), .WIDTH(32), .ADDRESS_BITS(BANK_BITS)) even (
                 .clk(clk), .write(push && room && !put[0]), .write_address(put[INDEX_BITS-1:1]),
                 .write_data(wdata), .read(take), .read_address(even_address),
@@ -71,14 +72,10 @@ module viform_sink #(
 
     // Words that had not come are dark.
     wire [LANES-1:0] shown;
-    wire [31:0] next_crc;
     assign shown[31:0] = have != 2'd0 ? words[31:0] : 32'd0;
     generate
-        if (BANKS == 1) begin : crc_of_one
-            assign next_crc = crc32_word(crc, shown);
-        end else begin : crc_of_two
+        if (BANKS == 2) begin : second_word
             assign shown[LANES-1:32] = have == 2'd2 ? words[LANES-1:32] : {LANES - 32{1'b0}};
-            assign next_crc = crc32_word(crc32_word(crc, shown[31:0]), shown[LANES-1:32]);
         end
     endgenerate
 
@@ -105,7 +102,8 @@ module viform_sink #(
         valid <= taken && compute;
         if (taken) begin
             bits <= shown;
-            crc <= next_crc;
+            crc <= BANKS == 1 ? crc32_word(crc, shown[31:0])
+                : crc32_word(crc32_word(crc, shown[31:0]), shown[LANES-1:LANES-32]);
             if (have != due) begin
                 underruns <= underruns + {30'd0, due - have};
                 underrun <= 1'b1;
