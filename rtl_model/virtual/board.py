@@ -233,7 +233,9 @@ class _Server:
         begun, first = time.monotonic(), self._sim.clock
         sent = self._sim.step(data, clocks)
         now = time.monotonic()
-        if not data and clocks >= self._slice:  # not one cut short by the wall clock, mostly overhead
+        if (
+            not data and clocks >= self._slice
+        ):  # not one cut short by the wall clock, mostly overhead
             self._ran += self._sim.clock - first
             self._spent += now - begun
             if self._spent >= _MEASURED_S:

@@ -18,6 +18,8 @@ needs_verilator = pytest.mark.skipif(
     shutil.which("verilator") is None, reason="needs the system package verilator"
 )
 LEVELS = ["model", pytest.param("bytes", marks=needs_verilator)]
+# Each fault of the design is a build of its own.
+PLANTED = ["model", pytest.param("bytes", marks=[needs_verilator, pytest.mark.slow])]
 SMALL = Geometry(rows=8, columns=40, lanes=32, clock_hz=1_000_000, baud=62_500, capture_words=256)
 """Sixteen clocks a bit; a tick is as short as it can be."""
 
@@ -33,6 +35,16 @@ class Host:
 
     def send(self, *data: int) -> None:
         self._serial.write(bytes(data))
+
+    def close(self) -> None:
+        self._serial.close()
+
+    def speak_at(self, baud: int) -> None:
+        self._serial.baudrate = baud
+
+    def forget(self) -> None:
+        """Throws away what has come and was not read."""
+        self._serial.reset_input_buffer()
 
     def answer(self, count: int) -> bytes:
         return bytes(self._serial.read(count))
@@ -70,4 +82,4 @@ def board(
         try:
             yield made, host
         finally:
-            host._serial.close()
+            host.close()
