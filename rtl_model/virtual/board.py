@@ -40,6 +40,7 @@ _PAUSE_S = 1e-3  # where the board's clock has caught up with the wall's
 _REST_S, _RESTING_S = 20e-3, 1e-3  # at rest: a step of 1 ms, then 20 ms of sleep
 _MEASURED_S = 30e-3  # of simulation, to know its speed
 _MARGIN = 2.0  # of time_scale: the machine may have other work
+_PINS_BYTES = 64  # taken from the host at once
 _ATTENTION_S = 0.2  # between two looks at whether the board still lives
 _HELD_BYTES = 1 << 20  # that a host does not read; then the oldest are lost, as in a driver
 
@@ -172,10 +173,12 @@ class _Server:
         self._poll.register(waker, select.POLLIN)
         self._held: deque[tuple[float, bytes]] = deque()  # (when it is due, bytes)
         self._held_bytes = 0
-        self._todo = b""  # from the host, still to be given to the board
+        # A line that takes its time takes bytes as they go out, so that the host feels it.
+        self._share = _PINS_BYTES if board.level == "pins" else ROOM
         self._dead_until = 0  # clock; before it the line carries nothing
         self.speed = board.speed
         self._slice = max(1, round(self.speed * _SLICE_S))
+        self._whole = max(1, round(self.speed * _BYTES_SLICE_S))
         self._ran, self._spent = 0, 0.0  # since the speed was last worked out
         self._traffic(time.monotonic())
 
@@ -186,13 +189,14 @@ class _Server:
         clocks, wait = self._plan(now)
         if blocked or self._held:
             wait = min(wait, _PAUSE_S)
+        data = b""
         for end, _ in self._poll.poll(wait * 1e3):
             if end == self._waker:
                 return False
-            self._todo += self._terminal.read(ROOM - len(self._todo))
-            self._sim.set_baud(self._terminal.baud())
-        if self._todo:
-            data, self._todo = self._todo, b""
+            if self._sim.backlog <= self._share:
+                data = self._terminal.read(self._share)
+                self._sim.set_baud(self._terminal.baud())
+        if data:
             self._give(data)
         elif clocks:
             self._step(b"", clocks)
@@ -200,11 +204,11 @@ class _Server:
 
     def _plan(self, now: float) -> tuple[int, float]:
         """Returns (clocks to run unless bytes come, seconds to wait for them first)."""
-        if not self._sim.quiet:
-            return max(1, round(self.speed * _BYTES_SLICE_S)), 0.0
+        if self._sim.backlog:
+            return self._whole, 0.0
         behind = int((now - self._since) * self._hz) - (self._sim.clock - self._since_clock)
         if self._sim.clock - self._since_clock >= LINGER_S * self._hz:
-            return min(behind, round(self.speed * _RESTING_S)), _REST_S
+            return max(0, min(behind, round(self.speed * _RESTING_S))), _REST_S
         if behind <= 0:
             return 0, _PAUSE_S
         return min(behind, self._slice), 0.0
@@ -217,10 +221,11 @@ class _Server:
         for piece in self._line.carry("rx", data):
             if isinstance(piece, Bytes):
                 if self._sim.clock >= self._dead_until:
-                    self._step(piece.data, max(1, round(self.speed * _BYTES_SLICE_S)))
+                    for at in range(0, len(piece.data), ROOM):  # doubled bytes are more
+                        self._step(piece.data[at : at + ROOM], self._whole)
             else:
-                while not self._sim.quiet:
-                    self._step(b"", max(1, round(self.speed * _BYTES_SLICE_S)))
+                while self._sim.backlog:
+                    self._step(b"", self._whole)
                 self._die(piece.seconds, piece.power_cycle)
         self._traffic(time.monotonic())
 
@@ -228,6 +233,7 @@ class _Server:
         if power_cycle:
             self._sim.power_cycle()
         self._dead_until = self._sim.clock + int(seconds * self._hz)
+        self._traffic(time.monotonic())
 
     def _step(self, data: bytes, clocks: int) -> None:
         begun, first = time.monotonic(), self._sim.clock

@@ -30,11 +30,11 @@ class Simulator(Protocol):
 
     Attributes:
         clock: edges since power-on.
-        quiet: whether nothing is under way on the line.
+        backlog: bytes that wait or are under way on the line.
     """
 
     clock: int
-    quiet: bool
+    backlog: int
 
     def step(self, data: bytes, clocks: int) -> bytes:
         """Takes at most ROOM bytes for the board and runs: while anything is under way until it is
@@ -65,7 +65,7 @@ class _Model:
 
     def __init__(self, geometry: Geometry, faults: Faults) -> None:
         self._geometry, self._faults = geometry, faults
-        self.quiet = True
+        self.backlog = 0
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -111,14 +111,14 @@ class _Verilog:
     def power_cycle(self) -> None:
         self.close()
         self._board = self._library.viform_open()
-        self.clock, self.quiet = 0, True
+        self.clock = self.backlog = 0
         self.set_baud(self._baud)
 
     def step(self, data: bytes, clocks: int) -> bytes:
         rx, tx = self._pointers
         if self._faults.noise:
             tx += self._draw(len(data))
-        self.quiet = not self._library.viform_step(
+        self.backlog = self._library.viform_step(
             self._board, data, rx, len(data), clocks, self._out, tx, ROOM, self._clock, self._made
         )
         made = self._made.value
