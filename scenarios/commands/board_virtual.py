@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.commands.output import Json, print_document
+from scenarios.commands.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
@@ -57,6 +57,8 @@ def board_virtual(
         raise InputError(
             "--baud", f"at most a quarter of the clock, {clock // 4}", str(baud), "lower it"
         )
+    if level != "model" and not json:
+        SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
     with (
         suppress(KeyboardInterrupt),
         VirtualBoard(geometry, level=known, faults=fault or (), link=link) as board,
