@@ -57,12 +57,10 @@ def board_virtual(
         raise InputError(
             "--baud", f"at most a quarter of the clock, {clock // 4}", str(baud), "lower it"
         )
+    made = VirtualBoard(geometry, level=known, faults=fault or (), link=link)
     if level != "model" and not json:
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
-    with (
-        suppress(KeyboardInterrupt),
-        VirtualBoard(geometry, level=known, faults=fault or (), link=link) as board,
-    ):
+    with suppress(KeyboardInterrupt), made as board:
         if csr is not None:
             with whole(csr) as part:
                 part.write_text(csr_csv(geometry), encoding="utf-8")
