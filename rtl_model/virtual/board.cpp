@@ -124,10 +124,10 @@ void viform_close(Board *board) {
 // Sets how many clocks of the board a bit of the host's lasts, from the next bit on.
 void viform_line(Board *board, double bit_clocks) { board->bit_clocks = bit_clocks; }
 
-// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way,
-// or, where nothing was, all of them. Returns whether something still is. `made` bytes have come
-// out, at most `room`. Noise inverts bits of a byte, its start bit in bit 0: of those that go in,
-// and of those that come out.
+// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way
+// or, where nothing was, all of them. Returns how many bytes still wait, and one more where any is
+// under way; 0 is a quiet line. `made` bytes have come out into `out`, at most `room`. Noise inverts
+// bits of a byte, its start bit in bit 0: of those that go in, and of those that come out.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *noise, uint64_t count,
                 uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
                 uint64_t *clock, uint64_t *made) {
@@ -150,7 +150,7 @@ int viform_step(Board *board, const uint8_t *bytes, const uint16_t *noise, uint6
     }
     *clock = board->clock;
     *made = got;
-    return !board->quiet();
+    return static_cast<int>(board->waiting.size()) + !board->quiet();
 }
 
 }

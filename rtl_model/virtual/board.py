@@ -34,12 +34,13 @@ LEVELS: tuple[Level, ...] = ("bytes", "pins", "model")
 LINGER_S = 0.3
 """Of the board's own time: three times its watchdog, longer than a cut line and a power cycle."""
 
-_SLICE_S = 50e-6  # wall time of a step without bytes: a host's byte waits half of that
+_SLICE_S = 25e-6  # wall time of a step without bytes: a host's byte waits half of that
 _BYTES_SLICE_S = 2e-3  # with bytes: so often, what has come out is handed on
 _PAUSE_S = 1e-3  # where the board's clock has caught up with the wall's
 _REST_S, _RESTING_S = 20e-3, 1e-3  # at rest: a step of 1 ms, then 20 ms of sleep
-_MEASURED_S = 30e-3  # of simulation at the start, to know its speed
+_MEASURED_S = 30e-3  # of simulation, to know its speed
 _MARGIN = 2.0  # of time_scale: the machine may have other work
+_PINS_BYTES = 64  # taken from the host at once
 _ATTENTION_S = 0.2  # between two looks at whether the board still lives
 _HELD_BYTES = 1 << 20  # that a host does not read; then the oldest are lost, as in a driver
 
@@ -51,6 +52,9 @@ class VirtualBoard:
     level: "bytes" or "pins" run the Verilog, "model" the cycle model, at byte level.
     faults: texts as `virtual.faults` explains, or parsed.
     link: symlink to the port.
+
+    Attributes:
+        speed: clocks that a second of simulation holds, nominal or more or less.
 
     Raises InputError for a fault that the level cannot have, and where Verilator is missing.
     """
@@ -75,6 +79,7 @@ class VirtualBoard:
         self._link = link
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
+        self.speed = float(self.geometry.clock_hz)
 
     @property
     def port(self) -> str:
@@ -85,13 +90,13 @@ class VirtualBoard:
     def clocks_per_second(self) -> float:
         """Clocks of the board that a second of the wall clock holds while the simulation runs, at
         most the board's nominal clock."""
-        return min(self._speed, float(self.geometry.clock_hz))
+        return min(self.speed, float(self.geometry.clock_hz))
 
     @property
     def time_scale(self) -> float:
         """By what a host should lengthen every time it waits: how much slower than nominal the
         board may run, with a margin for a busy machine; 1 where it keeps up easily."""
-        return max(1.0, _MARGIN * self.geometry.clock_hz / self._speed)
+        return max(1.0, _MARGIN * self.geometry.clock_hz / self.speed)
 
     @property
     def alive(self) -> bool:
@@ -102,7 +107,7 @@ class VirtualBoard:
         """Opens the port and serves it until `stop`."""
         simulator = make_simulator(self.level, self.geometry, self.faults)
         try:
-            self._speed = _measure(simulator)
+            self.speed = _measure(simulator)
             simulator.power_cycle()
             self._terminal = Terminal(self.geometry.baud, self._link)
         except BaseException:
@@ -146,7 +151,7 @@ class VirtualBoard:
         try:
             server = _Server(self, simulator, self._terminal, self._waker)
             while server.turn():
-                self._speed = server.speed
+                self.speed = server.speed
         except BaseException as exc:  # handed to whoever stops the board
             self._failure = exc
         finally:
@@ -168,9 +173,13 @@ class _Server:
         self._poll.register(waker, select.POLLIN)
         self._held: deque[tuple[float, bytes]] = deque()  # (when it is due, bytes)
         self._held_bytes = 0
-        self._todo = b""  # from the host, still to be given to the board
+        # A line that takes its time takes bytes as they go out, so that the host feels it.
+        self._share = _PINS_BYTES if board.level == "pins" else ROOM
         self._dead_until = 0  # clock; before it the line carries nothing
-        self.speed = board.clocks_per_second
+        self.speed = board.speed
+        self._slice = max(1, round(self.speed * _SLICE_S))
+        self._whole = max(1, round(self.speed * _BYTES_SLICE_S))
+        self._ran, self._spent = 0, 0.0  # since the speed was last worked out
         self._traffic(time.monotonic())
 
     def turn(self) -> bool:
@@ -180,13 +189,14 @@ class _Server:
         clocks, wait = self._plan(now)
         if blocked or self._held:
             wait = min(wait, _PAUSE_S)
+        data = b""
         for end, _ in self._poll.poll(wait * 1e3):
             if end == self._waker:
                 return False
-            self._todo += self._terminal.read(ROOM - len(self._todo))
-            self._sim.set_baud(self._terminal.baud())
-        if self._todo:
-            data, self._todo = self._todo, b""
+            if self._sim.backlog <= self._share:
+                data = self._terminal.read(self._share)
+                self._sim.set_baud(self._terminal.baud())
+        if data:
             self._give(data)
         elif clocks:
             self._step(b"", clocks)
@@ -194,14 +204,14 @@ class _Server:
 
     def _plan(self, now: float) -> tuple[int, float]:
         """Returns (clocks to run unless bytes come, seconds to wait for them first)."""
-        if not self._sim.quiet:
-            return max(1, round(self.speed * _BYTES_SLICE_S)), 0.0
+        if self._sim.backlog:
+            return self._whole, 0.0
         behind = int((now - self._since) * self._hz) - (self._sim.clock - self._since_clock)
         if self._sim.clock - self._since_clock >= LINGER_S * self._hz:
-            return min(behind, round(self.speed * _RESTING_S)), _REST_S
+            return max(0, min(behind, round(self.speed * _RESTING_S))), _REST_S
         if behind <= 0:
             return 0, _PAUSE_S
-        return min(behind, max(1, round(self.speed * _SLICE_S))), 0.0
+        return min(behind, self._slice), 0.0
 
     def _traffic(self, now: float) -> None:
         self._since, self._since_clock = now, self._sim.clock
@@ -211,10 +221,11 @@ class _Server:
         for piece in self._line.carry("rx", data):
             if isinstance(piece, Bytes):
                 if self._sim.clock >= self._dead_until:
-                    self._step(piece.data, max(1, round(self.speed * _BYTES_SLICE_S)))
+                    for at in range(0, len(piece.data), ROOM):  # doubled bytes are more
+                        self._step(piece.data[at : at + ROOM], self._whole)
             else:
-                while not self._sim.quiet:
-                    self._step(b"", max(1, round(self.speed * _BYTES_SLICE_S)))
+                while self._sim.backlog:
+                    self._step(b"", self._whole)
                 self._die(piece.seconds, piece.power_cycle)
         self._traffic(time.monotonic())
 
@@ -222,14 +233,20 @@ class _Server:
         if power_cycle:
             self._sim.power_cycle()
         self._dead_until = self._sim.clock + int(seconds * self._hz)
+        self._traffic(time.monotonic())
 
     def _step(self, data: bytes, clocks: int) -> None:
         begun, first = time.monotonic(), self._sim.clock
         sent = self._sim.step(data, clocks)
         now = time.monotonic()
-        if not data and now > begun:
-            # A mean over the last hundred steps or so.
-            self.speed += 0.01 * ((self._sim.clock - first) / (now - begun) - self.speed)
+        if (
+            not data and clocks >= self._slice
+        ):  # not one cut short by the wall clock, mostly overhead
+            self._ran += self._sim.clock - first
+            self._spent += now - begun
+            if self._spent >= _MEASURED_S:
+                self.speed = self._ran / self._spent
+                self._ran, self._spent = 0, 0.0
         if not sent:
             return
         self._traffic(now)

@@ -9,8 +9,8 @@
 namespace {
 
 // Clocks without a byte after which no answer is to come: five from a request to its first byte,
-// and between two words of an answer (viform_uartbone.v); and some.
-const uint64_t QUIET = 16;
+// and between two words of an answer (viform_uartbone.v).
+const uint64_t QUIET = 8;
 
 struct Board {
     VerilatedContext context;
@@ -51,9 +51,10 @@ void viform_close(Board *board) {
 
 void viform_line(Board *, double) {}
 
-// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way,
-// or, where nothing was, all of them. Returns whether something still is. `made` bytes have come
-// out, at most `room`; the noise is for the board with pins.
+// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way
+// or, where nothing was, all of them. Returns how many bytes still wait, and one more where any is
+// under way; 0 is a quiet line. `made` bytes have come out into `out`, at most `room`. The
+// noise is for the board with pins.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *, uint64_t count,
                 uint64_t clocks, uint8_t *out, const uint16_t *, uint64_t room,
                 uint64_t *clock, uint64_t *made) {
@@ -80,7 +81,7 @@ int viform_step(Board *board, const uint8_t *bytes, const uint16_t *, uint64_t c
     }
     *clock = board->clock;
     *made = sent;
-    return !board->quiet();
+    return static_cast<int>(board->waiting.size()) + !board->quiet();
 }
 
 }

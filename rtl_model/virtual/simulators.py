@@ -30,11 +30,11 @@ class Simulator(Protocol):
 
     Attributes:
         clock: edges since power-on.
-        quiet: whether nothing is under way on the line.
+        backlog: bytes that wait or are under way on the line.
     """
 
     clock: int
-    quiet: bool
+    backlog: int
 
     def step(self, data: bytes, clocks: int) -> bytes:
         """Takes at most ROOM bytes for the board and runs: while anything is under way until it is
@@ -65,7 +65,7 @@ class _Model:
 
     def __init__(self, geometry: Geometry, faults: Faults) -> None:
         self._geometry, self._faults = geometry, faults
-        self.quiet = True
+        self.backlog = 0
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -103,23 +103,22 @@ class _Verilog:
         self._taken = self._given = 0  # bytes, which is what noise hangs on
         self._baud = geometry.baud
         self._board: int | None = None
-        self._masks = (np.zeros(ROOM, np.uint16), np.zeros(ROOM, np.uint16))
-        self._pointers = tuple(mask.ctypes.data for mask in self._masks)
+        self._masks = (np.zeros(ROOM, np.uint16), np.zeros(2 * ROOM, np.uint16))
+        self._pointers = (self._masks[0].ctypes.data, self._masks[1].ctypes.data)
+        self._masked = -2 * ROOM  # the byte that the second array's first mask is for
         self.power_cycle()
 
     def power_cycle(self) -> None:
         self.close()
         self._board = self._library.viform_open()
-        self.clock, self.quiet = 0, True
+        self.clock = self.backlog = 0
         self.set_baud(self._baud)
 
     def step(self, data: bytes, clocks: int) -> bytes:
-        if self._faults.noise:
-            share = self._faults.noise
-            self._masks[0][: len(data)] = noise(share, _SEED, "rx", self._taken, len(data))
-            self._masks[1][:] = noise(share, _SEED, "tx", self._given, ROOM)
         rx, tx = self._pointers
-        self.quiet = not self._library.viform_step(
+        if self._faults.noise:
+            tx += self._draw(len(data))
+        self.backlog = self._library.viform_step(
             self._board, data, rx, len(data), clocks, self._out, tx, ROOM, self._clock, self._made
         )
         made = self._made.value
@@ -127,6 +126,16 @@ class _Verilog:
         self._taken += len(data)
         self._given += made
         return self._out.raw[:made] if made else b""
+
+    def _draw(self, count: int) -> int:
+        """Draws the masks of the next bytes; returns by how many bytes of memory those that come
+        out have moved on."""
+        share = self._faults.noise
+        self._masks[0][:count] = noise(share, _SEED, "rx", self._taken, count)
+        if self._given - self._masked > ROOM:
+            self._masked = self._given
+            self._masks[1][:] = noise(share, _SEED, "tx", self._given, 2 * ROOM)
+        return (self._given - self._masked) * self._masks[1].itemsize
 
     def set_baud(self, baud: int) -> None:
         self._baud = baud

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.commands.output import Json, print_document
+from scenarios.commands.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
@@ -57,10 +57,10 @@ def board_virtual(
         raise InputError(
             "--baud", f"at most a quarter of the clock, {clock // 4}", str(baud), "lower it"
         )
-    with (
-        suppress(KeyboardInterrupt),
-        VirtualBoard(geometry, level=known, faults=fault or (), link=link) as board,
-    ):
+    made = VirtualBoard(geometry, level=known, faults=fault or (), link=link)
+    if level != "model" and not json:
+        SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
+    with suppress(KeyboardInterrupt), made as board:
         if csr is not None:
             with whole(csr) as part:
                 part.write_text(csr_csv(geometry), encoding="utf-8")
