@@ -160,8 +160,10 @@ class Uartbone:
         """Waits; bytes that come meanwhile are counted as strays and dropped."""
         end = self.port.now() + seconds
         while (left := end - self.port.now()) > 0:
-            if got := self.port.read(1, left):
-                self._stray(got + self.port.drain())
+            got = self.port.read(1, left)
+            if not got:
+                return
+            self._stray(got + self.port.drain())
 
     def set_baud(self, baud: int) -> None:
         """Changes the host's rate, and all times with it."""
