@@ -17,6 +17,7 @@ from rtl_model.host.log import FORMAT
 __all__ = ["ReplayPort"]
 
 _HEX = {"write": ("hex",), "read": ("hex", "more"), "stray": ("hex",)}
+_ANSWER = 4 * 255  # bytes of the longest
 _VALUES = {"silence", "chatter", "baud"}
 
 
@@ -56,8 +57,11 @@ class ReplayPort:
     def read(self, count: int, deadline_s: float) -> bytes:
         """Returns what the log has come back with."""
         event = self._peek()
-        if count == 1:  # the host waits
-            if event is not None and event["event"] in ("silence", "chatter"):
+        if count == 1 and self._more:
+            got, self._more = self._more[:1], self._more[1:]
+            return got
+        if count == 1 or count > _ANSWER:  # the host waits, for time to pass or for silence
+            if count > 1 and event is not None and event["event"] in ("silence", "chatter"):
                 self._take()
             self._time += deadline_s
             return b""

@@ -29,6 +29,8 @@ _WORDS = 255  # of a transaction; length 0 would be 256
 _TRANSACTION_S = 0.05  # half of the board's watchdog
 _FORGOTTEN_S = 0.11  # silence after which a board has dropped a transaction
 _CHATTER = 20  # silences waited for before a line is said never to be silent
+_GULP = 1 << 16  # bytes; more than any answer, so that a read of them waits for silence
+_TAIL = 2  # bytes' time that the line must be silent after an answer
 _SLACK = 1.25  # of line time: stop bits, gaps, a clock that is off
 
 _FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # asking again mends none of these
@@ -145,12 +147,12 @@ class Uartbone:
         silence = _FORGOTTEN_S * self.time_scale + self._line_s(self._owed)
         dropped = 0
         for _ in range(_CHATTER):
-            got = self.port.read(1, silence)
+            got = self.port.read(_GULP, silence)
             if not got:
                 self._note("silence", dropped)
                 self._owed = 0
                 return dropped
-            dropped += len(got) + len(self.port.drain())
+            dropped += len(got)
         self._note("chatter", dropped)
         raise LineFault(
             Cause.GARBLED, f"{self.port.name} keeps sending though nothing was asked of it"
@@ -187,11 +189,15 @@ class Uartbone:
     def _read_once(self, address: int, count: int, fixed: bool) -> bytes:
         if late := self.port.drain():
             self._stray(late)
+            self.resynchronise()  # more may be on its way, and would be taken for the answer
         packet = _header(_READ_FIXED if fixed else _READ, count, address)
         self._send(packet, address, count)
         wanted = 4 * count
         data = self.port.read(wanted, self._line_s(self._owed + wanted) + self.patience_s)
-        more = self.port.drain()
+        more = b""
+        if len(data) == wanted:  # a byte too many shows that these may not be the ones asked for
+            more = self.port.read(1, self._line_s(_TAIL))
+            more += self.port.drain() if more else b""
         self.bytes_read += len(data) + len(more)
         self.round_trips += 1
         fault = _judge(packet, wanted, data, more, self.port.name)
