@@ -18,6 +18,11 @@ __all__ = ["Bridge", "Reply"]
 _WRITES = {0x01: 4, 0x03: 0}  # command: step of the byte address
 _READS = {0x02: 4, 0x04: 0}
 _HEADER = 6
+_ADDRESSES = 0xFFFFFFFC
+
+# Clocks from a byte to the strobe on the bus that it leads to, and to the first byte of an answer,
+# as the Verilog (viform_uartbone.v) has them.
+_STROBE_OF_WRITE, _STROBE_OF_READ, _ANSWER = 1, 2, 5
 
 
 class Reply(NamedTuple):
@@ -58,21 +63,22 @@ class Bridge:
     def feed(self, data: bytes, clock: int) -> Reply:
         """Takes bytes whose first has come whole at `clock`, the others `byte_clocks` apart, and
         returns all that the board sends in answer. A clock that has passed already is now."""
-        reply = Reply(bytearray(), [])  # type: ignore[arg-type]
+        sent: list[tuple[int, int]] = []
         for byte in data:
             clock = max(clock, self._last + 1)
             self._last = clock
             self.wait(clock)
             self.system.line.rx_bytes += 1
             if clock >= self._free:
-                self._take(byte, clock, reply)
+                sent += self._take(byte, clock)
             clock += self.byte_clocks
-        return Reply(bytes(reply.data), reply.clocks)
+        return Reply(bytes(byte for _, byte in sent), [clock for clock, _ in sent])
 
     def wait(self, clock: int) -> None:
         """Lets time pass until `clock`; the watchdog may end the transaction."""
-        if self._got and clock >= self._since + self.watchdog_clocks:
-            self._abort()
+        end = self._since + self.watchdog_clocks
+        if self._got and clock >= end:
+            self._abort(end)
         self.system.advance(clock)
 
     def framing_error(self, clock: int) -> None:
@@ -80,26 +86,30 @@ class Bridge:
         self.wait(clock)
         self.system.line.framing_errors += 1
 
-    def _abort(self) -> None:
+    def _abort(self, clock: int) -> None:
+        """The watchdog ends the transaction at an edge; a byte that comes with it is lost too."""
         self._got = b""
+        self._free = clock + 1
         self.system.line.watchdog_aborts += 1
 
-    def _take(self, byte: int, clock: int, reply: Reply) -> None:
+    def _take(self, byte: int, clock: int) -> list[tuple[int, int]]:
+        """Takes one byte and returns (clock, byte) of what it makes the board send."""
         if not self._got:
             self._since = clock
         self._got += bytes([byte])
         command = self._got[0]
         count = len(self._got) - _HEADER
         if count == 0 and command in _READS:
-            self._answer(clock + 1, reply)
-        elif count == 0 and command not in _WRITES:
+            return self._answer(clock)
+        if count == 0 and command not in _WRITES:
             self.system.line.unknown_commands += 1
             self._got = b""
         elif count > 0 and count % 4 == 0:
             word = count // 4 - 1
-            self._write(self._address + word * _WRITES[command], self._got[-4:])
+            self._write(clock, self._address + word * _WRITES[command], self._got[-4:])
             if word + 1 == self._words:
                 self._got = b""
+        return []
 
     @property
     def _words(self) -> int:
@@ -109,28 +119,35 @@ class Bridge:
     def _address(self) -> int:
         return int.from_bytes(self._got[2:_HEADER], "big") * 4
 
-    def _write(self, address: int, data: bytes) -> None:
+    def _write(self, clock: int, address: int, data: bytes) -> None:
         value = int.from_bytes(data, "big")
+        self.system.advance(clock + _STROBE_OF_WRITE)
         self.system.line.wrote(value)
-        self.system.write(address & 0xFFFFFFFC, value)  # uart_clear takes its own count with it
+        self.system.write(address & _ADDRESSES, value)  # uart_clear takes its own count with it
 
-    def _answer(self, clock: int, reply: Reply) -> None:
-        """Reads and sends word by word, until all is sent or the watchdog ends it."""
+    def _answer(self, clock: int) -> list[tuple[int, int]]:
+        """Reads and sends word by word, until all is sent or the watchdog ends it. `clock` is when
+        the request's last byte came, then when the answer's last byte was accepted."""
         end = self._since + self.watchdog_clocks
         address, stride = self._address, _READS[self._got[0]]
+        sent: list[tuple[int, int]] = []
+        ready = clock  # when the transmitter takes a byte
         for _ in range(self._words):
-            self.system.advance(clock)
-            value = self.system.read(address & 0xFFFFFFFC)
+            if clock + _STROBE_OF_READ > end:
+                self._abort(end)
+                return sent
+            self.system.advance(clock + _STROBE_OF_READ)
+            value = self.system.read(address & _ADDRESSES)
             address += stride
-            clock = max(clock, self.system.clock)
+            ready = max(ready, clock + _ANSWER)
             for byte in value.to_bytes(4, "big"):
-                if clock >= end:
-                    self._free = clock
-                    self._abort()
-                    return
-                reply.data.append(byte)  # type: ignore[attr-defined]
-                reply.clocks.append(clock)
+                if ready > end:
+                    self._abort(end)
+                    return sent
+                clock = ready
+                sent.append((clock, byte))
                 self.system.line.tx_bytes += 1
-                clock += self.byte_clocks
-        self._free = clock
+                ready += self.byte_clocks
         self._got = b""
+        self._free = clock + 1
+        return sent

@@ -112,9 +112,9 @@ def _ones(bits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def scan(
+def scan(  # type: ignore[no-untyped-def]
     registers, state, charge, memory, lanes, columns, row_clocks, tick_minimum, clock, stop, out
-):  # type: ignore[no-untyped-def]
+):
     """Runs edges `clock` to `stop` - 1 and returns how many tiles it put into `out`.
 
     registers: (9,) int64; state: (STATE,) int64, changed; charge: (rows, lanes * tiles) int32,

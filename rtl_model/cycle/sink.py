@@ -16,11 +16,11 @@ __all__ = ["Shown", "Sink"]
 
 
 class Shown(NamedTuple):
-    """A tile on the display: edge, row, tile of the row, pixels (first in bit 0)."""
+    """A tile on the display: edge, row, tile of the row and pixels (first in bit 0)."""
 
     clock: int
     row: int
-    index: int
+    tile: int
     bits: int
 
 

@@ -20,7 +20,7 @@ def faults(
 
     values: the parameters of one build, which resets and sizes of memories may name.
     """
-    names = Counter(entry.name for entry in (*registers, *memories))
+    names = Counter([entry.name for entry in registers] + [entry.name for entry in memories])
     found = [f"{name}: named {count} times" for name, count in names.items() if count > 1]
     for register in registers:
         found += [f"{register.name}: {what}" for what in _register_faults(register, values)]

@@ -42,8 +42,8 @@ def test_the_example_of_the_wire():
     assert reply.data.hex() == "53504b3212345678"
     assert bridge.idle
     step = 10 * SMALL.bit_clocks
-    gaps = [later - sooner for sooner, later in zip(reply.clocks, reply.clocks[1:], strict=False)]
-    assert set(gaps) <= {step, step + 2} and reply.clocks[0] > 100 + 5 * step
+    first = 100 + 5 * step + 5  # five clocks after the request's last byte
+    assert reply.clocks == [first + n * step for n in range(8)]
 
 
 def test_increment_and_fixed_address():
@@ -80,6 +80,7 @@ def test_a_cut_packet_is_forgotten_after_100_ms_and_its_whole_words_stand(missin
     assert not host.bridge.idle
     host.bridge.wait(LATE)
     assert host.bridge.idle
+    assert host.bridge.feed(b"\x02", LATE).data == b""  # comes with the cut and is lost
     host.clock = LATE + 1
     assert host.read("uart_watchdog_aborts") == 1
     assert host.read("sensor_pattern") == (1 if missing <= 4 else 0)
@@ -90,7 +91,7 @@ def test_a_long_read_is_cut_where_real_gateware_cuts_it():
     """571 bytes of 150 words at 57 600 baud: measured with LiteX's gateware in Verilator."""
     bridge = Bridge(Geometry(rows=1, columns=1, clock_hz=57_600 * 16, baud=57_600))
     reply = bridge.feed(packet(4, 150, 0), 0)
-    assert abs(len(reply.data) - 571) <= 1
+    assert len(reply.data) == 571
     assert bridge.idle and bridge.system.line.watchdog_aborts == 1
 
 
@@ -139,7 +140,7 @@ TRAFFIC = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(TRAFFIC)
 def test_any_bytes_at_any_time_and_it_is_idle_after_100_ms_of_silence(traffic):
     bridge = Bridge(SMALL, byte_clocks=1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rtl_model.cycle import Settings, System, increments, planes, quantum
+from rtl_model.cycle import Settings, System, increments, planes, quantum, rows_of
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
 
@@ -35,16 +35,15 @@ def test_at_20_khz_a_tick_collects_twice(level):
     for rule in (RESIDUAL, SUBTRACT):
         settings = Settings(threshold=level, clock_select=1, reset_rule=rule)
         counted = burst(settings, frames).sum(axis=0)[0]
-        expected = np.where(2 * ALL_STEPS[0] < q, 2 * frames * ALL_STEPS[0] // q, frames)
         below = 2 * ALL_STEPS[0] < q
-        np.testing.assert_array_equal(counted[below], expected[below])
+        np.testing.assert_array_equal(counted[below], (2 * frames * ALL_STEPS[0] // q)[below])
         assert (counted[~below] >= frames // 2).all()
 
 
 @pytest.mark.parametrize("level", range(16))
 def test_hard_reset_has_an_interval_of_q_over_p_rounded_up(level):
-    q, frames = quantum(level), 3 * 4096
-    steps = np.array([1, 2, 3, 7, 50, 100, 200, 254, 255])
+    q, frames = quantum(level), 1400
+    steps = np.array([3, 7, 50, 100, 200, 254, 255])
     geometry = STRIP._replace(columns=steps.size)
     fired = planes(geometry, Settings(threshold=level, reset_rule=HARD), steps[None], frames)
     for pixel, p in enumerate(steps):
@@ -56,7 +55,7 @@ def test_hard_reset_has_an_interval_of_q_over_p_rounded_up(level):
 def test_a_saturated_charge_lasts_as_long_as_the_rule_says():
     """4095 electrons under the highest threshold, 4095, then the lowest, 255, in the dark."""
     geometry = STRIP._replace(columns=1)
-    for rule, spikes in ((SUBTRACT, 4094 // 255), (HARD, 1), (RESIDUAL, 4094 // 510 + 0)):
+    for rule, spikes in ((SUBTRACT, 4094 // 255), (HARD, 1), (RESIDUAL, 4094 // 510)):
         charge = np.array([[4094]])
         settings = Settings(threshold=0, reset_rule=rule)
         fired = planes(geometry, settings, np.zeros((1, 1)), 40, charge)
@@ -96,8 +95,6 @@ def test_the_system_gives_the_planes(geometry, pattern):
     ]:
         system.write(ADDRESS[f"sensor_{name}"], value)
     tiles = system.run(frames * 2 * geometry.tick_minimum)
-    from rtl_model.cycle import rows_of
-
     made = rows_of(tiles, geometry).reshape(frames, 2, 70)
     truth = planes(geometry, settings, image, frames)
     np.testing.assert_array_equal(made, truth[:, 1:3])

@@ -71,21 +71,22 @@ def test_random_writes_at_random_clocks(geometry, seed):
     np.testing.assert_array_equal(made, truth)
 
 
-@pytest.mark.parametrize("threshold", range(16))
-@pytest.mark.parametrize("rule", range(4))
+@pytest.mark.parametrize(
+    ("threshold", "rule"), [(k, (k + n) % 4) for k in range(16) for n in (0, 1)]
+)
 def test_every_threshold_and_rule(threshold, rule):
     geometry = GEOMETRIES[0]
     rng = np.random.default_rng(threshold)
-    names = ["sensor_threshold", "sensor_reset_rule", "sensor_clock_select", "sensor_run"]
-    values = [threshold, rule, threshold & 1, 1]
+    values = {"threshold": threshold, "reset_rule": rule, "clock_select": threshold & 1}
+    values |= {"tick_clocks": 0, "run": 1}
     writes = [
-        (n, ADDRESS[name], value) for n, (name, value) in enumerate(zip(names, values, strict=True))
+        (n, ADDRESS[f"sensor_{name}"], value) for n, (name, value) in enumerate(values.items())
     ]
     writes += [
         (10 + n, PATTERN + 4 * n, int(rng.integers(1 << 32)))
         for n in range(geometry.pattern_bytes // 4)
     ]
-    clocks = 40 * geometry.tick_clocks
+    clocks = 3000
     truth = PlainSensor(geometry).run(clocks, writes)
     made = System(geometry).run(clocks, writes)
     np.testing.assert_array_equal(made, truth)

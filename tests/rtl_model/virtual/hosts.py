@@ -1,0 +1,73 @@
+"""A host of a few lines, for tests of the board: bare pyserial, no retries, no mercy."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+import serial
+
+from rtl_model.geometry import Geometry
+from rtl_model.registers import MAGIC, REGISTERS
+from rtl_model.virtual import Level, VirtualBoard
+
+needs_verilator = pytest.mark.skipif(
+    shutil.which("verilator") is None, reason="needs the system package verilator"
+)
+LEVELS = ["model", pytest.param("bytes", marks=needs_verilator)]
+SMALL = Geometry(rows=8, columns=40, lanes=32, clock_hz=1_000_000, baud=62_500, capture_words=256)
+"""Sixteen clocks a bit; a tick is as short as it can be."""
+
+ADDRESS = {register.name: register.address for register in REGISTERS}
+MAGIC_BYTES = MAGIC.to_bytes(4, "big")
+
+
+class Host:
+    """One connection. patience: seconds it waits for an answer."""
+
+    def __init__(self, port: str, baud: int, patience: float) -> None:
+        self._serial = serial.Serial(port, baud, timeout=patience, write_timeout=patience)
+
+    def send(self, *data: int) -> None:
+        self._serial.write(bytes(data))
+
+    def answer(self, count: int) -> bytes:
+        return bytes(self._serial.read(count))
+
+    def ask(self, name: str, words: int = 1, command: int = 2) -> bytes:
+        self.send(command, words & 255, *(ADDRESS[name] // 4).to_bytes(4, "big"))
+        return self.answer(4 * (words or 256))
+
+    def read(self, name: str) -> int:
+        data = self.ask(name)
+        assert len(data) == 4, f"{name}: {data.hex()}"
+        return int.from_bytes(data, "big")
+
+    def write(self, name: str, value: int) -> None:
+        address = (ADDRESS[name] // 4).to_bytes(4, "big")
+        self.send(1, 1, *address, *value.to_bytes(4, "big"))
+
+    def until(self, name: str, mask: int, seconds: float = 20.0) -> int:
+        """Reads until one of the bits is set."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            value = self.read(name)
+            if value & mask:
+                return value
+        raise AssertionError(f"{name} stays {value:#x}")
+
+
+@contextmanager
+def board(
+    level: Level, *faults: str, geometry: Geometry = SMALL, baud: int | None = None
+) -> Iterator[tuple[VirtualBoard, Host]]:
+    """A board and a host that speaks to it."""
+    with VirtualBoard(geometry, level=level, faults=faults) as made:
+        host = Host(made.port, baud or geometry.baud, 0.3 * made.time_scale)
+        try:
+            yield made, host
+        finally:
+            host._serial.close()
