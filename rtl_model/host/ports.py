@@ -8,7 +8,9 @@ relies on those. Timeouts are always set, both ways, and every fault has a cause
 from __future__ import annotations
 
 import errno
+import os
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from cosim import InputError
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Port", "SerialPort", "open_port", "ports_here"]
 
 _POLL_S = 0.01  # a read looks at its deadline this often
+_TIMERS = Path("/sys/bus/usb-serial/devices")
 _WRITE_S = 1.0  # least time allowed for a write
 
 
@@ -104,6 +107,24 @@ class SerialPort:
             return {name: bool(getattr(self.inner, name)) for name in ("cts", "dsr", "ri", "cd")}
         except (OSError, ValueError, AttributeError):
             return None
+
+    def latency_timer_ms(self) -> int | None:
+        """Returns how long an FTDI adapter holds bytes back (16 ms as it comes: some 62 questions
+        and answers a second); None for a port that has no such timer."""
+        path = _TIMERS / Path(os.path.realpath(self.name)).name / "latency_timer"
+        try:
+            return int(path.read_text())
+        except (OSError, ValueError):
+            return None
+
+    def low_latency(self, wanted: bool = True) -> bool:
+        """Asks the driver for low latency (1 ms with FTDI's); returns whether it granted it. A pty
+        and a socket never do."""
+        try:
+            self.inner.set_low_latency_mode(wanted)
+        except (OSError, ValueError, AttributeError, NotImplementedError):
+            return False
+        return True
 
     def close(self) -> None:
         """Gives the port back."""
@@ -204,7 +225,6 @@ def _refused(url: str, error: BaseException) -> LineFault:
 
 def _group_advice(url: str) -> str:
     import grp
-    from pathlib import Path
 
     try:
         group = grp.getgrgid(Path(url).stat().st_gid).gr_name

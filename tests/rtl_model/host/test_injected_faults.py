@@ -62,7 +62,7 @@ def test_a_checked_write_holds_or_says_so(make_port):
         board.write("sensor_level", 0xA5)
 
     raised = 0
-    for fault, _, board, result in attempts(make_port, act):
+    for fault, _, board, result in attempts(make_port, act, step=3):
         assert board.bone.read(0) == [0x53504B32]
         if isinstance(result, LineFault):
             raised += 1
@@ -72,7 +72,7 @@ def test_a_checked_write_holds_or_says_so(make_port):
             continue
         assert board.read_twice("sensor_level") == 0xA5, fault
         assert board.read_twice("sensor_threshold") == 7
-    assert raised >= 3 * 10  # every byte of the write itself
+    assert raised >= 6  # every byte of the write itself
 
 
 def test_a_fifo_is_never_read_again_after_a_fault(make_port):
@@ -85,7 +85,7 @@ def test_a_fifo_is_never_read_again_after_a_fault(make_port):
 
 
 @pytest.mark.parametrize(
-    "step", [53, pytest.param(1, marks=pytest.mark.slow)], ids=["some bytes", "every byte"]
+    "step", [211, pytest.param(1, marks=pytest.mark.slow)], ids=["some bytes", "every byte"]
 )
 def test_a_capture_is_right_or_refused(make_port, step):
     """Faults at bytes from arming to the last reading; planes are held against the model."""
@@ -112,7 +112,7 @@ def test_a_capture_is_right_or_refused(make_port, step):
 
 
 def test_prbs_counts_what_was_wrong_or_raises(make_port):
-    for fault, _, _, result in attempts(make_port, lambda board: prbs.check(board, 7, 20), step=5):
+    for fault, _, _, result in attempts(make_port, lambda board: prbs.check(board, 7, 20), step=13):
         if isinstance(result, LineFault):
             assert result.cause in (Cause.SHORT, Cause.GARBLED, Cause.SILENT, Cause.MISPLACED)
         elif result.clean:
@@ -130,9 +130,18 @@ def test_a_drained_word_gone_wrong_is_fetched_again_by_the_pointer(make_port, ki
     port = make_port()
     board = Board(Uartbone(port))
     board.write("sensor_pattern", 2)
-    port.faults["tx", 900] = kind
+    plain_write = port.write
+
+    def write(data, deadline_s=1.0):
+        if data[0] == 4 and not port.faults and not bent:
+            bent.append(data)
+            port.faults["tx", port.count["tx"] + 41] = kind
+        plain_write(data, deadline_s)
+
+    bent = []
+    port.write = write
     got = capture.burst(board, 8, clear=True)
-    assert not port.faults
+    assert bent and not port.faults
     wanted = planes(port.geometry, Settings(pattern=2), None, 8)
     assert np.array_equal(got.planes, wanted)
     assert got.frames.tolist() == list(range(8))
