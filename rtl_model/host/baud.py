@@ -22,6 +22,7 @@ the rates differ by less than half a bit in 9.5: 5.3 %, less the edge's rounding
 _STEP = 0.01
 _REACH = 20  # steps each way
 _EDGE_TRIES = 2
+_DOUBT = 0.03  # a pulse that says otherwise than the middle of the rates by more is none of a bit
 
 
 class BaudReport(NamedTuple):
@@ -75,6 +76,7 @@ def find_baud(
         high += 1
     middle = _rate(nominal, (low + high) / 2)
     bone.set_baud(middle)
+    bone.resynchronise()  # no pulse of another rate is under way
     pulse = _by_pulse(bone)
     measured = middle if pulse is None else pulse
     left = nominal if low <= 0 <= high else middle
@@ -121,6 +123,6 @@ def _by_pulse(bone: Uartbone) -> int | None:
         bit, low = board.read_twice("uart_bit_clocks"), board.read_twice("uart_shortest_low")
     except LineFault:
         return None
-    if not bit or not 0.75 < low / bit < 1.25:
+    if not bit or abs(low / bit - 1) > _DOUBT:
         return None
     return round(bone.baud * low / bit)
