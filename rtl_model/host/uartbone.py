@@ -30,7 +30,8 @@ _TRANSACTION_S = 0.05  # half of the board's watchdog
 _FORGOTTEN_S = 0.11  # silence after which a board has dropped a transaction
 _CHATTER = 20  # silences waited for before a line is said never to be silent
 _GULP = 1 << 16  # bytes; more than any answer, so that a read of them waits for silence
-_TAIL = 2  # bytes' time that the line must be silent after an answer
+_TAIL = 2  # bytes' time that the line must be silent after an answer; a board slower than life is
+# not waited for: what it sends later counts as strays before the next request
 _SLACK = 1.25  # of line time: stop bits, gaps, a clock that is off
 
 _FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # asking again mends none of these
@@ -196,7 +197,7 @@ class Uartbone:
         data = self.port.read(wanted, self._line_s(self._owed + wanted) + self.patience_s)
         more = b""
         if len(data) == wanted:  # a byte too many shows that these may not be the ones asked for
-            more = self.port.read(1, self._line_s(_TAIL))
+            more = self.port.read(1, self._line_s(_TAIL) / self.time_scale)
             more += self.port.drain() if more else b""
         self.bytes_read += len(data) + len(more)
         self.round_trips += 1
