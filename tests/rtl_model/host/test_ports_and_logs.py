@@ -1,0 +1,191 @@
+"""Ports of every kind and what is wrong with them; logs, and their replay without a board."""
+
+import json
+import os
+import pty
+import socket
+import threading
+import tty
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim import InputError
+from rtl_model.host import (
+    Board,
+    Cause,
+    LineFault,
+    Recorder,
+    ReplayPort,
+    Uartbone,
+    capture,
+    find_baud,
+    open_port,
+    prbs,
+)
+
+MAGIC = bytes.fromhex("53504b32")
+
+
+@pytest.fixture
+def terminal():
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    yield master, os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_pty_with_its_traps(terminal):
+    master, name = terminal
+    port = open_port(name, 1_234_567)  # any baud, exclusively
+    assert port.modem_lines() is None  # ENOTTY
+    assert port.latency_timer_ms() is None and port.low_latency() is False  # ValueError
+    port.write(b"ask")
+    assert os.read(master, 9) == b"ask"
+    os.write(master, b"answer")
+    assert port.read(6, 1.0) == b"answer"
+    assert port.read(3, 0.02) == b""
+    with pytest.raises(LineFault) as fault:
+        open_port(name, 115_200)
+    assert fault.value.cause is Cause.BUSY
+    port.close()
+    port.close()
+
+
+def test_a_write_that_nobody_takes_ends(terminal):
+    _, name = terminal
+    port = open_port(name, 115_200)
+    port.inner.write_timeout = 0.05
+    with pytest.raises(LineFault) as fault:
+        port.write(bytes(1 << 20), 0.05)
+    assert fault.value.cause is Cause.STUCK
+    port.close()
+
+
+def test_ports_that_are_none(tmp_path):
+    plain = tmp_path / "file"
+    plain.write_text("")
+    for url in ("/dev/no-such-port", str(plain), str(tmp_path), "socket://localhost:1"):
+        with pytest.raises(LineFault) as fault:
+            open_port(url, 115_200)
+        assert fault.value.cause is Cause.NO_PORT
+        assert "ports here: " in str(fault.value) and "\n" not in str(fault.value)
+    for url, baud in (("nothing://x", 9600), ("loop://", 0), ("socket://", 9600)):
+        with pytest.raises((InputError, LineFault)):
+            open_port(url, baud)
+
+
+def test_permission_names_the_group(monkeypatch, tmp_path):
+    import serial
+
+    def refuse(self):
+        raise serial.SerialException(13, "could not open port: Permission denied")
+
+    monkeypatch.setattr(serial.Serial, "open", refuse)
+    with pytest.raises(LineFault) as fault:
+        open_port("/dev/ttyUSB0", 115_200)
+    assert fault.value.cause is Cause.PERMISSION and "usermod -aG" in str(fault.value)
+
+
+def test_an_echo_is_told():
+    for words in (1, 3):
+        with pytest.raises(LineFault) as fault:
+            Uartbone(open_port("loop://", 115_200)).read(0, words)
+        assert fault.value.cause is Cause.ECHO
+
+
+def test_a_socket_that_answers_and_goes_away():
+    server = socket.create_server(("localhost", 0))
+
+    def serve():
+        line, _ = server.accept()
+        with line:
+            assert line.recv(6) == bytes.fromhex("020100000000")
+            line.sendall(MAGIC)
+            line.recv(6)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    bone = Uartbone(open_port(f"socket://localhost:{server.getsockname()[1]}", 115_200))
+    assert bone.read(0) == [0x53504B32]
+    with pytest.raises(LineFault) as fault:
+        bone.read(0)
+    assert fault.value.cause in (Cause.GONE, Cause.SILENT)
+    thread.join()
+    server.close()
+
+
+def test_a_dead_board_is_silent_and_soon_said_to_be(port):
+    port.dead = True
+    with pytest.raises(LineFault) as fault:
+        Board(Uartbone(port)).info()
+    assert fault.value.cause is Cause.SILENT and port.now() < 4
+    with pytest.raises(LineFault, match="no board of ours answers on model within 20 %"):
+        find_baud(port, 50_000)
+
+
+def test_transactions_stay_under_50_ms_and_255_words(port):
+    for baud in (2400, 9600, 115_200, 12_000_000):
+        port.baud = baud
+        words = Uartbone(port).words_at_once
+        assert 1 <= words <= 255
+        assert words == 255 or 10 * (6 + 4 * (words + 1)) / baud >= 0.05
+        assert 10 * (6 + 4 * words) / baud < 0.05
+    port.baud = 1200
+    with pytest.raises(InputError, match="at least 2001"):
+        Uartbone(port)
+
+
+def session(bone):
+    board = Board(bone)
+    board.write("sensor_pattern", 2)
+    taken = capture.burst(board, 2, clear=True)
+    return board.identifier(), board.info(), taken.planes.tolist(), prbs.check(board, 15, 9)[:-1]
+
+
+def test_a_session_replays_from_its_log(make_port, tmp_path):
+    """With a lost byte in it, which is mended in the replay as it was then."""
+    port = make_port(faults={("tx", 100): "drop"})
+    with Recorder(tmp_path / "log", port) as log:
+        live = session(Uartbone(port, log=log))
+    lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
+    assert all({"monotonic", "wall", "event"} <= line.keys() for line in lines)
+    assert [line["fault"] for line in lines if line.get("fault")] == ["short"]
+    replay = ReplayPort(tmp_path / "log")
+    assert session(Uartbone(replay)) == live
+    assert replay.finished
+
+
+def test_a_replay_names_the_first_difference(make_port, tmp_path):
+    port = make_port()
+    with Recorder(tmp_path / "log", port) as log:
+        Uartbone(port, log=log).read(0, 2)
+    told = (
+        f"line 2 of the replay of {tmp_path / 'log'}: the host sends 020100000001, the log holds "
+        "a read of 2 words at 0x0 (020200000000)"
+    )
+    with pytest.raises(LineFault) as fault:
+        Uartbone(ReplayPort(tmp_path / "log")).read(4)
+    assert fault.value.cause is Cause.DIFFERS and fault.value.text == told
+    bone = Uartbone(ReplayPort(tmp_path / "log"))
+    bone.read(0, 2)
+    with pytest.raises(LineFault, match="the end of the log"):
+        bone.read(0, 2)
+
+
+@given(st.data())
+def test_any_log_is_replayed_or_refused(tmp_path_factory, data):
+    head = '{"monotonic": 0, "wall": "", "event": "open", "format": "viform-line-1", "baud": 9600}'
+    value = st.one_of(st.none(), st.integers(), st.text(max_size=4), st.just("0201"))
+    names = ["event", "monotonic", "hex", "more", "wanted", "value", "command", "address", "words"]
+    event = st.dictionaries(st.sampled_from(names), value).map(json.dumps)
+    kind = st.sampled_from(["write", "read", "stray", "silence"])
+    text = st.one_of(st.text(max_size=40), event, kind.map(lambda name: f'{{"event":"{name}"}}'))
+    path = tmp_path_factory.getbasetemp() / "any-log"
+    path.write_text(f"{head}\n{data.draw(text)}\n", encoding="utf-8", errors="replace")
+    try:
+        ReplayPort(path)
+    except InputError as error:
+        assert "\n" not in str(error)
