@@ -60,6 +60,7 @@ def _packages() -> Check:
     """Every package the project needs is there and can be imported."""
     modules = {
         "opencv-python-headless": "cv2",
+        "pyserial": "serial",
         "scikit-sundae": "sksundae",
         "pyyaml": "yaml",
         "scikit-image": "skimage",

@@ -1,0 +1,32 @@
+"""The cycle model: the board's registers, pixels, capture, sink and uartbone, bit-true and to the
+clock. It brings numba with it."""
+
+from rtl_model.cycle.bridge import Bridge, Reply
+from rtl_model.cycle.capture import record
+from rtl_model.cycle.pixel import CHARGE_MAX, Pattern, ResetRule, increments, quantum, step
+from rtl_model.cycle.plain import PlainSensor
+from rtl_model.cycle.planes import Settings, planes
+from rtl_model.cycle.prbs import TAPS, Prbs
+from rtl_model.cycle.system import System
+from rtl_model.cycle.tiles import TILE, Tiles, rows_of
+
+__all__ = [
+    "CHARGE_MAX",
+    "TAPS",
+    "TILE",
+    "Bridge",
+    "Pattern",
+    "PlainSensor",
+    "Prbs",
+    "Reply",
+    "ResetRule",
+    "Settings",
+    "System",
+    "Tiles",
+    "increments",
+    "planes",
+    "quantum",
+    "record",
+    "rows_of",
+    "step",
+]

@@ -1,0 +1,30 @@
+"""Counters of the serial line: what the board saw of it, kept through a reset of the rest."""
+
+from __future__ import annotations
+
+import zlib
+
+__all__ = ["LineCounters"]
+
+
+class LineCounters:
+    """Registers of the group `uart`, by their names without the group; all modulo 2^32."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Sets all counters to what they are after power-on."""
+        self.rx_bytes = self.tx_bytes = 0
+        self.framing_errors = self.watchdog_aborts = self.unknown_commands = 0
+        self.writes = self.writes_crc = 0
+        self.shortest_low = 0xFFFFFFFF
+
+    def wrote(self, value: int) -> None:
+        """Counts one word written over the line."""
+        self.writes += 1
+        self.writes_crc = zlib.crc32(value.to_bytes(4, "big"), self.writes_crc)
+
+    def read(self, name: str) -> int:
+        """Returns the register uart_`name`."""
+        return int(getattr(self, name)) & 0xFFFFFFFF

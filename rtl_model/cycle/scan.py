@@ -1,0 +1,185 @@
+"""The row scan compiled by numba: frame after frame, tile after tile, with registers that stand
+still between two clocks. `rtl_model.cycle.plain` is the same, clock by clock, in numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = [
+    "ACTIVE",
+    "CLEAR",
+    "END",
+    "FRAMES",
+    "LAST",
+    "LAST_ENDS",
+    "LAST_SPIKES",
+    "REGISTERS",
+    "ROWS_READ",
+    "SPIKES",
+    "START",
+    "STATE",
+    "scan",
+]
+
+# Registers, in the order of the array `registers`.
+RUN, THRESHOLD, CLOCK_SELECT, RULE, ROWS, COLUMNS, TICK, PATTERN, LEVEL = range(9)
+REGISTERS: tuple[str, ...] = (
+    "sensor_run",
+    "sensor_threshold",
+    "sensor_clock_select",
+    "sensor_reset_rule",
+    "sensor_rows",
+    "sensor_columns",
+    "sensor_tick_clocks",
+    "sensor_pattern",
+    "sensor_level",
+)
+
+# State, in the order of the array `state`: of the frame under way (from edge START to END, its
+# settings as sampled, the tile that comes next) and counters.
+ACTIVE, START, END, SELECT, TOP, BOTTOM, LEFT, RIGHT, ROW, INDEX = range(10)
+FRAMES, ROWS_READ, SPIKES, CLEAR = range(10, 14)
+LAST, LAST_SPIKES, LAST_ENDS = range(14, 17)  # edge of the last tile, its spikes, if it ends a row
+STATE = 17
+
+
+@njit(cache=True)
+def _begin(registers, state, charge, clock, tick_minimum):  # type: ignore[no-untyped-def]
+    state[ACTIVE] = 1
+    state[START] = clock
+    state[SELECT] = registers[CLOCK_SELECT]
+    state[END] = clock + (max(registers[TICK], tick_minimum) << state[SELECT])
+    state[TOP], state[BOTTOM] = registers[ROWS] & 0xFFFF, registers[ROWS] >> 16
+    state[LEFT], state[RIGHT] = registers[COLUMNS] & 0xFFFF, registers[COLUMNS] >> 16
+    state[ROW] = state[INDEX] = 0
+    if state[CLEAR]:
+        state[CLEAR] = state[FRAMES] = state[ROWS_READ] = state[SPIKES] = 0
+        charge[:] = 0
+    state[FRAMES] = (state[FRAMES] + 1) & 0xFFFFFFFF
+
+
+@njit(cache=True)
+def _drawn(registers, frame, row, first, made):  # type: ignore[no-untyped-def]
+    """Fills `made` (uint8) with the electrons of pixels first, first + 1, .. of a row in a tick,
+    where the pattern is none of the memory."""
+    pattern, level = registers[PATTERN], registers[LEVEL]
+    if pattern == 1:
+        made[:] = level
+    elif pattern == 2:
+        start = level + row + first + frame
+        for j in range(made.size):
+            made[j] = (start + j) & 255
+    else:
+        odd = (row ^ first ^ frame) & 1
+        for j in range(made.size):
+            made[j] = level if (odd ^ j) & 1 else 0
+
+
+@njit(cache=True)
+def _tick(charge, base, electrons, offset, shift, q, rule):  # type: ignore[no-untyped-def]
+    """One tick of 32 pixels: `charge` (int32) changes from index `base` on by `electrons` (uint8)
+    from `offset` on; returns the spikes as bits.
+
+    The number of pixels, and the first line, let the compiler make this one run of vector
+    instructions: 2.4 times the speed of a loop over slices.
+    """
+    bits = np.uint32(0)
+    if base < 0 or offset < 0:
+        return bits
+    zero, twice = np.int32(0), np.int32(2 * q)
+    hard = rule == 1
+    second = np.int32(8191) if rule == 1 or rule == 2 else twice  # above any sum: never
+    for j in range(32):
+        total = np.int32(charge[base + j] + (np.int32(electrons[offset + j]) << shift))
+        fired = total >= q
+        less = q if fired else zero
+        less = total if fired and hard else less
+        less = twice if total >= second else less
+        charge[base + j] = min(np.int32(total - less), np.int32(4095))
+        bits = np.uint32(bits | np.uint32(np.uint32(fired) << np.uint32(j)))
+    return bits
+
+
+@njit(cache=True)
+def _ones(bits):  # type: ignore[no-untyped-def]
+    """Counts the ones of 64 bits, in pairs, nibbles and bytes."""
+    bits -= (bits >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    pairs = np.uint64(0x3333333333333333)
+    bits = (bits & pairs) + ((bits >> np.uint64(2)) & pairs)
+    bits = (bits + (bits >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((bits * np.uint64(0x0101010101010101)) >> np.uint64(56))
+
+
+@njit(cache=True)
+def scan(  # type: ignore[no-untyped-def]
+    registers, state, charge, memory, lanes, columns, row_clocks, tick_minimum, clock, stop, out
+):
+    """Runs edges `clock` to `stop` - 1 and returns how many tiles it put into `out`.
+
+    registers: (9,) int64; state: (STATE,) int64, changed; charge: (rows, lanes * tiles) int32,
+    changed; memory: the same shape, uint8; out: (tiles,) `TILE`, large enough.
+    """
+    rows, wide = charge.shape
+    tiles = wide // lanes
+    made = 0
+    all_charge, all_memory = charge.reshape(-1), memory.reshape(-1)
+    drawn = np.zeros(32, np.uint8)
+    q = np.int32(255 + 256 * registers[THRESHOLD])
+    while clock < stop:
+        if state[ACTIVE] == 0 or clock >= state[END]:
+            state[ACTIVE] = 0
+            if registers[RUN] == 0:
+                break
+            _begin(registers, state, charge, clock, tick_minimum)
+            clock += 1
+            continue
+        if state[ROW] >= rows:
+            clock = min(stop, state[END])
+            continue
+        row, tile = state[ROW], state[INDEX]
+        edge = state[START] + 1 + row * row_clocks + tile
+        if edge >= stop:
+            break
+        clock = edge + 1
+        first = tile * lanes
+        inside = state[TOP] <= row <= state[BOTTOM]
+        low = min(max(state[LEFT], first), first + lanes)
+        high = max(min(state[RIGHT] + 1, first + lanes, columns), low)
+        if not inside:
+            charge[row, first : first + lanes] = 0
+        else:
+            frame = (state[FRAMES] - 1) & 0xFFFFFFFF
+            base = row * wide + first
+            shift = np.int32(state[SELECT])
+            bits = np.uint64(0)
+            for lane in range(0, lanes, 32):
+                at = base + lane
+                if registers[PATTERN] == 0:
+                    part = _tick(all_charge, at, all_memory, at, shift, q, registers[RULE])
+                else:
+                    _drawn(registers, frame, row, first + lane, drawn)
+                    part = _tick(all_charge, at, drawn, 0, shift, q, registers[RULE])
+                bits |= np.uint64(part) << np.uint64(lane)
+            if high - low < lanes:  # the others are held in reset
+                charge[row, first:low] = 0
+                charge[row, high : first + lanes] = 0
+                for j in range(lanes):
+                    if not low <= first + j < high:
+                        bits &= ~(np.uint64(1) << np.uint64(j))
+            out[made].clock = edge
+            out[made].frame = frame
+            out[made].row = row
+            out[made].tile = tile
+            out[made].bits = bits
+            made += 1
+            count = _ones(bits)
+            state[SPIKES] = (state[SPIKES] + count) & 0xFFFFFFFF
+            state[LAST], state[LAST_SPIKES], state[LAST_ENDS] = edge, count, tile == tiles - 1
+        state[INDEX] += 1
+        if state[INDEX] == tiles:
+            state[INDEX] = 0
+            state[ROW] += 1
+            if inside:
+                state[ROWS_READ] = (state[ROWS_READ] + 1) & 0xFFFFFFFF
+    return made

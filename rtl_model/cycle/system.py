@@ -1,0 +1,267 @@
+"""The board behind its serial line, clock by clock: every register and memory of the map.
+
+Clock n is the n-th rising edge after reset, and "at clock n" means before that edge. A bus access
+is strobed at an edge: a write changes what later edges see, a read returns what stands there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from cosim import InputError
+from rtl_model.cycle.array import PixelArray
+from rtl_model.cycle.capture import Capture
+from rtl_model.cycle.line import LineCounters
+from rtl_model.cycle.prbs import Prbs
+from rtl_model.cycle.sink import Sink
+from rtl_model.cycle.tiles import TILE, Tiles
+from rtl_model.geometry import Geometry
+from rtl_model.registers import (
+    MEMORIES,
+    REGISTERS,
+    identifier,
+    parameters,
+    reset_value,
+)
+
+__all__ = ["System"]
+
+_BY_ADDRESS = {register.address: register for register in REGISTERS}
+_RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
+_SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_data")
+_MEMORY = {memory.name: memory for memory in MEMORIES}
+_IDENTIFIER = _MEMORY["identifier_mem"].address
+_PATTERN = _MEMORY["pattern_mem"].address
+_WORD = 0xFFFFFFFF
+
+
+class System:
+    """One board after power-on, at clock 0.
+
+    geometry: of the build; build: what ctrl_build reads.
+    keep: whether tiles are kept for `run`; a board that only speaks over its line needs none.
+    """
+
+    def __init__(self, geometry: Geometry | None = None, *, build: int = 0, keep: bool = True):
+        self.geometry = Geometry() if geometry is None else geometry
+        self.line = LineCounters()
+        self._keep = keep
+        self._tiles: list[Tiles] = []
+        self._clock = 0
+        values = parameters(self.geometry, build)
+        self._reset = {entry.name: reset_value(entry, values) for entry in REGISTERS}
+        self._identifier = identifier(self.geometry).encode("ascii") + b"\0"
+        self._array = PixelArray(self.geometry)
+        self._power_on()
+        self._readers = self._make_readers()
+        self._writers = self._make_writers()
+
+    def _power_on(self) -> None:
+        self._array.reset()
+        self._capture = Capture(self.geometry.capture_words)
+        self._sink = Sink(self.geometry)
+        self._scratch = self._reset["ctrl_scratch"]
+        self._bus_errors = 0
+        self._set_order(self._reset["prbs_order"])
+        self._row: list[int] = []  # words of the captured row that is being read
+
+    @property
+    def clock(self) -> int:
+        """Edges passed since power-on."""
+        return self._clock
+
+    def write(self, address: int, value: int) -> None:
+        """Writes 32 bits at a byte address; takes one clock."""
+        self._strobe_write(self._clock, address, value)
+
+    def read(self, address: int) -> int:
+        """Returns the 32 bits at a byte address; takes two clocks."""
+        self._capture.settle(self._clock)
+        value = self._value(address)
+        self.advance(self._clock + 2)
+        return value
+
+    def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
+        """Runs `clocks` clocks and returns the tiles computed in them, and before them in `write`
+        and `read` since the last run.
+
+        writes: (clock, byte address, value) at clocks of this run, at most one each. InputError
+            for any other.
+        """
+        stop = self._clock + clocks
+        for clock, address, value in sorted(writes, key=lambda write: write[0]):
+            if not self._clock <= clock < stop:
+                raise InputError(
+                    "a write's clock",
+                    f"one of {self._clock} to {stop - 1}, one write a clock",
+                    str(clock),
+                    "move the write",
+                )
+            self._strobe_write(clock, address, value)
+        self.advance(stop)
+        tiles = self._tiles
+        self._tiles = []
+        return np.concatenate(tiles) if tiles else np.empty(0, TILE)
+
+    def advance(self, stop: int) -> None:
+        """Runs up to clock `stop`; does nothing where that has passed."""
+        array, capture, sink = self._array, self._capture, self._sink
+        while self._clock < stop:
+            clock = self._clock
+            end = array.stop(clock, stop)
+            attentive = capture.armed or capture.active or sink.left or sink.active
+            if attentive:
+                capture.settle(clock)
+                frame = array.next_frame(clock)
+                if frame == clock:
+                    self._frame_begins(clock)
+                    frame = clock + array.period
+                end = end if frame is None else min(end, frame)
+            tiles = array.run(clock, end)
+            if attentive:
+                self._attend(tiles, end)
+            if self._keep and tiles.size:
+                self._tiles.append(tiles)
+            self._clock = end
+
+    def _frame_begins(self, clock: int) -> None:
+        size = self.geometry
+        self._row = []
+        self._capture.frame_begins(clock + 1 + (size.rows + 1) * size.row_clocks + 4)
+        self._sink.frame_begins(clock)
+
+    def _attend(self, tiles: Tiles, stop: int) -> None:
+        """Shows and captures what is due in a frame before edge `stop`."""
+        capture = self._capture
+        shown = self._sink.run(stop)
+        if capture.takes and capture.taken == 1:
+            for tile in shown:
+                self._collect(tile.row, tile.tile, tile.bits)
+        elif capture.takes:
+            for row, index, bits in tiles[["row", "tile", "bits"]].tolist():
+                self._collect(row, index, bits)
+
+    def _collect(self, row: int, index: int, bits: int) -> None:
+        size = self.geometry
+        self._row += [bits >> 32 * n & _WORD for n in range(size.lanes // 32)]
+        if index == size.tiles - 1:
+            begun = self._array.frame_clock + 1 + row * size.row_clocks
+            frame = self._array.frames - 1
+            self._capture.store(begun + 2 * size.row_clocks + 4, frame, row, self._row)
+            self._row = []
+
+    def _strobe_write(self, clock: int, address: int, value: int) -> None:
+        address, value = address & ~3, value & _WORD
+        self.advance(clock)
+        if address == _RESET and value & 1:  # no edge of the scan happens beside a reset
+            self._power_on()
+            self._clock = clock + 1
+            return
+        room = self._sink.room  # before a word is taken at this edge
+        self.advance(clock + 1)
+        register = _BY_ADDRESS.get(address)
+        if address == _SINK_DATA:
+            self._sink.push(value, room)
+        elif register is not None:
+            if register.mode != "ro":
+                self._writers[register.name](value & ((1 << register.width) - 1))
+        elif 0 <= address - _PATTERN < self.geometry.pattern_bytes:
+            self._array.set_word(clock, (address - _PATTERN) // 4, value)
+        elif not 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
+            self._bus_errors += 1
+
+    def _value(self, address: int) -> int:
+        address &= ~3
+        register = _BY_ADDRESS.get(address)
+        if register is not None:
+            if register.mode == "wo":
+                return 0
+            reader = self._readers.get(register.name)
+            return self._reset[register.name] if reader is None else reader() & _WORD
+        if 0 <= address - _PATTERN < self.geometry.pattern_bytes:
+            return self._array.word((address - _PATTERN) // 4)
+        if 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
+            return self._identifier[(address - _IDENTIFIER) // 4]
+        self._bus_errors += 1
+        return 0
+
+    def _make_readers(self) -> dict[str, Callable[[], int]]:
+        """Registers that do not always read as after reset."""
+        made: dict[str, Callable[[], int]] = {
+            "ctrl_scratch": lambda: self._scratch,
+            "ctrl_bus_errors": lambda: self._bus_errors,
+            "ctrl_uptime": lambda: self._clock,
+            "prbs_order": lambda: self._order,
+            "prbs_source": lambda: self._source.word(),
+            "prbs_checked": lambda: self._checked,
+            "prbs_errors": lambda: self._errors,
+            "sensor_frames": lambda: self._array.frames,
+            "sensor_frame_clock": lambda: self._array.frame_clock,
+            "sensor_rows_read": lambda: self._array.rows_read(self._clock),
+            "sensor_spikes": lambda: self._array.spikes(self._clock),
+            "capture_source": lambda: self._capture.source,
+            "capture_state": lambda: self._capture.state,
+            "capture_level": lambda: self._capture.level,
+            "capture_data": lambda: self._capture.next(),
+            "capture_pointer": lambda: self._capture.pointer,
+            "capture_rows": lambda: self._capture.rows,
+            "capture_lost": lambda: self._capture.lost,
+            "sink_state": lambda: self._sink.state,
+            "sink_level": lambda: len(self._sink.words),
+            "sink_rows": lambda: self._sink.rows,
+            "sink_crc": lambda: self._sink.crc,
+            "sink_underruns": lambda: self._sink.underruns,
+            "sink_lost": lambda: self._sink.lost,
+        }
+        for register in REGISTERS:
+            group, name = register.name.split("_", 1)
+            if group == "uart" and hasattr(self.line, name) and register.mode == "ro":
+                made[register.name] = lambda name=name: self.line.read(name)  # type: ignore[misc]
+            if group == "sensor" and register.mode == "rw":
+                made[register.name] = lambda full=register.name: self._array.register(full)  # type: ignore[misc]
+        return made
+
+    def _make_writers(self) -> dict[str, Callable[[int], None]]:
+        made: dict[str, Callable[[int], None]] = {
+            "ctrl_scratch": self._set_scratch,
+            "ctrl_reset": lambda value: None,
+            "uart_clear": lambda value: self.line.clear() if value else None,
+            "prbs_order": self._set_order,
+            "prbs_check": self._check,
+            "sensor_clear": lambda value: self._array.clear() if value else None,
+            "capture_source": self._set_source,
+            "capture_arm": lambda value: self._capture.arm(value),
+            "capture_pointer": self._seek,
+            "sink_run": self._show,
+            "sink_clear": lambda value: self._sink.clear() if value else None,
+        }
+        for register in REGISTERS:
+            if register.name.startswith("sensor_") and register.mode == "rw":
+                made[register.name] = lambda value, full=register.name: self._array.set_register(  # type: ignore[misc]
+                    full, value
+                )
+        return made
+
+    def _set_scratch(self, value: int) -> None:
+        self._scratch = value
+
+    def _set_order(self, value: int) -> None:
+        self._order = value
+        self._source, self._checker = Prbs(value), Prbs(value)
+        self._checked = self._errors = 0
+
+    def _check(self, value: int) -> None:
+        self._errors += (value ^ self._checker.word()).bit_count()
+        self._checked += 1
+
+    def _set_source(self, value: int) -> None:
+        self._capture.source = value
+
+    def _seek(self, value: int) -> None:
+        self._capture.settle(self._clock)
+        self._capture.seek(value)
+
+    def _show(self, value: int) -> None:
+        self._sink.left = value

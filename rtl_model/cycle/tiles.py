@@ -1,0 +1,32 @@
+"""Tiles as they leave the pixel array: `lanes` pixels of one row, computed in one clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from rtl_model.geometry import Geometry
+
+__all__ = ["TILE", "Tiles", "rows_of"]
+
+TILE = np.dtype(
+    [("clock", "<u8"), ("frame", "<u4"), ("row", "<u2"), ("tile", "<u2"), ("bits", "<u8")]
+)
+"""clock: edge at which the tile was computed; frame: since the clear; bit b of `bits`: the spike of
+column tile * lanes + b."""
+
+Tiles: TypeAlias = npt.NDArray[np.void]
+"""Array of `TILE`, in order of clock."""
+
+
+def rows_of(tiles: Tiles, geometry: Geometry) -> npt.NDArray[np.bool_]:
+    """Returns the spikes of whole rows, (len(tiles) / tiles of a row, columns) bool.
+
+    tiles: whole rows, tile 0 first, as `System.run` gives them.
+    """
+    bits = np.ascontiguousarray(tiles["bits"]).view(np.uint8).reshape(-1, 8)
+    lanes = np.unpackbits(bits, axis=1, bitorder="little")[:, : geometry.lanes]
+    return lanes.reshape(-1, geometry.tiles * geometry.lanes)[:, : geometry.columns].astype(bool)

@@ -1,0 +1,70 @@
+"""Size and speeds of one build of the board: what the Verilog takes as parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["Geometry"]
+
+
+class Geometry(NamedTuple):
+    """Parameters of a build. `columns` need not be a multiple of `lanes`; the last tile of a row is
+    padded with pixels that never fire. `lanes` is 32 or 64.
+
+    Attributes:
+        rows, columns: pixels, 1 to 4095 rows and 1 to 4096 columns.
+        lanes: pixels computed in one clock.
+        clock_hz: the board's clock, Hz.
+        baud: of the serial line.
+        capture_words, sink_words: sizes of the two memories, powers of two.
+    """
+
+    rows: int = 32
+    columns: int = 32
+    lanes: int = 32
+    clock_hz: int = 48_000_000
+    baud: int = 115_200
+    capture_words: int = 4096
+    sink_words: int = 1024
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of `lanes` pixels in a row."""
+        return -(-self.columns // self.lanes)
+
+    @property
+    def row_clocks(self) -> int:
+        """Clocks from one row's first tile to the next row's: as many as storing a captured row
+        takes, so that the writer is never late, and one more."""
+        return self.row_words + 4
+
+    @property
+    def tick_minimum(self) -> int:
+        """Fewest clocks of a tick: all rows, and four in which the last tile leaves the pipeline
+        and the next frame begins."""
+        return self.rows * self.row_clocks + 4
+
+    @property
+    def tick_clocks(self) -> int:
+        """Clocks of a 40 kHz tick after reset."""
+        return max(self.clock_hz // 40_000, self.tick_minimum)
+
+    @property
+    def bit_clocks(self) -> int:
+        """Clocks of a bit on the serial line, rounded."""
+        return (self.clock_hz + self.baud // 2) // self.baud
+
+    @property
+    def row_words(self) -> int:
+        """32-bit words of a row, in capture and sink: whole tiles."""
+        return self.tiles * self.lanes // 32
+
+    @property
+    def record_words(self) -> int:
+        """Words of a captured row: sequence, frame and row, its bits, CRC-32."""
+        return self.row_words + 3
+
+    @property
+    def pattern_bytes(self) -> int:
+        """Bytes of the pattern memory: rows of whole tiles."""
+        return self.rows * self.tiles * self.lanes

@@ -1,0 +1,27 @@
+"""The register map: one table, and what is made from it."""
+
+from rtl_model.registers.checks import faults
+from rtl_model.registers.csr_csv import csr_csv
+from rtl_model.registers.parameters import (
+    PARAMETERS,
+    identifier,
+    parameters,
+    reset_value,
+)
+from rtl_model.registers.table import MAGIC, MEMORIES, REGISTERS, VERSION, Field, Memory, Register
+
+__all__ = [
+    "MAGIC",
+    "MEMORIES",
+    "PARAMETERS",
+    "REGISTERS",
+    "VERSION",
+    "Field",
+    "Memory",
+    "Register",
+    "csr_csv",
+    "faults",
+    "identifier",
+    "parameters",
+    "reset_value",
+]

@@ -1,0 +1,52 @@
+"""The register map as LiteX's `csr.csv`: what host tools of that world read a board by.
+
+Rows are `csr_base,name,address,,`, `csr_register,name,address,words,mode`, `constant,name,value,,`
+and `memory_region,name,address,bytes,type`, all addresses in bytes (LiteX,
+soc/integration/export.py). LiteX knows no register that is only written, so those stand as rw and
+read 0.
+"""
+
+from __future__ import annotations
+
+from rtl_model.geometry import Geometry
+from rtl_model.registers.parameters import parameters
+from rtl_model.registers.table import MEMORIES, REGISTERS
+
+__all__ = ["csr_csv"]
+
+_CSR_BYTES = 0x1000  # registers and identifier lie below
+
+
+def csr_csv(geometry: Geometry) -> str:
+    """Returns the text of the `csr.csv` of a build, lines ending in a newline."""
+    values = parameters(geometry)
+    groups: dict[str, int] = {}
+    for register in REGISTERS:
+        group = register.name.split("_")[0]
+        groups[group] = min(groups.get(group, register.address), register.address)
+    for memory in MEMORIES:
+        if memory.address < _CSR_BYTES:
+            groups[memory.name] = memory.address
+    constants: dict[str, int | str] = {
+        "config_clock_frequency": geometry.clock_hz,
+        "config_csr_data_width": 32,
+        "config_csr_alignment": 32,
+        "config_bus_standard": "WISHBONE",
+        "config_bus_data_width": 32,
+        "config_bus_address_width": 32,
+        "config_bus_bursting": 0,
+    }
+    rows = [f"csr_base,{name},0x{address:08x},," for name, address in groups.items()]
+    rows += [
+        f"csr_register,{register.name},0x{register.address:08x},1,"
+        + ("ro" if register.mode == "ro" else "rw")
+        for register in REGISTERS
+    ]
+    rows += [f"constant,{name},{value},," for name, value in constants.items()]
+    rows.append(f"memory_region,csr,0x{0:08x},{_CSR_BYTES},io")
+    rows += [
+        f"memory_region,{memory.name},0x{memory.address:08x},{values[memory.size]},io"
+        for memory in MEMORIES
+        if memory.address >= _CSR_BYTES
+    ]
+    return "\n".join(rows) + "\n"

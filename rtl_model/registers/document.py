@@ -1,0 +1,85 @@
+"""docs/registers.md, written from the register map.
+
+`python -m rtl_model.registers.document > docs/registers.md` makes it anew.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from rtl_model.geometry import Geometry
+from rtl_model.registers.parameters import PARAMETERS, parameters
+from rtl_model.registers.table import MEMORIES, REGISTERS, Register
+
+__all__ = ["document"]
+
+_HEAD = """\
+# Registers of the board
+
+Made from `rtl_model/registers/table.py` by `python -m rtl_model.registers.document`; do not edit.
+
+Registers are 32 bits wide, one word each. Addresses are in bytes; on the wire (LiteX uartbone) an
+address is counted in words, so 0x300 is sent as 0xC0. Bits beyond a register's width read 0. A
+register marked **reads once** changes when it is read: never read it twice to be sure. `wo`
+registers read 0. The value after reset may name a parameter of the build, listed at the end.
+"""
+
+
+def _row(register: Register) -> list[str]:
+    reset = register.reset if isinstance(register.reset, str) else f"0x{register.reset:x}"
+    text = register.text + ("; **reads once**" if register.read_effect else "")
+    cells = [f"0x{register.address:03x}", f"`{register.name}`", register.mode, str(register.width)]
+    rows = [f"| {' | '.join([*cells, reset, text])} |"]
+    for field in register.fields:
+        bits = f"{field.high}:{field.low}" if field.high > field.low else f"{field.low}"
+        rows.append(f"| | `.{field.name}` | | {bits} | | {field.text} |")
+    return rows
+
+
+def document() -> str:
+    """Returns docs/registers.md as text."""
+    values = parameters(Geometry())
+    lines = [_HEAD]
+    groups = list(dict.fromkeys(register.name.split("_")[0] for register in REGISTERS))
+    for group in groups:
+        lines += [
+            f"## {group}",
+            "",
+            "| address | name | mode | bits | reset | meaning |",
+            "|---|---|---|---|---|---|",
+        ]
+        for register in REGISTERS:
+            if register.name.split("_")[0] == group:
+                lines += _row(register)
+        lines.append("")
+    lines += [
+        "## Memories",
+        "",
+        "| address | name | mode | bytes | meaning |",
+        "|---|---|---|---|---|",
+    ]
+    for memory in MEMORIES:
+        lines.append(
+            f"| 0x{memory.address:06x} | `{memory.name}` | {memory.mode} | {memory.size} "
+            f"| {memory.text} |"
+        )
+    lines += [
+        "",
+        "## Parameters of a build",
+        "",
+        f"Values are those of the default build: {Geometry().rows} x {Geometry().columns} pixels, "
+        f"{Geometry().lanes} lanes, {Geometry().clock_hz} Hz, {Geometry().baud} baud.",
+        "",
+        "| name | meaning | value |",
+        "|---|---|---|",
+    ]
+    for name, meaning in PARAMETERS.items():
+        value = "of the build" if name == "BUILD" else f"{values[name]:#x}"
+        if name not in ("GEOMETRY", "ALL_ROWS", "ALL_COLUMNS", "BUILD"):
+            value = str(values[name])
+        lines.append(f"| {name} | {meaning} | {value} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(document())

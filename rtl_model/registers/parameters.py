@@ -1,0 +1,54 @@
+"""The parameters of a build that the register map names, worked out from a Geometry."""
+
+from __future__ import annotations
+
+from rtl_model.geometry import Geometry
+from rtl_model.registers.table import Register
+
+__all__ = ["PARAMETERS", "identifier", "parameters", "reset_value"]
+
+PARAMETERS: dict[str, str] = {
+    "GEOMETRY": "65536 rows + columns",
+    "LANES": "32 or 64",
+    "CLOCK_HZ": "the board's clock, Hz",
+    "BUILD": "CRC-32 of the Verilog and its parameters",
+    "BIT_CLOCKS": "CLOCK_HZ / baud, rounded",
+    "ALL_ROWS": "65536 (rows - 1): all rows",
+    "ALL_COLUMNS": "65536 (columns - 1): all columns",
+    "TICK_CLOCKS": "the greater of CLOCK_HZ / 40 000 and TICK_MINIMUM",
+    "TICK_MINIMUM": "rows (row_words + 4) + 4, with row_words 32-bit words in a row of whole tiles",
+    "CAPTURE_WORDS": "words of the capture memory, a power of two",
+    "SINK_WORDS": "words of the sink's memory, a power of two",
+    "IDENTIFIER_BYTES": "four for each character of the identifier and the NUL",
+    "PATTERN_BYTES": "a byte for each pixel of each row of whole tiles",
+}
+"""Every parameter the table may name, and what it is."""
+
+
+def identifier(geometry: Geometry) -> str:
+    """Returns what a board says it is, without the NUL that ends it on the board."""
+    return f"Viform spike board {geometry.rows}x{geometry.columns}"
+
+
+def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
+    """Returns the value of every name in `PARAMETERS` for this build."""
+    return {
+        "GEOMETRY": geometry.rows << 16 | geometry.columns,
+        "LANES": geometry.lanes,
+        "CLOCK_HZ": geometry.clock_hz,
+        "BUILD": build,
+        "BIT_CLOCKS": geometry.bit_clocks,
+        "ALL_ROWS": (geometry.rows - 1) << 16,
+        "ALL_COLUMNS": (geometry.columns - 1) << 16,
+        "TICK_CLOCKS": geometry.tick_clocks,
+        "TICK_MINIMUM": geometry.tick_minimum,
+        "CAPTURE_WORDS": geometry.capture_words,
+        "SINK_WORDS": geometry.sink_words,
+        "IDENTIFIER_BYTES": 4 * (len(identifier(geometry)) + 1),
+        "PATTERN_BYTES": geometry.pattern_bytes,
+    }
+
+
+def reset_value(register: Register, values: dict[str, int]) -> int:
+    """Returns what `register` reads after reset, with the `parameters` of the build."""
+    return register.reset if isinstance(register.reset, int) else values[register.reset]

@@ -1,0 +1,217 @@
+"""The register map of the board, as one table: the cycle model, the Verilog header, `csr.csv` and
+docs/registers.md are all made from it.
+
+Registers are 32 bits wide, one word each, at byte addresses; on the wire (LiteX uartbone) an
+address is counted in words. The value after reset may depend on the build: then `reset` names a
+parameter of it. A register marked `read_effect` changes when it is read (a FIFO, a generator): it
+must never be read twice to be sure.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+__all__ = ["MAGIC", "MEMORIES", "REGISTERS", "VERSION", "Field", "Memory", "Register"]
+
+MAGIC = 0x53504B32
+"""ASCII "SPK2": the first word of a Viform board."""
+VERSION = 0x0001_0000
+"""Major in the upper half, minor in the lower: of the register map."""
+
+Mode = Literal["ro", "rw", "wo"]
+
+
+class Field(NamedTuple):
+    """Bits `high` to `low` of a register, both inclusive, and what they say."""
+
+    name: str
+    high: int
+    low: int
+    text: str
+
+
+class Register(NamedTuple):
+    """One register. `reset` is its value after reset, or the name of the parameter that gives it
+    (see docs/registers.md); `width` bits are kept, the others read 0."""
+
+    name: str
+    address: int
+    mode: Mode
+    reset: int | str
+    width: int
+    text: str
+    read_effect: bool = False
+    fields: tuple[Field, ...] = ()
+
+
+class Memory(NamedTuple):
+    """A region of words: its byte address, the parameter that gives its size in bytes, its mode."""
+
+    name: str
+    address: int
+    size: str
+    mode: Mode
+    text: str
+
+
+def _range(what: str, unit: str) -> tuple[Field, ...]:
+    return (
+        Field("first", 15, 0, f"first {unit} of the {what}"),
+        Field("last", 31, 16, f"last {unit} of the {what}, inclusive"),
+    )
+
+
+REGISTERS: tuple[Register, ...] = (
+    # name, address, mode, reset, width, text
+    Register("ctrl_magic", 0x000, "ro", MAGIC, 32, 'ASCII "SPK2"'),
+    Register("ctrl_scratch", 0x004, "rw", 0x12345678, 32, "for trying the bus; changes nothing"),
+    Register("ctrl_version", 0x008, "ro", VERSION, 32, "of the register map: major, minor"),
+    Register(
+        "ctrl_geometry",
+        0x00C,
+        "ro",
+        "GEOMETRY",
+        32,
+        "size of the pixel array",
+        fields=(Field("columns", 15, 0, "pixels in a row"), Field("rows", 31, 16, "rows")),
+    ),
+    Register("ctrl_lanes", 0x010, "ro", "LANES", 32, "pixels computed in one clock"),
+    Register("ctrl_clock_hz", 0x014, "ro", "CLOCK_HZ", 32, "nominal clock of the board, Hz"),
+    Register("ctrl_build", 0x018, "ro", "BUILD", 32, "CRC-32 of the sources and parameters"),
+    Register("ctrl_reset", 0x01C, "wo", 0, 1, "1 resets all but the counters of the line"),
+    Register("ctrl_bus_errors", 0x020, "ro", 0, 32, "accesses to no register or memory"),
+    Register("ctrl_uptime", 0x024, "ro", 0, 32, "clocks since power-on, modulo 2^32"),
+    Register("uart_rx_bytes", 0x100, "ro", 0, 32, "bytes received"),
+    Register("uart_tx_bytes", 0x104, "ro", 0, 32, "bytes sent"),
+    Register("uart_framing_errors", 0x108, "ro", 0, 32, "bytes whose stop bit was low; dropped"),
+    Register("uart_watchdog_aborts", 0x10C, "ro", 0, 32, "transactions cut after 100 ms"),
+    Register("uart_unknown_commands", 0x110, "ro", 0, 32, "transactions with no known command"),
+    Register("uart_writes", 0x114, "ro", 0, 32, "words written over the line"),
+    Register(
+        "uart_writes_crc", 0x118, "ro", 0, 32, "CRC-32 of those words, most significant byte first"
+    ),
+    Register("uart_bit_clocks", 0x11C, "ro", "BIT_CLOCKS", 32, "clocks a bit of the line lasts"),
+    Register("uart_shortest_low", 0x120, "ro", 0xFFFFFFFF, 32, "shortest low pulse seen, clocks"),
+    Register(
+        "uart_clear", 0x124, "wo", 0, 1, "1 clears the counters of the line, itself uncounted"
+    ),
+    Register("prbs_order", 0x200, "rw", 31, 5, "7, 15, 23 or 31; a write restarts both registers"),
+    Register("prbs_source", 0x204, "ro", 0, 32, "next 32 bits, first in bit 31", read_effect=True),
+    Register("prbs_check", 0x208, "wo", 0, 32, "32 bits to be held against the same sequence"),
+    Register("prbs_checked", 0x20C, "ro", 0, 32, "words checked since the restart"),
+    Register("prbs_errors", 0x210, "ro", 0, 32, "bits that were wrong in them"),
+    Register("sensor_run", 0x300, "rw", 0, 1, "1 scans frame after frame; a begun one is finished"),
+    Register("sensor_threshold", 0x304, "rw", 7, 4, "level k: a threshold of 255 + 256 k"),
+    Register("sensor_clock_select", 0x308, "rw", 0, 1, "0: 40 kHz, 1: 20 kHz; from the next frame"),
+    Register("sensor_reset_rule", 0x30C, "rw", 0, 2, "0 residual, 1 hard, 2 subtract (3 as 0)"),
+    Register(
+        "sensor_rows",
+        0x310,
+        "rw",
+        "ALL_ROWS",
+        32,
+        "window; from the next frame",
+        fields=_range("window", "row"),
+    ),
+    Register(
+        "sensor_columns",
+        0x314,
+        "rw",
+        "ALL_COLUMNS",
+        32,
+        "window; from the next frame",
+        fields=_range("window", "column"),
+    ),
+    Register(
+        "sensor_tick_clocks",
+        0x318,
+        "rw",
+        "TICK_CLOCKS",
+        32,
+        "clocks of a 40 kHz tick; from the next frame",
+    ),
+    Register(
+        "sensor_tick_minimum", 0x31C, "ro", "TICK_MINIMUM", 32, "fewer are taken as this many"
+    ),
+    Register("sensor_pattern", 0x320, "rw", 0, 2, "0 memory, 1 constant, 2 ramp, 3 checker"),
+    Register("sensor_level", 0x324, "rw", 0, 8, "of the patterns that are not memory"),
+    Register(
+        "sensor_clear", 0x328, "wo", 0, 1, "1: the next frame is number 0 and starts from no charge"
+    ),
+    Register("sensor_frames", 0x32C, "ro", 0, 32, "frames begun since the clear"),
+    Register("sensor_frame_clock", 0x330, "ro", 0, 32, "ctrl_uptime when the last frame began"),
+    Register("sensor_rows_read", 0x334, "ro", 0, 32, "rows inside the window read since the clear"),
+    Register("sensor_spikes", 0x338, "ro", 0, 32, "spikes read since the clear, modulo 2^32"),
+    Register(
+        "capture_source", 0x400, "rw", 0, 1, "0 pixels, 1 the display sink; from the next burst"
+    ),
+    Register(
+        "capture_arm", 0x404, "wo", 0, 32, "frames of a burst that starts with the next frame"
+    ),
+    Register(
+        "capture_state",
+        0x408,
+        "ro",
+        0,
+        4,
+        "what the burst does",
+        fields=(
+            Field("armed", 0, 0, "waits for a frame to begin"),
+            Field("busy", 1, 1, "rows are being stored"),
+            Field("done", 2, 2, "the burst is over"),
+            Field("overflow", 3, 3, "rows were lost, the memory being full"),
+        ),
+    ),
+    Register("capture_level", 0x40C, "ro", 0, 32, "words that stand between pointer and end"),
+    Register(
+        "capture_data", 0x410, "ro", 0, 32, "the next word; 0 beyond the end", read_effect=True
+    ),
+    Register("capture_pointer", 0x414, "rw", 0, 32, "word that is read next; may be set back"),
+    Register("capture_rows", 0x418, "ro", 0, 32, "rows stored in this burst"),
+    Register("capture_lost", 0x41C, "ro", 0, 32, "rows of this burst that found no room"),
+    Register("capture_size", 0x420, "ro", "CAPTURE_WORDS", 32, "words of the memory"),
+    Register(
+        "sink_data", 0x500, "wo", 0, 32, "next 32 pixels of the planes to show, first in bit 0"
+    ),
+    Register("sink_run", 0x504, "wo", 0, 32, "planes to show from the next frame on"),
+    Register(
+        "sink_state",
+        0x508,
+        "ro",
+        0,
+        3,
+        "what the sink does",
+        fields=(
+            Field("running", 0, 0, "planes are waiting or being shown"),
+            Field("underrun", 1, 1, "a row was due and its words had not come"),
+            Field("overflow", 2, 2, "words came that found no room"),
+        ),
+    ),
+    Register("sink_level", 0x50C, "ro", 0, 32, "words waiting"),
+    Register("sink_rows", 0x510, "ro", 0, 32, "rows shown since the clear"),
+    Register(
+        "sink_crc", 0x514, "ro", 0, 32, "CRC-32 of the words shown, most significant byte first"
+    ),
+    Register("sink_underruns", 0x518, "ro", 0, 32, "words that were due and had not come"),
+    Register("sink_lost", 0x51C, "ro", 0, 32, "words that found no room"),
+    Register("sink_size", 0x520, "ro", "SINK_WORDS", 32, "words of the memory"),
+    Register("sink_clear", 0x524, "wo", 0, 1, "1 empties the sink and clears its counters"),
+)
+
+MEMORIES: tuple[Memory, ...] = (
+    Memory(
+        "identifier_mem",
+        0x0000_0800,
+        "IDENTIFIER_BYTES",
+        "ro",
+        "one character a word, NUL at the end",
+    ),
+    Memory(
+        "pattern_mem",
+        0x0010_0000,
+        "PATTERN_BYTES",
+        "rw",
+        "electrons of each pixel in a 40 kHz tick, a byte each, the first in bits 7 to 0; "
+        "rows are padded to whole tiles",
+    ),
+)
