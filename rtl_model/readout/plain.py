@@ -12,9 +12,7 @@ from rtl_model.readout.window import Window
 __all__ = ["plain_readout"]
 
 
-def plain_readout(
-    words: Words, cycles: int, window: Window | None = None
-) -> npt.NDArray[np.uint8]:
+def plain_readout(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
     """Raw bytes of `cycles` cycles, (cycles, blocks, 64) uint8. words: (n, 1000, 1000)."""
     window = Window() if window is None else window.checked()
     halves = unpack_planes(words, 0, cycles).reshape(cycles, 2 * RAW_SIZE[1], HALF)
