@@ -9,20 +9,23 @@ one: a board that is stepped makes the planes of the ticks, not their time.
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import ceil
 from typing import Final
 
 from rtl_model.host import Board, BoardInfo, Cause, LineFault
 
 __all__ = ["Stepper"]
 
-_WORDS: Final = 8
-"""From pulse to pulse."""
-_TICK: Final = 6
-"""Words that a tick lasts: more than the one of a pulse, fewer than the way to the next."""
-_WORD_BITS: Final = 4 * 10
-_PACKET: Final = 30
-"""Pulses of a packet at most: 240 words."""
-_STALLS: Final = 50
+_TICK_WORDS: Final = 6
+"""Words that a tick lasts at least: a pulse is one, and the line may falter a little."""
+_APART: Final = 4 / 3
+"""From pulse to pulse, in ticks."""
+_PACKET: Final = 240
+"""Words of a packet at most."""
+_PROBED: Final = 8
+"""Words read to learn how many clocks one takes on the line; a simulated line may take none."""
+_STALLS: Final = 100
 """Packets in a row without a frame before it is given up."""
 
 
@@ -43,8 +46,9 @@ class Stepper:
         slow = board.read_twice("sensor_clock_select")
         board.bone.pause((clocks << slow) / self._info.clock_hz * board.bone.time_scale)
         board.write("sensor_clock_select", 0)
-        bit = max(board.read_twice("uart_bit_clocks"), 1)
-        self._tick = max(board.read_twice("sensor_tick_minimum"), _TICK * _WORD_BITS * bit)
+        word = self._word_clocks()
+        self._tick = max(board.read_twice("sensor_tick_minimum"), _TICK_WORDS * word)
+        self._apart = min(max(ceil(_APART * self._tick / word), _TICK_WORDS + 2), _PACKET)
         board.write("sensor_tick_clocks", self._tick)
         board.write("sensor_clear", 1)
         self.frames = 0
@@ -55,8 +59,10 @@ class Stepper:
         target, stalls = self.frames + frames, 0
         while self.frames < target:
             # The count is of before the clear until a first frame has begun.
-            pulses = 1 if self.frames == 0 else min(target - self.frames, _PACKET)
-            self._board.verified_write(self._run, [1, *[0] * (_WORDS - 1)] * pulses, fixed=True)
+            most = 1 if self.frames == 0 else _PACKET // self._apart
+            pulses = min(target - self.frames, most)
+            words = [1, *[0] * (self._apart - 1)] * pulses
+            self._board.verified_write(self._run, words, fixed=True)
             made = self._board.read_twice("sensor_frames")
             if made > self.frames + pulses:
                 raise LineFault(
@@ -70,3 +76,9 @@ class Stepper:
             self.frames = made
         seconds = self._tick / self._info.clock_hz
         self._board.bone.pause(seconds * self._board.bone.time_scale)
+
+    def _word_clocks(self) -> int:
+        """Clocks of the board from one word on the line to the next, the most of a few."""
+        place = self._board.csr.register("ctrl_uptime").address
+        times = self._board.bone.read(place, _PROBED, fixed=True, retry=True)
+        return max(1, *(b - a & 0xFFFFFFFF for a, b in pairwise(times)))
