@@ -109,7 +109,9 @@ class BoardSensor:
             raise LineFault(Cause.LATE, f"the burst of {frames} frames did not end")
         taken = capture.drain(board, frames)
         if taken.lost or taken.frames.tolist() != list(range(first, first + frames)):
-            raise LineFault(Cause.LATE, f"frames {first} to {first + frames - 1} did not come whole")
+            raise LineFault(
+                Cause.LATE, f"frames {first} to {first + frames - 1} did not come whole"
+            )
         self.bytes += taken.bytes
         return taken.planes
 
