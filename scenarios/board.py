@@ -85,7 +85,7 @@ class BoardCamera:
                 charge = span.charge
                 if span.slope is not None:
                     charge = charge + span.slope * (span.elapsed + n)
-                rate = charge.reshape(self.shape) * scale
+                rate = charge.reshape(self.shape).astype(np.float64) * scale
                 steps[span.first + n], off = steps_of(rate, self.level)
                 self.worst = max(self.worst, float(np.abs(off).max()))
         return steps

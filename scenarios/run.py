@@ -179,7 +179,8 @@ def run_scenario(
                         result, scenario, folder, run.source, run.setting, run.plan, put_back,
                         run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes,
                         made.shown, seconds, began,
-                        [*run.notes, *run.source.notes, *told, *run.source.degraded, *short, *faults],
+                        [*run.notes, *run.source.notes, *told, *run.source.degraded, *short,
+                         *faults],
                     ))  # fmt: skip
                     result.files.append("result.json")
                     progress.advance(2)
