@@ -93,7 +93,7 @@ def test_bursts_join_without_a_missing_frame(byte_clocks: int | None, reset: str
 
 
 def test_a_pixels_rate_is_its_step_over_the_threshold() -> None:
-    """Closed form: with the residual carried, n ticks of e electrons bring floor(n e / Q) spikes."""
+    """Closed form: with the residual carried, n ticks of e electrons bring floor(n e / Q)."""
     steps = np.arange(200, dtype=np.uint8).reshape(5, 40)
     sensor = BoardSensor(place(), 0, "residual", 60)
     counts = sensor.expose(steps, 60).sum(axis=0)

@@ -1,0 +1,114 @@
+"""A board in a scenario: it makes the spikes or takes the planes, else one line says why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim import Block, Clock, Light, Piece
+from cosim.files import open_stream
+from rtl_model.cycle import Settings, planes
+from rtl_model.geometry import Geometry
+from rtl_model.stand_in import stand_in
+from scenarios.board import BoardCamera
+from scenarios.readout import resized
+from sensor import CHIPS, CameraSetting
+
+STEP = ("run", "step", "--set", "sensor.source=serial:virtual")
+SIDE = 32
+
+
+def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
+    """Light that rises for 3 ticks and then stands: rates to half an electron, four uploads, and
+    the spikes of a plain run of those steps."""
+    setting = resized(CameraSetting(CHIPS["spiketwo"], Clock(40_000), 1000.0, 1), 8, 4)
+    lux = 0.5 / setting.rate(1.0)  # half a spike a tick
+    low, high = (np.full((4, 8), np.float32(x * lux)) for x in (0.1, 1.0))
+    edge = Clock(40_000).edge
+    light = Light((Piece(0, edge(3), low, high), Piece(edge(3), edge(8), high, high)))
+    with stand_in("serial:virtual", "sensor.source", Geometry(rows=4, columns=8)) as place:
+        camera = BoardCamera(place, setting, 0.5, 8)
+        made = camera.step(light, Block(0, 8))
+    q, middles = 255, [0.1 + 0.9 * (k + 0.5) / 3 for k in range(3)]
+    steps = [round(0.5 * m * q) for m in middles] + [round(0.5 * q)] * 5
+    charge = np.zeros((4, 8), np.int64)
+    size, settings = Geometry(rows=4, columns=8), Settings(threshold=0)
+    truth = [planes(size, settings, np.full((4, 8), s), 1, charge) for s in steps]
+    np.testing.assert_array_equal(made.planes().astype(bool), np.concatenate(truth))
+    assert (camera.sensor.uploads, camera.sensor.wrong_bits) == (4, 0)
+    assert 0 < camera.worst <= 0.5 / q
+
+
+def test_a_run_with_a_board_at_both_ends(viform, tmp_path: Path) -> None:
+    """Eight bars: each fires at its own rate to the electron, and the sink has shown them all."""
+    import json
+
+    code, out, err = viform(
+        *STEP, "--set", "display.sink=serial:virtual", "--set", "duration=1.1 ms",
+        "--set", "scene.after=0.5", "--json", "--out", tmp_path / "run",
+    )  # fmt: skip
+    assert code == 0, err
+    document = json.loads(out)
+    metric = {name: each["value"] for name, each in document["metrics"].items()}
+    found = [metric[n] for n in ("board_bits_wrong", "sink_crc_wrong", "sink_planes")]
+    assert found == [0, 0, 44]
+    assert 0 < metric["board_quantisation"] <= 0.5 / 255
+    assert document["error"]["value"] is None
+    assert "32 x 32 pixels, threshold 255 of its electrons" in err
+    assert (tmp_path / "run" / "report.html").exists()
+    stream = open_stream(tmp_path / "run")
+    assert (stream.shape, stream.cycles) == ((SIDE, SIDE), 44)
+
+
+@pytest.mark.parametrize(
+    ("more", "must"),
+    [
+        (("sensor.crosstalk=0.1",), "sensor.crosstalk must be absent with sensor.source"),
+        (("sensor.source=usb",), "sensor.source must be serial:PORT"),
+        (("sensor.source=serial:/dev/none",), "no serial port answers to /dev/none"),
+        (("duration=30 s",), "duration must be at most 1048576 cycles"),
+        (("display.sink=serial:virtual", "sensor.source=serial:"), "sensor.source must be serial:"),
+        (("sensor.readout=asynchronous",), "absent unless sensor.readout = synchronous"),
+    ],
+)
+def test_what_a_board_cannot_do_is_one_line(refused, tmp_path, more, must) -> None:
+    sets = [word for key in more for word in ("--set", key)]
+    assert must in refused(*STEP, *sets, "--out", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_stream_that_the_sink_does_not_hold_is_refused(refused, tmp_path) -> None:
+    said = refused(
+        "run", "step", "--set", "sensor.chip=spikeone", "--set", "display.sink=serial:virtual",
+        "--out", tmp_path / "run",
+    )  # fmt: skip
+    assert "32" in said and "400" in said
+
+
+@pytest.mark.parametrize("command", ["plan", "accuracy"])
+def test_only_a_run_has_a_board(refused, command) -> None:
+    said = refused(command, "step", "--set", "sensor.source=serial:virtual")
+    assert "sensor.source must be absent but for viform run" in said
+
+
+def test_a_link_has_no_board_for_its_sensor(refused) -> None:
+    said = refused("run", "light-link", "--set", "sensor.source=serial:virtual")
+    assert "sensor.source must be absent in a link" in said
+
+
+@pytest.mark.slow
+def test_a_links_planes_come_back_bit_for_bit(viform, tmp_path) -> None:
+    import json
+
+    sets = (
+        "sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128", "link.size=1",
+        "link.modem.cell=2", "link.modem.ticks=2", "link.modem.line=8b10b", "link.modem.parity=32",
+        "link.loop=serial:virtual",
+    )  # fmt: skip
+    words = [word for key in sets for word in ("--set", key)]
+    code, out, err = viform("run", "light-link", *words, "--json", "--out", tmp_path / "run")
+    assert code in (0, 1), err  # whether the file arrives is the air's affair
+    metric = {name: each["value"] for name, each in json.loads(out)["metrics"].items()}
+    assert metric["loop_bits_wrong"] == 0 < metric["loop_planes"]
