@@ -96,7 +96,14 @@ class BoardPanel:
 
     def __init__(self, board: BoardDisplay, name: str, fit: str, shape: tuple[int, int]) -> None:
         self._board, self.name = board, name
-        self._fit = fit_words(fit, shape, board.shape)  # type: ignore[arg-type]  # the schema's
+        try:
+            self._fit = fit_words(fit, shape, board.shape)  # type: ignore[arg-type]  # the schema's
+        except ValueError as exc:
+            raise InputError(
+                "the stream for display.sink", f"of {board.shape[1]} x {board.shape[0]} pixels, "
+                f"which {name} has", f"of {shape[1]} x {shape[0]}",
+                "set display.fit=nearest or centre, or sensor.source to a board of that size",
+            ) from exc  # fmt: skip
         self.planes = self.wrong = 0
 
     def step(self, given: Viform, block: Block) -> Viform:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +11,15 @@ import pytest
 
 from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
+from cosim.viform import count_spikes
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
 from scenarios.board import BoardCamera
+from scenarios.commands.output import SilentProgress
+from scenarios.loading import load
 from scenarios.readout import resized
+from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting
 
 STEP = ("run", "step", "--set", "sensor.source=serial:virtual")
@@ -41,25 +47,28 @@ def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
     assert 0 < camera.worst <= 0.5 / q
 
 
-def test_a_run_with_a_board_at_both_ends(viform, tmp_path: Path) -> None:
+def test_a_run_with_a_board_at_both_ends(tmp_path: Path) -> None:
     """Eight bars: each fires at its own rate to the electron, and the sink has shown them all."""
-    import json
-
-    code, out, err = viform(
-        *STEP, "--set", "display.sink=serial:virtual", "--set", "duration=1.1 ms",
-        "--set", "scene.after=0.5", "--json", "--out", tmp_path / "run",
+    sets = [key for key in STEP[2:] if key != "--set"]
+    name, scenario = load(
+        "step", [*sets, "display.sink=serial:virtual", "duration=1.1 ms", "image.at=[22]"]
+    )
+    result, folder = run_scenario(
+        name, scenario, tmp_path / "run", device="numba", progress=SilentProgress(),
+        began=time.perf_counter(), report=lambda run: [],
     )  # fmt: skip
-    assert code == 0, err
-    document = json.loads(out)
-    metric = {name: each["value"] for name, each in document["metrics"].items()}
+    metric = {key: each.value for key, each in result.metrics.items()}
     found = [metric[n] for n in ("board_bits_wrong", "sink_crc_wrong", "sink_planes")]
     assert found == [0, 0, 44]
     assert 0 < metric["board_quantisation"] <= 0.5 / 255
-    assert document["error"]["value"] is None
-    assert "32 x 32 pixels, threshold 255 of its electrons" in err
-    assert (tmp_path / "run" / "report.html").exists()
-    stream = open_stream(tmp_path / "run")
+    assert (result.error.value, result.kept, result.left_out) == (None, [], [])
+    stream = open_stream(folder)
     assert (stream.shape, stream.cycles) == ((SIDE, SIDE), 44)
+    counts = count_spikes(stream, 0, 44)
+    before = scenario.scene.before
+    wanted = 0.6 * before * (np.arange(SIDE) * 8 // SIDE + 1) / 8  # white fires at 0.6 a cycle
+    np.testing.assert_array_equal(counts, np.broadcast_to(counts[0], counts.shape))
+    assert np.abs(counts[0] - 44 * wanted).max() <= 1 + 44 * 0.5 / 255
 
 
 @pytest.mark.parametrize(
@@ -84,7 +93,7 @@ def test_a_stream_that_the_sink_does_not_hold_is_refused(refused, tmp_path) -> N
         "run", "step", "--set", "sensor.chip=spikeone", "--set", "display.sink=serial:virtual",
         "--out", tmp_path / "run",
     )  # fmt: skip
-    assert "32" in said and "400" in said
+    assert "of 32 x 32 pixels, which the virtual board has, not of 400 x 250" in said
 
 
 @pytest.mark.parametrize("command", ["plan", "accuracy"])
@@ -100,8 +109,6 @@ def test_a_link_has_no_board_for_its_sensor(refused) -> None:
 
 @pytest.mark.slow
 def test_a_links_planes_come_back_bit_for_bit(viform, tmp_path) -> None:
-    import json
-
     sets = (
         "sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128", "link.size=1",
         "link.modem.cell=2", "link.modem.ticks=2", "link.modem.line=8b10b", "link.modem.parity=32",
