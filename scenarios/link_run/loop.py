@@ -68,7 +68,7 @@ def open_loop(scenario: LinkScenario) -> Iterator[Loop | None]:
     from rtl_model.stand_in import BoardDisplay, stand_in
 
     plane = panel.width // 32 * panel.height  # widths are multiples of 32
-    room = 1 << (4 * (plane + 3 * panel.height)).bit_length()
+    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual one
     virtual = Geometry(panel.height, panel.width, capture_words=room, sink_words=room)
     with stand_in(place, "link.loop", virtual) as board:
         if (board.info.rows, board.info.columns) != (panel.height, panel.width):

@@ -12,11 +12,15 @@ import pytest
 from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
 from cosim.viform import count_spikes
+from link.sending import Transmission
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
+from rtl_model.virtual import VirtualBoard
 from scenarios.board import BoardCamera
 from scenarios.commands.output import SilentProgress
+from scenarios.link_run.loop import open_loop
+from scenarios.link_run.prepare import ready_link
 from scenarios.loading import load
 from scenarios.readout import resized
 from scenarios.run import run_scenario
@@ -107,14 +111,45 @@ def test_a_link_has_no_board_for_its_sensor(refused) -> None:
     assert "sensor.source must be absent in a link" in said
 
 
+LINK = (
+    "sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128", "link.size=1",
+    "link.modem.cell=2", "link.modem.ticks=2", "link.modem.line=8b10b", "link.modem.parity=32",
+    "link.loop=serial:virtual",
+)  # fmt: skip
+
+
+class FourPlanes:
+    """The first planes of a transmission, as a whole one."""
+
+    planes = 4
+
+    def __init__(self, sent: Transmission) -> None:
+        self.words = sent.words
+
+
+def test_a_links_planes_come_back_bit_for_bit() -> None:
+    _, scenario = load("light-link", LINK)
+    sent = ready_link(scenario, "numba", SilentProgress()).sent
+    with open_loop(scenario) as loop:
+        assert loop is not None
+        loop.send(FourPlanes(sent), SilentProgress())  # type: ignore[arg-type]
+        metric = {name: each.value for name, each in loop.metrics().items()}
+        assert (metric, loop.fault) == ({"loop_planes": 4, "loop_bits_wrong": 0}, None)
+
+
+def test_a_board_of_another_size_does_not_hold_the_panel(refused, tmp_path) -> None:
+    with VirtualBoard(level="model") as board:
+        words = [word for key in LINK[:-1] for word in ("--set", key)]
+        said = refused(
+            "run", "light-link", *words, "--set", f"link.loop=serial:{board.port}",
+            "--out", tmp_path / "run",
+        )  # fmt: skip
+    assert "link.panel must be of 32 x 32 pixels" in said and "not of 128 x 128" in said
+
+
 @pytest.mark.slow
-def test_a_links_planes_come_back_bit_for_bit(viform, tmp_path) -> None:
-    sets = (
-        "sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128", "link.size=1",
-        "link.modem.cell=2", "link.modem.ticks=2", "link.modem.line=8b10b", "link.modem.parity=32",
-        "link.loop=serial:virtual",
-    )  # fmt: skip
-    words = [word for key in sets for word in ("--set", key)]
+def test_a_run_of_a_link_says_what_came_back(viform, tmp_path) -> None:
+    words = [word for key in LINK for word in ("--set", key)]
     code, out, err = viform("run", "light-link", *words, "--json", "--out", tmp_path / "run")
     assert code in (0, 1), err  # whether the file arrives is the air's affair
     metric = {name: each["value"] for name, each in json.loads(out)["metrics"].items()}
