@@ -23,6 +23,7 @@ from cosim.viform import words_for
 from display import GL_INSTALL, probe_gl
 from scenarios.bench_display import display_rows
 from scenarios.bench_link import link_rows
+from scenarios.bench_readout import readout_row
 from scenarios.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.effects import SHOT_NOISE
@@ -190,6 +191,7 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
         for name, light in _scenes(shape).items():
             for tier, call in _tiers(device, True).items():
                 row(name, tier, _rate(call, light, n, BLOCK))
+        rows.append(readout_row(device, ceiling))
     return rows
 
 

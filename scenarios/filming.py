@@ -101,9 +101,10 @@ def _film(
     stages: dict[str, Any] = {
         "scene": WiderStage(run.source, run.setting.reach),
         "lens": RelayStage(run.lens, chip.pitch),
-        "check": run.verifier,
+        **({} if run.verifier is None else {"check": run.verifier}),
         "sensor": run.camera,
         "recorder": recorder,
+        **({} if run.boards.panel is None else {"sink": run.boards.panel}),
     }
     if run.glass is not None:
         stages = run.glass.stages(stages)

@@ -142,7 +142,7 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
     section, sensor = scenario.link, scenario.sensor
     if sensor.readout != "synchronous":
         raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
-    for name in ("asynchronous", "continuous", "channel"):
+    for name in ("source", "asynchronous", "continuous", "channel"):
         if getattr(sensor, name) is not None:
             raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
     _refuse_lens(sensor.lens)

@@ -10,11 +10,13 @@ from cosim import InputError, seconds_to_ps
 from cosim.lens import Lens
 from cosim.opencl import Device, open_device
 from display import DisplaySetting
+from scenarios.board import BoardCamera, Boards, refuse_boards
 from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.glass import Glass, follow, make_glass, short_of
 from scenarios.loading import to_toml
 from scenarios.planning import Look, RunPlan, look, plan_run
+from scenarios.readout import resized
 from scenarios.result import viform_version
 from scenarios.scenes import Source, make_source
 from scenarios.schema import Scenario
@@ -67,7 +69,8 @@ def choose_device(wanted: str | None) -> Device | None:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A checked run: everything that can be refused has been."""
+    """A checked run: everything that can be refused has been. verifier: None where a board makes
+    the spikes, which are what they are."""
 
     name: str
     scenario: Scenario
@@ -79,17 +82,22 @@ class Prepared:
     source: Source
     device: Device | None
     plan: RunPlan
-    camera: SpikeCamera
-    verifier: Verifier
+    camera: SpikeCamera | BoardCamera
+    verifier: Verifier | None
     glass: Glass | None
     notes: list[str]
+    boards: Boards
 
 
 def prepare_camera(
-    scenario: Scenario, device: str | None
+    scenario: Scenario, device: str | None, size: tuple[int, int] | None = None
 ) -> tuple[CameraSetting, int, list[int], Lens, float, Device | None]:
-    """Setting, cycles, instants, lens, rate of white and device of a checked scenario."""
+    """Setting, cycles, instants, lens, rate of white and device of a checked scenario. size: rows
+    and columns of a board in the chip's place."""
+    refuse_boards(scenario)
     setting = camera_setting(scenario)
+    if size is not None:
+        setting = resized(setting, size[1], size[0])
     cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
     instants = _instants(scenario, cycles)
     lens = choose_lens(scenario, setting)
@@ -128,9 +136,12 @@ def look_through(
     return display_of(scenario, setting, white_rate, instants, cycles, pursuit[0]), pursuit
 
 
-def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
+def prepare(name: str, whole: Scenario, device: str | None, boards: Boards) -> Prepared:
     """Everything of the run, checked."""
-    setting, cycles, instants, lens, white_rate, opened = prepare_camera(scenario, device)
+    scenario = boards.simulated(whole)
+    setting, cycles, instants, lens, white_rate, opened = prepare_camera(
+        scenario, device, boards.size
+    )
     source = scene_source(scenario, setting, cycles)
     seen = look_at(scenario, setting, lens, cycles)
     notes = lens_notes(scenario, lens, white_rate)
@@ -142,16 +153,22 @@ def prepare(name: str, scenario: Scenario, device: str | None) -> Prepared:
         glass = make_glass(
             scenario, setting, cycles, instants, plan.display, pursuit, source.points()
         )
+    camera, verifier = _planned(plan, setting, scenario, opened, boards, cycles)
+    notes += boards.notes(camera)
     return Prepared(
-        name, scenario, setting, cycles, instants, lens, white_rate, source, opened, plan,
-        *_planned(plan, setting, scenario, opened), glass, notes,
+        name, whole, setting, cycles, instants, lens, white_rate, source, opened, plan, camera,
+        verifier, glass, notes, boards,
     )  # fmt: skip
 
 
 def _planned(
-    plan: RunPlan, setting: CameraSetting, scenario: Scenario, device: Device | None
-) -> tuple[SpikeCamera, Verifier]:
+    plan: RunPlan, setting: CameraSetting, scenario: Scenario, device: Device | None,
+    boards: Boards, cycles: int,
+) -> tuple[SpikeCamera | BoardCamera, Verifier | None]:  # fmt: skip
     """The camera as planned and the stage that checks it."""
+    made = boards.camera(setting, plan.look.scene, cycles)
+    if made is not None:
+        return made, None
     camera = SpikeCamera(plan.setting, device, tier=plan.tier, flags=plan.flags)
     return camera, plan.verifier(setting, scenario.seed, device)
 
@@ -164,7 +181,7 @@ def again(run: Prepared, forced: list[str]) -> Prepared:
         forced=[name for name in forced if name != ARITHMETIC],
         tier="exact" if ARITHMETIC in forced else None, display=run.plan.full_display,
     )  # fmt: skip
-    camera, verifier = _planned(plan, setting, scenario, run.device)
+    camera, verifier = _planned(plan, setting, scenario, run.device, run.boards, run.cycles)
     source = scene_source(scenario, setting, run.cycles)
     glass = run.glass
     if glass is not None and plan.display is not None:

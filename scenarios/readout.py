@@ -37,6 +37,11 @@ _SECTIONS = {
 def refuse_leftovers(scenario: Scenario) -> None:
     """Raises InputError where a chip is given what only one of another readout has."""
     has = scenario.sensor.readout
+    if scenario.sensor.source is not None and has != "synchronous":
+        raise InputError(
+            "sensor.source", "absent unless sensor.readout = synchronous", f"given with {has}",
+            "leave it out: the board latches its spikes by a clock",
+        )  # fmt: skip
     if scenario.display is not None and has != "synchronous":
         raise InputError(
             "display", "absent unless sensor.readout = synchronous", f"given with {has}",

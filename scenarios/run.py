@@ -12,6 +12,7 @@ from pathlib import Path
 from cosim import Interrupted
 from cosim.files import ZarrStream
 from cosim.lens import Lens
+from scenarios.board import NO_ERROR, open_boards
 from scenarios.checked import full_physics_s, left_out, too_far
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 from scenarios.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised, mend
@@ -20,7 +21,7 @@ from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.planning import RunPlan
 from scenarios.prepare import Prepared, prepare
 from scenarios.progress import Progress
-from scenarios.result import Latency, Metric, Result, Throughput, write_result
+from scenarios.result import Error, Latency, Metric, Result, Throughput, write_result
 from scenarios.scenes import Source
 from scenarios.schema import Scenario
 from scenarios.stream_size import Sizes, measure_sizes, size_metrics
@@ -113,8 +114,8 @@ def _result(
         simulated_s=run.cycles / run.setting.clock.hz,
         tolerance=run.scenario.tolerance,
         renderer=None if run.glass is None else run.glass.shown.renderer.name,
-        error=run.verifier.told(),
-        kept=list(run.plan.plan.everywhere),
+        error=Error(None, NO_ERROR, None) if run.verifier is None else run.verifier.told(),
+        kept=[] if run.verifier is None else list(run.plan.plan.everywhere),
         left_out=left_out(run.plan, run.verifier),
         metrics={
             **made.metrics,
@@ -123,6 +124,7 @@ def _result(
             "camera": Metric(seconds["sensor"] if throughput else None, "s"),
             "full_physics": Metric(full, "s"),
             **({} if made.sizes is None else size_metrics(made.sizes)),
+            **run.boards.metrics(run.camera),
         },
         latency=made.latency,
         throughput=throughput,
@@ -148,42 +150,47 @@ def run_scenario(
     Raises InputError for input that cannot be used (nothing has been written then), Interrupted.
     """
     place = output_folder(name, out, resume)
-    run = prepare(name, scenario, device)
-    pixels = run.camera.shape[0] * run.camera.shape[1]
-    try:
-        check_room(place, run.cycles * pixels)
-        with claimed(name, out, resume) as folder:
-            run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
-            try:
-                progress.start("images and report", 2)
-                stream = ZarrStream(folder / STREAM)
-                made = (
-                    _make_images(run, stream, folder, seconds) if run.glass is None
-                    else _make_views(run, folder, seconds)
-                )  # fmt: skip
-                result = _result(run, made, seconds, throughput)
-                progress.advance(1)
-                short = too_far(run.plan, run.verifier)
-                if short:
-                    result.outcome = "degraded"
-                for note in [*run.source.degraded, *short]:
-                    progress.note(note)
-                told = [f.told for f in put_back]
-                result.files += report(Finished(
-                    result, scenario, folder, run.source, run.setting, run.plan, put_back,
-                    run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes,
-                    made.shown, seconds, began,
-                    [*run.notes, *run.source.notes, *told, *run.source.degraded, *short],
-                ))  # fmt: skip
-                result.files.append("result.json")
-                progress.advance(2)
-                result.run_time_s = time.perf_counter() - began
-                write_result(folder, result)
-                for name_of in (CHECKPOINT, PUT_BACK):
-                    (folder / name_of).unlink(missing_ok=True)
-            except KeyboardInterrupt:
-                raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
-    finally:
-        if run.glass is not None:
-            run.glass.close()
+    with open_boards(scenario, resume) as boards:
+        run = prepare(name, scenario, device, boards)
+        pixels = run.camera.shape[0] * run.camera.shape[1]
+        try:
+            check_room(place, run.cycles * pixels)
+            with claimed(name, out, resume) as folder:
+                run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
+                try:
+                    progress.start("images and report", 2)
+                    stream = ZarrStream(folder / STREAM)
+                    made = (
+                        _make_images(run, stream, folder, seconds) if run.glass is None
+                        else _make_views(run, folder, seconds)
+                    )  # fmt: skip
+                    result = _result(run, made, seconds, throughput)
+                    progress.advance(1)
+                    short = too_far(run.plan, run.verifier)
+                    if short:
+                        result.outcome = "degraded"
+                    faults = run.boards.faults(run.camera)
+                    if faults:
+                        result.outcome = "failed"
+                    for note in [*run.source.degraded, *short, *faults]:
+                        progress.note(note)
+                    told = [f.told for f in put_back]
+                    result.files += report(Finished(
+                        result, scenario, folder, run.source, run.setting, run.plan, put_back,
+                        run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes,
+                        made.shown, seconds, began,
+                        [*run.notes, *run.source.notes, *told, *run.source.degraded, *short,
+                         *faults],
+                    ))  # fmt: skip
+                    result.files.append("result.json")
+                    progress.advance(2)
+                    result.run_time_s = time.perf_counter() - began
+                    write_result(folder, result)
+                    for name_of in (CHECKPOINT, PUT_BACK):
+                        (folder / name_of).unlink(missing_ok=True)
+                except KeyboardInterrupt:
+                    raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
+        finally:
+            if run.glass is not None:
+                run.glass.close()
     return result, folder

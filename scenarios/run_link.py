@@ -16,6 +16,7 @@ from scenarios.folder import check_room, claimed, output_folder
 from scenarios.link_run.film import film_link
 from scenarios.link_run.finished import LinkRun
 from scenarios.link_run.judge import judge_link
+from scenarios.link_run.loop import open_loop
 from scenarios.link_run.prepare import PreparedLink, prepare_link
 from scenarios.link_run.receive import receive_stream
 from scenarios.progress import Progress
@@ -82,28 +83,38 @@ def run_link(
     Raises InputError for input that cannot be used (nothing has been written then), Interrupted.
     """
     place = output_folder(name, out, resume)
-    run = prepare_link(name, scenario, device, progress)
-    chip = run.setting.camera.chip
-    check_room(place, run.cycles * chip.width * chip.height)
-    with claimed(name, out, resume) as folder:
-        filmed, throughput = film_link(run, folder, resume, progress)
-        seconds = run.seconds | filmed
-        try:
-            stream = ZarrStream(folder / STREAM)
-            received = receive_stream(run, stream, seconds, progress)
-            verdict, delivered = _verdict(run, received)
-            finished = judge_link(
-                run, folder, stream, received, verdict, delivered, seconds, throughput, began
-            )
-            result = finished.result
-            result.files += _hand_out(folder, run, delivered, finished.verdict_document())
-            for note in finished.notes[len(run.notes) :]:
-                progress.note(note)
-            result.files += report(finished)
-            result.files.append("result.json")
-            result.run_time_s = time.perf_counter() - began
-            write_result(folder, result)
-            (folder / CHECKPOINT).unlink(missing_ok=True)
-        except KeyboardInterrupt:
-            raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
+    with open_loop(scenario) as loop:
+        run = prepare_link(name, scenario, device, progress)
+        chip = run.setting.camera.chip
+        check_room(place, run.cycles * chip.width * chip.height)
+        with claimed(name, out, resume) as folder:
+            if loop is not None:
+                begin = time.perf_counter()
+                loop.send(run.sent, progress)
+                run.seconds["loop"] = time.perf_counter() - begin
+            filmed, throughput = film_link(run, folder, resume, progress)
+            seconds = run.seconds | filmed
+            try:
+                stream = ZarrStream(folder / STREAM)
+                received = receive_stream(run, stream, seconds, progress)
+                verdict, delivered = _verdict(run, received)
+                finished = judge_link(
+                    run, folder, stream, received, verdict, delivered, seconds, throughput, began
+                )
+                result = finished.result
+                if loop is not None:
+                    result.metrics |= loop.metrics()
+                    if loop.fault is not None:
+                        result.outcome = "failed"
+                        finished.notes.append(loop.fault)
+                result.files += _hand_out(folder, run, delivered, finished.verdict_document())
+                for note in finished.notes[len(run.notes) :]:
+                    progress.note(note)
+                result.files += report(finished)
+                result.files.append("result.json")
+                result.run_time_s = time.perf_counter() - began
+                write_result(folder, result)
+                (folder / CHECKPOINT).unlink(missing_ok=True)
+            except KeyboardInterrupt:
+                raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
     return result, folder

@@ -17,7 +17,7 @@ from cosim import InputError
 from rtl_model.host.board import Board, BoardInfo
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = ["SETTINGS", "Captured", "burst"]
+__all__ = ["SETTINGS", "Captured", "burst", "drain"]
 
 SETTINGS = (
     "sensor_threshold",
@@ -84,6 +84,18 @@ def burst(board: Board, frames: int, *, clear: bool = False, allow_loss: bool = 
     finally:
         if not ran:
             board.write("sensor_run", 0)
+    return _drained(board, rows, frames, settings)
+
+
+def drain(board: Board, frames: int) -> Captured:
+    """Returns a burst of `frames` frames that is over and stands whole in the board's memory, for
+    those who arm it and run the sensor themselves. LineFault where it cannot be had verified."""
+    info = board.info()
+    settings = {name: board.read_twice(name) for name in SETTINGS}
+    return _drained(board, _Rows(info, settings), frames, settings)
+
+
+def _drained(board: Board, rows: _Rows, frames: int, settings: dict[str, int]) -> Captured:
     begun = board.bone.port.now()
     stored, lost = board.read_twice("capture_rows"), board.read_twice("capture_lost")
     if stored + lost != frames * rows.count:

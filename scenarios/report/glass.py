@@ -244,6 +244,7 @@ def write_glass_report(run: Finished) -> list[str]:
     page += [run_time(run.result, run.seconds), _again(run)]
     write_page(run.folder, run.scenario.title, "".join(page))
     return [
-        "figures/overview.png", "figures/waves.png", "figures/latency.png", "figures/plan.png",
+        "figures/overview.png", "figures/waves.png", "figures/latency.png",
+        *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
         "glass.mp4", "report.html",
     ]  # fmt: skip

@@ -159,7 +159,13 @@ def _map(run: Finished, path: Path) -> list[list[str]]:
 
 
 def kept(run: Finished) -> str:
-    """The section; writes figures/plan.png."""
+    """The section; writes figures/plan.png, but where a board made the spikes."""
+    if run.scenario.sensor.source is not None:
+        return (
+            "<h2>What was kept and what was left out</h2><p>Nothing was planned: a board made the "
+            "spikes. Its electrons in a tick are whole numbers up to 255, and it has no shot noise "
+            "and none of the faults of simulated pixels.</p>"
+        )
     path = run.folder / "figures" / "plan.png"
     legend = _map(run, path)
     head = [

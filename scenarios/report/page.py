@@ -226,9 +226,12 @@ def _again(run: Finished) -> str:
         f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png",
         f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
     ]
+    where = "from the same board"
+    if run.scenario.sensor.source is None:
+        where = _WHERE[run.plan.tier]
     return (
         "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, "
-        "the second the whole run: the same bits " + _WHERE[run.plan.tier] + ".</p>"
+        "the second the whole run: the same bits " + where + ".</p>"
         f"<pre>{html.escape(chr(10).join(lines))}</pre>"
         f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
     )
@@ -298,7 +301,7 @@ def write_page_report(run: Finished) -> list[str]:
         "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
-        "figures/plan.png",
+        *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
         "playback.mp4",
         "report.html",
     ]

@@ -25,6 +25,11 @@ Size = Annotated[int, Field(ge=1, le=8192)]
 class DisplaySection(Section):
     """A spike-continuous panel, the panels beside it, and their observer."""
 
+    sink: str | None = Field(
+        default=None,
+        description="serial:PORT or serial:PORT,BAUD: a board shows the planes, and no light is "
+        "rendered; PORT as in sensor.source",
+    )
     drive: Literal[DRIVES] = Field(  # type: ignore[valid-type]
         default="causal", description="how a pixel makes light of its spikes"
     )

@@ -140,6 +140,11 @@ class LinkSection(Section):
         default=4_000_000, description="of the random bytes"
     )
     distance: Metres = Field(default=2e6, description="from the panel to the lens")
+    loop: str | None = Field(
+        default=None,
+        description="serial:PORT or serial:PORT,BAUD: the panel's planes go through a board's "
+        "display and must come back bit for bit; PORT as in sensor.source",
+    )
     panel: PanelSection = PanelSection()
     aim: AimSection = AimSection()
     air: AirSection = AirSection()

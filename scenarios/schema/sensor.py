@@ -74,6 +74,11 @@ class SensorSection(Section):
     preset: Literal["ideal", "silicon"] = Field(
         default="ideal", description="silicon: every fault absent here gets the size assumed for it"
     )
+    source: str | None = Field(
+        default=None,
+        description="serial:PORT or serial:PORT,BAUD: a board makes the spikes, PORT a device, a "
+        "URL of pyserial or virtual; simulated when absent",
+    )
     readout: Literal["synchronous", "asynchronous", "continuous"] = Field(
         default="synchronous",
         description="spikes latched by the clock, spikes as pixels are full, or absolute "

@@ -1,0 +1,59 @@
+"""Which rows are read and which columns of them may fire."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from cosim.files.raw_layout import HALF, RAW_SIZE, TABLE, Table, markers
+
+__all__ = ["Window"]
+
+
+class Window(NamedTuple):
+    """(first, last) row and column, both inclusive, as the board's registers have them.
+
+    Rows outside are not read: their blocks are absent from the output, and the scan is shorter.
+    Columns outside read 0 in blocks that are whole all the same: a row is read at once.
+    """
+
+    rows: tuple[int, int] = (0, RAW_SIZE[1] - 1)
+    columns: tuple[int, int] = (0, RAW_SIZE[0] - 1)
+
+    def checked(self) -> Window:
+        """The same; InputError unless it lies on the chip and holds a pixel."""
+        for name, (first, last), size in (
+            ("rows", self.rows, RAW_SIZE[1]),
+            ("columns", self.columns, RAW_SIZE[0]),
+        ):
+            if not 0 <= first <= last < size:
+                raise InputError(
+                    f"the window's {name}", f"first to last within 0 to {size - 1}",
+                    f"{first} to {last}", "give others",
+                )  # fmt: skip
+        return self
+
+    @property
+    def read(self) -> npt.NDArray[np.intp]:
+        """Blocks of a whole frame that are read, in the order in which they leave the chip."""
+        return np.flatnonzero((TABLE.row >= self.rows[0]) & (TABLE.row <= self.rows[1]))
+
+    @property
+    def places(self) -> npt.NDArray[np.uint32]:
+        """Half row of the chip, 2 row + half, that each block read is: (blocks,) uint32."""
+        return (TABLE.row * 2 + TABLE.half)[self.read].astype(np.uint32)
+
+    @property
+    def markers(self) -> npt.NDArray[np.uint16]:
+        """Marker of each block read, in the block's last 16 bits: (blocks,) uint16."""
+        return markers(Table(*(column[self.read] for column in TABLE)))
+
+    @property
+    def open(self) -> npt.NDArray[np.bool_]:
+        """Columns that may fire, half by half: (2, pixels of a block) bool."""
+        column = np.arange(RAW_SIZE[0])
+        inside = (column >= self.columns[0]) & (column <= self.columns[1])
+        return inside.reshape(2, HALF)

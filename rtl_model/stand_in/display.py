@@ -1,0 +1,115 @@
+"""The board in the display's place: planes go to its sink, are shown tick by tick, and what was
+shown is held against its CRC-32; where asked, it is captured as well and comes back."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from rtl_model.host import Cause, LineFault, capture
+from rtl_model.stand_in.place import StandIn
+from rtl_model.stand_in.stepping import Stepper
+
+__all__ = ["BoardDisplay", "Shown"]
+
+_DONE: Final = 4
+_RUNNING: Final = 1
+_POLLS: Final = 200
+
+Planes = npt.NDArray[np.bool_]
+
+
+class Shown(NamedTuple):
+    """What became of planes. wrong_crc: whether the CRC-32 of what was shown is another.
+    wrong_bits: bits that came back otherwise, 0 where none were asked back."""
+
+    planes: int
+    wrong_crc: bool
+    wrong_bits: int
+
+
+class BoardDisplay:
+    """An open board, its sink emptied. back: whether planes are captured as they are shown.
+    InputError where its memories do not hold a plane.
+
+    bytes: of planes sent so far.
+    """
+
+    def __init__(self, place: StandIn, *, back: bool = False) -> None:
+        self._board, self._info, self._back = place.board, place.info, back
+        info = place.info
+        self._wide = -(-info.columns // info.lanes) * info.lanes
+        words = self._wide // 32 * info.rows
+        record = words + 3 * info.rows
+        sizes = [("sink", "SINK_WORDS", info.sink_words, words)]
+        if back:
+            sizes.append(("capture", "CAPTURE_WORDS", info.capture_words, record))
+        for what, parameter, size, need in sizes:
+            if size < need:
+                raise InputError(
+                    place.name, f"one whose {what} memory holds a plane, {need} words",
+                    f"one of {size} words", f"build it with a larger {parameter}",
+                )  # fmt: skip
+        self.burst = min(size // need for _, _, size, need in sizes)
+        self.bytes = self._crc = 0
+        self._stepper = Stepper(self._board, info)
+        self._board.write("capture_source", int(back))
+        self._stepper.restart()
+        self._board.write("sink_clear", 1)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of a plane."""
+        return self._info.rows, self._info.columns
+
+    def show(self, planes: Planes) -> Shown:
+        """Shows (n, rows, columns) planes, one a tick. LineFault where the sink ran dry, had no
+        room, or did not show them all."""
+        wrong_crc, wrong_bits = False, 0
+        for first in range(0, len(planes), self.burst):
+            part = planes[first : first + self.burst]
+            crc, bits = self._show(part)
+            wrong_crc |= crc
+            wrong_bits += bits
+        return Shown(len(planes), wrong_crc, wrong_bits)
+
+    def _show(self, planes: Planes) -> tuple[bool, int]:
+        board, count = self._board, len(planes)
+        padded = np.zeros((count, self._info.rows, self._wide), bool)
+        padded[..., : self._info.columns] = planes
+        words = np.packbits(padded, axis=2, bitorder="little").view("<u4").ravel()
+        if self._back:
+            board.write("capture_arm", count)
+        rows = board.read_twice("sink_rows")
+        address, size = board.csr.register("sink_data").address, board.bone.words_at_once
+        for n in range(0, len(words), size):
+            board.verified_write(address, words[n : n + size].tolist(), fixed=True)
+        board.write("sink_run", count)
+        self._stepper.step(count)
+        self._wait("sink_state", _RUNNING, 0)
+        wrong = [name for name in ("underruns", "lost") if board.read_twice(f"sink_{name}")]
+        shown = board.read_twice("sink_rows") - rows & 0xFFFFFFFF
+        if wrong or shown != count * self._info.rows:
+            raise LineFault(
+                Cause.LATE,
+                f"the sink showed {shown} of {count * self._info.rows} rows"
+                + "".join(f", words counted in sink_{name}" for name in wrong),
+            )
+        self.bytes += 4 * len(words)
+        self._crc = zlib.crc32(words.astype(">u4").tobytes(), self._crc)
+        held = board.read_twice("sink_crc")
+        if not self._back:
+            return held != self._crc, 0
+        self._wait("capture_state", _DONE, _DONE)
+        back = capture.drain(board, count)
+        return held != self._crc, int((back.planes != planes).sum())
+
+    def _wait(self, name: str, mask: int, value: int) -> None:
+        for _ in range(_POLLS):
+            if self._board.read_twice(name) & mask == value:
+                return
+        raise LineFault(Cause.LATE, f"{name} does not say that the planes are over")

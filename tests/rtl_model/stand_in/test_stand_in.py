@@ -1,0 +1,176 @@
+"""A board in the sensor's and in the display's place, over the cycle model behind a port of its
+own: on a line without duration, and on one that takes its time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim import InputError
+from rtl_model.cycle import Bridge, Settings, planes
+from rtl_model.geometry import Geometry
+from rtl_model.host import Board, LineFault, Uartbone
+from rtl_model.stand_in import (
+    BoardDisplay,
+    BoardSensor,
+    StandIn,
+    level_for,
+    parse_place,
+    steps_of,
+)
+
+SMALL = Geometry(rows=5, columns=40, capture_words=128, sink_words=64, baud=3_000_000)
+
+
+class BridgePort:
+    """The cycle model of a board as a port: bytes at their clocks, and no waiting.
+
+    falter: clocks by which the line stands still once, in the middle of the write after next.
+    """
+
+    name, baud = "the model", 3_000_000
+
+    def __init__(self, geometry: Geometry, byte_clocks: int | None) -> None:
+        self.bridge = Bridge(geometry, byte_clocks=byte_clocks)
+        self.clock, self.hz, self._answer = 0, geometry.clock_hz, b""
+        self.falter = 0
+
+    def write(self, data: bytes, deadline_s: float = 0.0) -> None:
+        cut = 12 if self.falter and data[0] == 3 else len(data)
+        for part in (data[:cut], data[cut:]):
+            reply = self.bridge.feed(part, self.clock)
+            self.clock += len(part) * self.bridge.byte_clocks
+            self.clock = max([self.clock, self.bridge.system.clock, *reply.clocks]) + 1
+            self._answer += reply.data
+            if cut < len(data):
+                self.clock += self.falter
+
+    def read(self, wanted: int, deadline_s: float) -> bytes:
+        got, self._answer = self._answer[:wanted], self._answer[wanted:]
+        if len(got) < wanted:
+            self.clock += round(deadline_s * self.hz)
+            self.bridge.wait(self.clock)
+        return got
+
+    def drain(self) -> bytes:
+        got, self._answer = self._answer, b""
+        return got
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+
+    def now(self) -> float:
+        return self.clock / self.hz
+
+    def close(self) -> None:
+        return
+
+
+def place(geometry: Geometry = SMALL, byte_clocks: int | None = 1) -> StandIn:
+    board = Board(Uartbone(BridgePort(geometry, byte_clocks)))
+    return StandIn(board, board.info(), "the model", 3_000_000)
+
+
+@pytest.mark.parametrize("byte_clocks", [1, None])
+@pytest.mark.parametrize("reset", ["residual", "hard", "subtract"])
+def test_bursts_join_without_a_missing_frame(byte_clocks: int | None, reset: str) -> None:
+    """23 ticks in bursts of 5, then other light: the planes of one unbroken run, whatever the line.
+    The truth is plain numpy's."""
+    rng = np.random.default_rng(3)
+    steps = rng.integers(0, 256, (2, 5, 40)).astype(np.uint8)
+    sensor = BoardSensor(place(byte_clocks=byte_clocks), 1, reset, 30)
+    assert sensor.burst == 128 // (5 * 5)
+    taken = np.concatenate([sensor.expose(steps[0], 23), sensor.expose(steps[1], 7)])
+    charge = np.zeros((5, 40), np.int64)
+    rule = ("residual", "hard", "subtract").index(reset)
+    settings = Settings(threshold=1, reset_rule=rule)
+    truth = [
+        planes(SMALL, settings, light, n, charge) for light, n in zip(steps, (23, 7), strict=True)
+    ]
+    np.testing.assert_array_equal(taken, np.concatenate(truth))
+    assert (sensor.wrong_bits, sensor.uploads) == (0, 2)
+    assert sensor.bytes == 30 * 5 * 5 * 4
+
+
+def test_a_pixels_rate_is_its_step_over_the_threshold() -> None:
+    """Closed form: with the residual carried, n ticks of e electrons bring floor(n e / Q)."""
+    steps = np.arange(200, dtype=np.uint8).reshape(5, 40)
+    sensor = BoardSensor(place(), 0, "residual", 60)
+    counts = sensor.expose(steps, 60).sum(axis=0)
+    np.testing.assert_array_equal(counts, 60 * steps.astype(int) // 255)
+
+
+def test_a_line_that_stands_still_within_a_pulse_is_told() -> None:
+    """The pulse then lasts more than a tick and makes frames that no one asked for."""
+    board = place()
+    sensor = BoardSensor(board, 0, "residual", 10)
+    port = board.board.bone.port
+    assert isinstance(port, BridgePort)
+    port.falter = 2000
+    with pytest.raises(LineFault, match=r"made \d+ frames of 1 pulses: the line stood still"):
+        sensor.expose(np.zeros((5, 40), np.uint8), 3)
+
+
+def test_wrong_bits_are_counted() -> None:
+    """A pixel whose electrons change behind the host's back, in 2 of its 6 ticks."""
+    board = place()
+    sensor = BoardSensor(board, 0, "residual", 10)
+    steps = np.full((5, 40), 254, np.uint8)
+    assert sensor.expose(steps, 2).sum() == 5 * 40
+    board.board.bone.write(board.board.csr.base("pattern_mem"), 0xFEFEFE00)
+    board.board.forget_counters()
+    sensor.expose(steps, 2)
+    assert sensor.wrong_bits == 2
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.06, 0.3, 0.5, 0.9, 1.0, 3.0])
+def test_the_step_is_within_half_an_electron(rate: float) -> None:
+    level = level_for(rate)
+    q = 255 + 256 * level
+    wanted = np.linspace(0, rate, 1001)
+    steps, error = steps_of(wanted, level)
+    np.testing.assert_allclose(steps / q - np.minimum(wanted, 1), error, atol=1e-15)
+    assert np.abs(error).max() <= 0.5 / q + 1e-15
+    # The next finer threshold would not hold the brightest.
+    assert level == 15 or rate > 1 or rate * (q + 256) > 255
+
+
+@pytest.mark.parametrize("byte_clocks", [1, None])
+def test_planes_are_shown_and_come_back(byte_clocks: int | None) -> None:
+    shown = np.random.default_rng(5).random((11, 5, 40)) < 0.3
+    display = BoardDisplay(place(byte_clocks=byte_clocks), back=True)
+    assert display.burst == 5  # of capture; the sink holds 6
+    assert display.show(shown) == (11, False, 0)
+    assert display.show(~shown[:4]) == (4, False, 0)  # the CRC goes on
+    assert display.bytes == 15 * 5 * 2 * 4
+
+
+def test_a_sink_that_shows_something_else_is_found() -> None:
+    """Another plane's word, pushed before ours: every word is shown a place late."""
+    board = place()
+    display = BoardDisplay(board)
+    board.board.write("sink_data", 0)
+    counted = display.show(np.ones((1, 5, 40), bool))
+    assert counted.wrong_crc
+
+
+def test_memories_too_small_for_a_frame_are_refused() -> None:
+    with pytest.raises(InputError, match="holds a frame, 25 words, not one of 16 words"):
+        BoardSensor(place(SMALL._replace(capture_words=16)), 0, "hard", 1)
+    with pytest.raises(InputError, match="sink memory holds a plane, 10 words, not one of 8"):
+        BoardDisplay(place(SMALL._replace(sink_words=8)))
+    with pytest.raises(InputError, match="capture memory holds a plane, 25 words, not one of 16"):
+        BoardDisplay(place(SMALL._replace(capture_words=16)), back=True)
+    with pytest.raises(InputError, match="duration must be at most 1048576 cycles"):
+        BoardSensor(place(), 0, "hard", (1 << 20) + 1)
+
+
+def test_a_place_is_a_port_and_perhaps_a_baud() -> None:
+    assert parse_place("serial:/dev/ttyUSB0", "k") == ("/dev/ttyUSB0", 115_200)
+    assert parse_place("serial:socket://10.0.0.7:1234,3000000", "k") == (
+        "socket://10.0.0.7:1234",
+        3_000_000,
+    )
+    for wrong in ("", "serial:", "usb:/dev/x", "serial:x,", "serial:x,0", "serial:x,fast"):
+        with pytest.raises(InputError, match="k must be serial:PORT"):
+            parse_place(wrong, "k")
