@@ -1,0 +1,110 @@
+"""What a build costs in an FPGA: yosys reads the Verilog and counts the cells of a family.
+
+Only mapped cells are counted: nothing is placed or timed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from cosim import InputError
+from rtl_model.geometry import Geometry
+
+__all__ = ["VERILOG", "Cells", "Family", "parameters", "synthesise"]
+
+VERILOG = Path(__file__).parent / "verilog"
+Family = Literal["ice40", "ecp5", "xc7"]
+
+# Passes of yosys, and cells by kind: names begin with one of the prefixes. A CARRY4 holds four bits
+# of a carry chain, a CCU2C two (and two LUTs), an SB_CARRY one; they are counted as cells.
+SCRIPTS: dict[Family, str] = {
+    "ice40": "synth_ice40",
+    "ecp5": "synth_ecp5",
+    "xc7": "synth_xilinx -family xc7 -flatten",
+}
+KINDS: dict[str, tuple[str, ...]] = {
+    "luts": ("SB_LUT", "LUT"),
+    "flip_flops": ("SB_DFF", "TRELLIS_FF", "FDRE", "FDSE", "FDCE", "FDPE"),
+    "block_rams": ("SB_RAM", "DP16KD", "RAMB"),
+    "distributed_rams": ("TRELLIS_DPR16X4", "RAM16", "RAM32", "RAM64", "RAM128", "RAM256"),
+    "carries": ("SB_CARRY", "CCU2C", "CARRY4"),
+}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one build in one family."""
+
+    family: Family
+    luts: int
+    flip_flops: int
+    block_rams: int
+    distributed_rams: int
+    carries: int
+
+
+def parameters(geometry: Geometry) -> dict[str, int]:
+    """Returns the Verilog parameters of a build, but for BUILD."""
+    return {
+        "ROWS": geometry.rows,
+        "COLUMNS": geometry.columns,
+        "LANES": geometry.lanes,
+        "CLOCK_HZ": geometry.clock_hz,
+        "BIT_CLOCKS": geometry.bit_clocks,
+        "CAPTURE_WORDS": geometry.capture_words,
+        "SINK_WORDS": geometry.sink_words,
+    }
+
+
+def synthesise(
+    family: Family,
+    geometry: Geometry | None = None,
+    *,
+    top: str = "viform_board",
+    settings: dict[str, int] | None = None,
+    timeout_s: float = 900.0,
+) -> Cells:
+    """Returns the cells of module `top` in `family`. `settings` are its Verilog parameters; without
+    them they are those of `geometry` (the 32 x 32 build).
+
+    Fails with InputError where yosys is missing or refuses the sources.
+    """
+    yosys = shutil.which("yosys")
+    if yosys is None:
+        raise InputError("yosys", "be installed", "no such program", "apt-get install yosys")
+    if settings is None:
+        settings = parameters(geometry or Geometry())
+    chosen = "".join(f" -set {name} {value}" for name, value in settings.items())
+    with tempfile.TemporaryDirectory() as folder:
+        statistics = Path(folder) / "statistics.json"
+        sources = " ".join(path.name for path in sorted(VERILOG.glob("*.v")))
+        script = [f"read_verilog -I. {sources}"]
+        if chosen:
+            script.append(f"chparam{chosen} {top}")
+        script += [f"{SCRIPTS[family]} -top {top}", f"tee -q -o {statistics} stat -json"]
+        done = subprocess.run(
+            [yosys, "-q", "-p", "; ".join(script)],
+            cwd=VERILOG,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+        )
+        said = done.stdout + done.stderr
+        if done.returncode or "Warning" in said:
+            line = next((line for line in said.splitlines() if line), "nothing")
+            raise InputError("the Verilog", "be accepted by yosys", line, "see rtl_model/verilog")
+        text = statistics.read_text(encoding="utf-8")
+    # yosys 0.23 prints a line of its own before the document.
+    found = json.loads(text[text.index("{") :])["design"]["num_cells_by_type"]
+    counts = {
+        kind: sum(count for name, count in found.items() if name.startswith(prefixes))
+        for kind, prefixes in KINDS.items()
+    }
+    return Cells(family=family, **counts)

@@ -1,0 +1,100 @@
+// Four pixels of each tile: their electrons a tick (a 32-bit word of the pattern memory), their
+// charges, and the arithmetic of a tick. `read` fetches both; a clock later `compute` updates them.
+module viform_pixels #(
+    parameter [31:0] DEPTH = 32,
+    parameter [31:0] ADDRESS_BITS = 5,
+    parameter [31:0] FIRST_LANE = 0
+) (
+    input wire clk,
+    input wire pattern_write,
+    input wire [ADDRESS_BITS-1:0] pattern_address,
+    input wire [31:0] pattern_data,
+    input wire read,
+    input wire [ADDRESS_BITS-1:0] read_address,
+    input wire compute,
+    input wire [ADDRESS_BITS-1:0] address,
+    input wire [3:0] live,       // inside the window; the others are held in reset
+    input wire fresh,            // all charges are taken as 0
+    input wire double,           // 20 kHz: a tick collects twice
+    input wire [3:0] level,      // of the threshold
+    input wire [1:0] rule,
+    input wire [1:0] pattern,
+    input wire [7:0] constant,
+    input wire [7:0] ramp,       // of lane 0
+    input wire odd,              // row ^ frame, least significant bit
+    output reg [3:0] bits
+);
+    wire [31:0] electrons;
+    wire [47:0] charge;
+    wire [51:0] next;
+    wire [47:0] rest = {next[50:39], next[37:26], next[24:13], next[11:0]};
+    wire [3:0] fired = {next[51], next[38], next[25], next[12]};
+
+    viform_ram #(
+        .DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS), .COLLIDES(1)
+    ) pattern_memory (
+        .clk(clk), .write(pattern_write), .write_address(pattern_address),
+        .write_data(pattern_data), .read(read), .read_address(read_address),
+        .read_data(electrons)
+    );
+    viform_ram #(.DEPTH(DEPTH), .WIDTH(48), .ADDRESS_BITS(ADDRESS_BITS)) charge_memory (
+        .clk(clk), .write(compute), .write_address(address), .write_data(rest),
+        .read(read), .read_address(read_address), .read_data(charge)
+    );
+
+    // One tick of one pixel: {fired, rest}.
+    function [12:0] tick;
+        input is_live;
+        input is_fresh;
+        input is_double;
+        input [11:0] held;
+        input [7:0] collected;
+        input [3:0] k;
+        input [1:0] reset_rule;
+        reg [12:0] sum;
+        reg [13:0] once;
+        reg [13:0] twice;
+        reg [12:0] left;
+        begin
+            sum = (is_fresh ? 13'd0 : {1'b0, held})
+                + (is_double ? {4'd0, collected, 1'b0} : {5'd0, collected});
+            once = {1'b0, sum} - {2'b00, k, 8'hFF};
+            twice = {1'b0, sum} - {1'b0, k, 8'hFF, 1'b0};
+            left = reset_rule == 2'd2 || twice[13] ? once[12:0] : twice[12:0];
+            if (!is_live) tick = 13'd0;
+            else if (once[13]) tick = {1'b0, sum[11:0]};
+            else if (reset_rule == 2'd1) tick = {1'b1, 12'd0};
+            else tick = {1'b1, left[12] ? 12'hFFF : left[11:0]};
+        end
+    endfunction
+
+    // Electrons of lane `lane` in a 40 kHz tick.
+    function [7:0] source;
+        input [1:0] kind;
+        input [7:0] stored;
+        input [7:0] same;
+        input [7:0] rising;
+        input bright;
+        case (kind)
+            2'd0: source = stored;
+            2'd1: source = same;
+            2'd2: source = rising;
+            default: source = bright ? same : 8'd0;
+        endcase
+    endfunction
+
+    genvar lane;
+    generate
+        for (lane = 0; lane < 4; lane = lane + 1) begin : lanes
+            localparam [31:0] COLUMN = FIRST_LANE + lane;
+            assign next[13*lane +: 13] = tick(
+                live[lane], fresh, double, charge[12*lane +: 12],
+                source(pattern, electrons[8*lane +: 8], constant, ramp + COLUMN[7:0],
+                       odd ^ COLUMN[0]),
+                level, rule
+            );
+        end
+    endgenerate
+
+    always @(posedge clk) if (compute) bits <= fired;
+endmodule

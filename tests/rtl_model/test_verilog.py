@@ -1,0 +1,59 @@
+"""The Verilog is what the table says, and Verilator has nothing to remark on it."""
+
+import shutil
+import subprocess
+
+import pytest
+
+from rtl_model.geometry import Geometry
+from rtl_model.registers import REGISTERS
+from rtl_model.registers.verilog import HEADER, verilog_header, write_verilog_header
+from rtl_model.synthesis import VERILOG, parameters
+
+
+def test_the_header_is_made_from_the_table(tmp_path):
+    assert HEADER.read_text(encoding="utf-8") == verilog_header()
+    write_verilog_header(tmp_path / "again.vh")
+    assert (tmp_path / "again.vh").read_text(encoding="utf-8") == verilog_header()
+
+
+def test_every_register_stands_in_a_module():
+    """A name that only the header knows is a register that nobody built."""
+    text = "".join(path.read_text(encoding="utf-8") for path in VERILOG.glob("*.v"))
+    # These answer by not being the others: they read 0 and keep nothing.
+    missing = [r.name for r in REGISTERS if f"`VIFORM_{r.name.upper()}:" not in text]
+    assert set(missing) == {
+        "ctrl_reset", "uart_clear", "prbs_check", "capture_arm", "capture_data", "sink_data",
+        "sink_run", "sink_clear",
+    }  # fmt: skip
+    assert [name for name in missing if f"`VIFORM_{name.upper()}" not in text] == []
+
+
+def test_nothing_is_waived():
+    for path in sorted(VERILOG.iterdir()):
+        text = path.read_text(encoding="utf-8")
+        assert "lint_off" not in text
+        assert text.count("\n") < 400
+        assert max(map(len, text.splitlines())) <= 100, path.name
+
+
+@pytest.mark.skipif(
+    shutil.which("verilator") is None, reason="needs the system package verilator"
+)
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        Geometry(),
+        Geometry(rows=1, columns=1, clock_hz=1_000_000),
+        Geometry(rows=7, columns=200, lanes=64, capture_words=64, sink_words=16),
+        Geometry(rows=1000, columns=1000, lanes=64),
+    ],
+)
+def test_verilator_has_nothing_to_remark(geometry):
+    command = ["verilator", "--lint-only", "-Wall", f"-I{VERILOG}", "--top-module", "viform_board"]
+    command += [f"-G{name}={value}" for name, value in parameters(geometry).items()]
+    done = subprocess.run(
+        [*command, str(VERILOG / "viform_board.v")],
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
