@@ -67,6 +67,9 @@ case "$*" in *install*libegl1*)
     touch "$BOX/usr/share/glvnd/egl_vendor.d/50_mesa.json" "$BOX/usr/lib/arch/dri/swrast_dri.so"
     touch "$BOX/usr/lib/arch/libEGL.so.1" "$BOX/usr/lib/arch/libGL.so.1" ;;
 esac
+case "$*" in *install*verilator*)
+    for name in verilator g++ make; do ln -s apt-get "$BOX/bin/$name"; done ;;
+esac
 case "$*" in *install*python3-venv*)
     rm -f "$BOX/python3.lacks-venv"
     if [ -e "$BOX/python3.apt" ]; then ln -s "$BOX/python3.apt" "$BOX/bin/python3"; fi ;;
@@ -115,6 +118,10 @@ class Box:
         self.touch("usr/share/glvnd/egl_vendor.d/50_mesa.json", "usr/lib/arch/dri/swrast_dri.so")
         self.touch("usr/lib/arch/libEGL.so.1", "usr/lib/arch/libGL.so.1")
 
+    def rtl(self) -> None:
+        for name in ("verilator", "g++", "make", "iverilog", "yosys"):
+            self.script(f"bin/{name}", "#!/bin/sh\n")
+
     def apt(self) -> None:
         """An apt-get that brings OpenCL, EGL, the venv module and Python, in name."""
         self.script("bin/apt-get", FAKE_APT)
@@ -158,6 +165,7 @@ def box(tmp_path):
     made = Box(tmp_path)
     made.opencl()
     made.egl()
+    made.rtl()
     return made
 
 
@@ -467,6 +475,7 @@ def test_only_what_shows_a_display_installs_egl(tmp_path, arguments, shows):
     box.python()
     box.apt()
     box.opencl()
+    box.rtl()
     for name, text in (("glass", "[display]\n"), ("film", "# [display]\n[sensor]\n")):
         (box.clone / "scenarios/files").mkdir(parents=True, exist_ok=True)
         (box.clone / f"scenarios/files/{name}.toml").write_text(text)
@@ -527,6 +536,7 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     if sudo == "refuses":
         box.sudo(allowed=False)
     box.egl()
+    box.rtl()
     line = "`sudo apt-get install -y python3 python3-venv pocl-opencl-icd ocl-icd-libopencl1`"
     without = box.run("run")
     assert without.returncode == 2
@@ -558,6 +568,27 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     assert [box.run(command).stderr for command in ("run", "bench")] == ["", ""]
 
 
+def test_verilator_comes_with_the_commands_that_compile_verilog(tmp_path):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    box.opencl()
+    box.egl()
+    for line in (
+        "board bringup --port /dev/ttyUSB0",
+        "board virtual --level model",
+        "board replay a.log",
+        "run bring-up --set board.port=/dev/ttyUSB0",
+        "run film",
+    ):
+        assert box.run(*line.split()).returncode == 0
+    assert not [call for call in box.calls() if call.startswith("apt")]
+    assert box.run("board", "identify", "--port", "virtual").stdout.startswith("<board>")
+    installs = [call for call in box.calls() if "install" in call and call.startswith("apt")]
+    assert [call.split("recommends ")[1] for call in installs] == ["verilator g++ make"]
+    assert box.run("run", "bring-up").stderr == ""
+
+
 def test_a_failed_apt_shows_its_end(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
@@ -577,6 +608,7 @@ def test_elsewhere_than_debian_the_packages_are_named(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
     box.egl()
+    box.rtl()
     result = box.run("test")
     assert result.stdout == "<test>"
     assert result.stderr.splitlines()[0] == (

@@ -1,0 +1,204 @@
+"""A shared library from the Verilog: verilated, compiled together with a shim, and cached.
+
+A library is named by the hash of all that goes into it (sources, shim, geometry, trace, tools,
+flags), so that it is made once and never stale. It is built in a folder of its own and then
+renamed, and a lock lets a second process wait rather than build the same again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from cosim import InputError, ViformError
+from cosim.opencl import cache_folder
+from rtl_model.geometry import Geometry
+
+__all__ = ["PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc", "library", "missing"]
+
+VERILOG = Path(__file__).parents[1] / "verilog"
+"""Where the design's sources stand."""
+
+PACKAGES = {"verilator": "verilator", "g++": "g++"}
+"""Programs that a build needs, and the system packages that bring them."""
+
+Trace = Literal["", "fst", "vcd"]
+"""Format of the waveforms a library can write."""
+
+# -fno-gnu-unique and -Bsymbolic keep two libraries in one process from sharing their statics.
+_FLAGS = ("-std=c++17", "-O3", "-fPIC", "-fno-gnu-unique", "-w")
+_LINK = ("-shared", "-pthread", "-Wl,-Bsymbolic")
+_VERILATE = ("--cc", "-O3", "--x-assign", "fast", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
+_TIME_LIMIT = 900  # seconds of one tool: hung, not slow
+
+
+class BuildFailed(ViformError):
+    """The Verilog or a shim does not compile: a fault of the sources, with the tool's words."""
+
+
+def missing() -> list[str]:
+    """Returns the system packages that a build needs and this machine has not."""
+    return [package for name, package in PACKAGES.items() if shutil.which(name) is None]
+
+
+def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
+    """Returns the CRC-32 of a build's parameters and Verilog: what its `ctrl_build` may say."""
+    crc = zlib.crc32(repr(sorted(_parameters(geometry).items())).encode())
+    for path in _files(VERILOG if sources is None else sources):
+        crc = zlib.crc32(path.name.encode() + b"\0" + path.read_bytes(), crc)
+    return crc
+
+
+def library(
+    top: str,
+    geometry: Geometry,
+    shim: Path,
+    *,
+    sources: Path | None = None,
+    trace: Trace = "",
+    build: int = 0,
+) -> Path:
+    """Returns the shared library of a module and a shim, built where it is not cached.
+
+    top: the Verilog module; to the shim its class is `Vtop`, from "Vtop.h", whatever its name.
+    shim: C++ source with `extern "C"` functions. It sees the macros VIFORM_ROWS, VIFORM_COLUMNS,
+        VIFORM_LANES, VIFORM_CLOCK_HZ, VIFORM_BIT_CLOCKS and, with a trace, VIFORM_FST or
+        VIFORM_VCD.
+    sources: folder of Verilog; None is the design's own.
+    trace: format of the waveforms that the shim writes, if any.
+    build: parameter BUILD, which `ctrl_build` says; `build_crc` makes one.
+
+    Raises InputError where a tool is missing, BuildFailed where the sources do not compile.
+    """
+    lacking = missing()
+    if lacking:
+        raise InputError(
+            "the simulator of the Verilog",
+            "installed (verilator, g++)",
+            f"without {' and '.join(lacking)}",
+            f"install the system packages: apt-get install {' '.join(lacking)}",
+        )
+    folder = (VERILOG if sources is None else sources).resolve()
+    parameters = _parameters(geometry)
+    text = (folder / f"{top}.v").read_text(encoding="utf-8")
+    known = {name: value for name, value in parameters.items() if f"] {name} =" in text}
+    if "] BUILD =" in text:
+        known["BUILD"] = build
+    verilate = [*_VERILATE, "--top-module", top]
+    verilate += [f"-G{name}={value}" for name, value in known.items()]
+    verilate += {"": [], "fst": ["--trace-fst"], "vcd": ["--trace"]}[trace]
+    flags = [*_FLAGS, *(f"-DVIFORM_{name}={value}" for name, value in parameters.items())]
+    flags += {"": [], "fst": ["-DVIFORM_FST"], "vcd": ["-DVIFORM_VCD"]}[trace]
+    key = hashlib.sha256(repr((verilate, flags, _LINK, _versions())).encode())
+    for path in [*_files(folder), shim, *sorted(shim.parent.glob("*.h"))]:
+        key.update(f"\0{path.name}\0".encode() + path.read_bytes())
+    made = _cache() / f"{top}-{key.hexdigest()[:24]}.so"
+    with _locked(made.with_suffix(".lock"), unless=made):
+        if not made.is_file():
+            _build(made, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
+    return made
+
+
+def _parameters(geometry: Geometry) -> dict[str, int]:
+    return {
+        "ROWS": geometry.rows,
+        "COLUMNS": geometry.columns,
+        "LANES": geometry.lanes,
+        "CLOCK_HZ": geometry.clock_hz,
+        "BIT_CLOCKS": geometry.bit_clocks,
+        "CAPTURE_WORDS": geometry.capture_words,
+        "SINK_WORDS": geometry.sink_words,
+    }
+
+
+def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path, t: Trace) -> None:
+    runtime = _runtime(t)
+    with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
+        part = Path(name)
+        _tool(["verilator", *verilate, "-Mdir", name], part)
+        whole = part / "whole.cpp"
+        units = sorted(path.name for path in part.glob("Vtop*.cpp"))
+        whole.write_text("".join(f'#include "{unit}"\n' for unit in units), encoding="utf-8")
+        command = ["g++", *flags, *_runtime_flags(t), f"-I{name}", f"-I{shim.parent.resolve()}"]
+        command += [str(whole), str(shim.resolve()), str(runtime), *_LINK, "-o", "made.so"]
+        command += ["-lz"] if t == "fst" else []
+        _tool(command, part)
+        os.replace(part / "made.so", made)
+
+
+def _runtime(trace: Trace) -> Path:
+    """Returns Verilator's runtime as one object file, the same for every design."""
+    flags = [*_FLAGS, *_runtime_flags(trace)]
+    key = hashlib.sha256(repr((flags, _versions())).encode()).hexdigest()[:24]
+    made = _cache() / f"runtime-{key}.o"
+    with _locked(made.with_suffix(".lock"), unless=made):
+        if not made.is_file():
+            with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
+                names = ["verilated", "verilated_threads"]
+                names += [f"verilated_{trace}_c"] if trace else []
+                text = "".join(f'#include "{unit}.cpp"\n' for unit in names)
+                (Path(name) / "runtime.cpp").write_text(text, encoding="utf-8")
+                _tool(["g++", *flags, "-c", "runtime.cpp", "-o", "made.o"], Path(name))
+                os.replace(Path(name) / "made.o", made)
+    return made
+
+
+def _runtime_flags(trace: Trace) -> list[str]:
+    include = Path(_versions()[-1]) / "include"
+    flags = [f"-I{include}", f"-I{include / 'vltstd'}", f"-I{include / 'gtkwave'}"]
+    flags += [f"-DVM_TRACE={int(bool(trace))}", f"-DVM_TRACE_FST={int(trace == 'fst')}"]
+    return [*flags, f"-DVM_TRACE_VCD={int(trace == 'vcd')}", "-DVM_COVERAGE=0", "-DVM_SC=0"]
+
+
+def _tool(command: Sequence[str], folder: Path) -> str:
+    """Runs a tool in `folder` and returns what it printed."""
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT, check=False
+        )
+    except subprocess.TimeoutExpired as exc:
+        raise BuildFailed(f"{command[0]} did not end within {_TIME_LIMIT} s") from exc
+    if done.returncode:
+        words = (done.stderr or done.stdout).strip()[-4000:]
+        raise BuildFailed(f"{command[0]} failed with {done.returncode}:\n{words}")
+    return done.stdout
+
+
+@cache
+def _versions() -> tuple[str, str, str]:
+    """Verilator's version, the compiler's, and where Verilator's runtime stands."""
+    here = Path()
+    version = _tool(["verilator", "--version"], here).strip()
+    compiler = _tool(["g++", "-dumpfullversion"], here).strip()
+    return version, compiler, _tool(["verilator", "--getenv", "VERILATOR_ROOT"], here).strip()
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted((*folder.glob("*.v"), *folder.glob("*.vh")))
+
+
+def _cache() -> Path:
+    folder = cache_folder() / "verilated"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextmanager
+def _locked(path: Path, *, unless: Path) -> Iterator[None]:
+    """Holds a lock among processes; none is needed where `unless` is there already."""
+    if unless.is_file():
+        yield
+        return
+    with path.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,135 @@
+// viform_system, stepped in batches: writes at their clocks in, tiles out.
+#include <cstdint>
+#include <memory>
+
+#include "Vtop.h"
+#include "verilated.h"
+#ifdef VIFORM_FST
+#include "verilated_fst_c.h"
+typedef VerilatedFstC Waves;
+#endif
+#ifdef VIFORM_VCD
+#include "verilated_vcd_c.h"
+typedef VerilatedVcdC Waves;
+#endif
+
+namespace {
+
+struct Tile {
+    uint64_t clock;
+    uint32_t frame;
+    uint16_t row, tile;
+    uint64_t bits;
+};
+
+struct Write {
+    uint64_t clock;
+    uint32_t address, value;
+};
+
+struct Board {
+    VerilatedContext context;
+    std::unique_ptr<Vtop> top;
+    uint64_t clock = 0;
+#if defined(VIFORM_FST) || defined(VIFORM_VCD)
+    Waves waves;
+    bool open = false;
+    uint64_t first = 0, last = 0;
+#endif
+
+    void half(bool level) {
+        top->clk = level;
+        top->eval();
+#if defined(VIFORM_FST) || defined(VIFORM_VCD)
+        // Two steps of time a clock, so that edge n stands at time 2 n.
+        if (open && clock >= first && clock < last) waves.dump(2 * clock + (level ? 0 : 1));
+#endif
+    }
+};
+
+}  // namespace
+
+extern "C" {
+
+Board *viform_open() {
+    Board *board = new Board;
+#if defined(VIFORM_FST) || defined(VIFORM_VCD)
+    board->context.traceEverOn(true);
+#endif
+    board->top.reset(new Vtop(&board->context));
+    Vtop &top = *board->top;
+    top.shortest_low = 0xFFFFFFFF;
+    top.rst = 1;
+    for (int n = 0; n < 4; ++n) {
+        top.clk = 1;
+        top.eval();
+        top.clk = 0;
+        top.eval();
+    }
+    top.rst = 0;
+    return board;
+}
+
+void viform_close(Board *board) {
+#if defined(VIFORM_FST) || defined(VIFORM_VCD)
+    if (board->open) board->waves.close();
+#endif
+    board->top->final();
+    delete board;
+}
+
+#if defined(VIFORM_FST) || defined(VIFORM_VCD)
+// Waveforms of the clocks first to last - 1; returns whether the file could be opened.
+int viform_waves(Board *board, const char *path, uint64_t first, uint64_t last) {
+    board->top->trace(&board->waves, 99);
+    board->waves.open(path);
+    board->first = first;
+    board->last = last;
+    return board->open = board->waves.isOpen();
+}
+#endif
+
+// Runs edges up to `stop` - 1, or until a list could overflow, and returns the clock it reached.
+// `counts` are tiles of the pixels, tiles of the sink, and writes done.
+uint64_t viform_run(Board *board, uint64_t stop, const Write *writes, uint64_t write_count,
+                    Tile *tiles, Tile *shown, uint64_t room, uint64_t *counts) {
+    Vtop &top = *board->top;
+    uint64_t next = 0, made = 0, sunk = 0;
+    while (board->clock < stop && made < room && sunk < room) {
+        const uint64_t clock = board->clock;
+        const bool due = next < write_count && writes[next].clock == clock;
+        if (due) {
+            top.bus_adr = writes[next].address >> 2;
+            top.bus_wdata = writes[next].value;
+            ++next;
+        }
+        top.bus_we = due;
+        board->half(true);
+        if (top.tile_valid)
+            tiles[made++] = {
+                clock | static_cast<uint64_t>(top.tile_clock ^ static_cast<uint32_t>(clock)) << 32,
+                top.tile_frame, top.tile_row, top.tile_index, top.tile_bits};
+        if (top.sink_valid)
+            shown[sunk++] = {clock, 0, top.sink_row, top.sink_tile, top.sink_bits};
+        board->half(false);
+        board->clock = clock + 1;
+    }
+    top.bus_we = 0;
+    counts[0] = made;
+    counts[1] = sunk;
+    counts[2] = next;
+    return board->clock;
+}
+
+// Begins a read at this edge; its word is there when one more edge has been run.
+void viform_strobe(Board *board, uint32_t address, int on) {
+    board->top->bus_re = on;
+    board->top->bus_adr = address >> 2;
+}
+
+// Returns the word, or -1 where no read has ended.
+int64_t viform_word(Board *board) {
+    return board->top->bus_rvalid ? static_cast<int64_t>(board->top->bus_rdata) : -1;
+}
+
+}
