@@ -1,0 +1,44 @@
+"""The host's side of the serial line: ports, LiteX's uartbone, registers by name, capture, logs.
+
+Nothing here knows what stands behind a port: a board, its Verilog in a simulator, or a log.
+"""
+
+from rtl_model.host import capture, pattern, prbs
+from rtl_model.host.baud import TOLERANCE_PERCENT, BaudReport, find_baud
+from rtl_model.host.board import Board, BoardInfo
+from rtl_model.host.capture import Captured
+from rtl_model.host.csr import CsrMap, CsrRegister, MemoryRegion, default_map, read_csr
+from rtl_model.host.faults import Cause, LineFault
+from rtl_model.host.log import Recorder
+from rtl_model.host.ports import Port, SerialPort, open_port, ports_here
+from rtl_model.host.prbs import PrbsReport
+from rtl_model.host.replay import ReplayPort
+from rtl_model.host.uartbone import BAUD_MIN, Uartbone
+
+__all__ = [
+    "BAUD_MIN",
+    "TOLERANCE_PERCENT",
+    "BaudReport",
+    "Board",
+    "BoardInfo",
+    "Captured",
+    "Cause",
+    "CsrMap",
+    "CsrRegister",
+    "LineFault",
+    "MemoryRegion",
+    "Port",
+    "PrbsReport",
+    "Recorder",
+    "ReplayPort",
+    "SerialPort",
+    "Uartbone",
+    "capture",
+    "default_map",
+    "find_baud",
+    "open_port",
+    "pattern",
+    "ports_here",
+    "prbs",
+    "read_csr",
+]

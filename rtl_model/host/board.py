@@ -1,0 +1,238 @@
+"""A board's registers by name. On our own board every write is checked by the counters it keeps."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from cosim import InputError
+from rtl_model.host.csr import CsrMap, CsrRegister, default_map
+from rtl_model.host.faults import Cause, LineFault
+from rtl_model.host.uartbone import Uartbone
+from rtl_model.registers import MAGIC, REGISTERS, VERSION
+
+__all__ = ["Board", "BoardInfo"]
+
+_TABLE = {register.name: register for register in REGISTERS}
+_IDENTIFIER_WORDS = 256  # longest that LiteX makes
+_IDENTIFIER_BLOCK = 16
+_CLAMPED = {"capture_pointer"}  # reads otherwise than written where that lay beyond the end
+_WORD = 0xFFFFFFFF
+
+
+class BoardInfo(NamedTuple):
+    """What a board of ours says of itself. `baud` is clock_hz over the clocks of a bit."""
+
+    rows: int
+    columns: int
+    lanes: int
+    clock_hz: int
+    version: int
+    build: int
+    capture_words: int
+    sink_words: int
+    baud: int
+
+
+class Board:
+    """Registers behind a bone.
+
+    csr: the design's map; None is that of our own board.
+    verify: whether writes are checked by the counters; None: where the map has them.
+    """
+
+    def __init__(
+        self, bone: Uartbone, csr: CsrMap | None = None, *, verify: bool | None = None
+    ) -> None:
+        self.bone = bone
+        self.csr = default_map() if csr is None else csr
+        self.verify = self.csr.ours if verify is None else verify
+        self._written: tuple[int, int] | None = None  # count and CRC-32 of words written
+
+    def read(self, name: str) -> int:
+        """Returns a register as one reading gives it. Sent again after a fault only where reading
+        has no effect, which is known of our own registers alone."""
+        register = self.csr.register(name)
+        known = _TABLE.get(name) if self.csr.ours else None
+        harmless = known is not None and not known.read_effect
+        return self._join(self._words(register, harmless))
+
+    def read_twice(self, name: str) -> int:
+        """Returns a register that stands still, read until two readings in a row are the same.
+        InputError for one that changes by being read."""
+        register = self.csr.register(name)
+        if self.csr.ours and name in _TABLE and _TABLE[name].read_effect:
+            raise InputError(
+                "a register read twice", "one that reading leaves alone", name, "read it once"
+            )
+        stride, places = self.csr.stride, range(register.words)
+        if stride == 4:
+            return self._join(self.bone.read_twice(register.address, register.words))
+        return self._join([self.bone.read_twice(register.address + stride * n)[0] for n in places])
+
+    def fields(self, name: str) -> dict[str, int]:
+        """Returns the fields of one of our registers by name; {} for a register without."""
+        value = self.read(name)
+        known = _TABLE.get(name)
+        if known is None or not self.csr.ours:
+            return {}
+        return {
+            field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
+            for field in known.fields
+        }
+
+    def write(self, name: str, value: int) -> None:
+        """Writes a register; on our own board it is checked that the word arrived (see
+        `verified_write`) and, where the register can be read, that it holds it.
+
+        InputError for a register that is only read or a value that does not fit.
+        """
+        register = self.csr.register(name)
+        known = _TABLE.get(name) if self.csr.ours else None
+        width = known.width if known is not None else register.words * self.csr.data_width
+        mode = known.mode if known is not None else register.mode
+        if mode == "ro":
+            raise InputError(
+                "a register to be written", "rw or wo", f"{name}, which is ro", "write another"
+            )
+        if not 0 <= value < 1 << width:
+            raise InputError(name, f"0 to {(1 << width) - 1:#x}", f"{value:#x}", "give less")
+        words = self._split(value, register.words)
+        if not self.verify:
+            self._plain_write(register, words)
+        elif name == "uart_clear" and value & 1:
+            self._plain_write(register, words)
+            self._expect((0, 0), (0, 0), 0)
+        else:
+            readable = mode == "rw" and name not in _CLAMPED
+            self.verified_write(register.address, words, readback=readable)
+
+    def verified_write(
+        self,
+        address: int,
+        values: Sequence[int],
+        *,
+        fixed: bool = False,
+        readback: bool = False,
+    ) -> None:
+        """Writes words and holds the board's count and CRC-32 of words written against them.
+
+        readback: reads the words as well, which alone tells that the address was right.
+        LineFault SHORT, GARBLED, RESTARTED or MISPLACED; nothing is written twice.
+        """
+        values = [value & _WORD for value in values]
+        if self._written is None:
+            self._written = self._counters()
+        count, crc = before = self._written
+        self._written = None  # until it is known again
+        self.bone.write(address, values, fixed=fixed)
+        data = b"".join(value.to_bytes(4, "big") for value in values)
+        after = (count + len(values) & _WORD, zlib.crc32(data, crc))
+        self._expect(after, before, len(values))
+        if not readback:
+            return
+        if self.bone.read(address, len(values)) != values:
+            held = self.bone.read_twice(address, len(values))
+            if held != values:
+                wrong = sum(one != other for one, other in zip(held, values, strict=True))
+                raise LineFault(
+                    Cause.MISPLACED,
+                    f"{len(values)} words arrived, yet {wrong} of them are not at {address:#x}",
+                )
+
+    def forget_counters(self) -> None:
+        """The count of written words is read anew before the next write that is checked; call it
+        after words were written past this board."""
+        self._written = None
+
+    def identifier(self) -> str:
+        """Returns the design's identifier: characters up to the NUL, one a word. Characters that
+        are not printable ASCII stand as `?`."""
+        base, text = self.csr.base("identifier_mem"), ""
+        while len(text) < _IDENTIFIER_WORDS:
+            # Beyond the NUL our board counts an error of the bus, so there it goes word by word.
+            block = 1 if text and self.csr.ours else _IDENTIFIER_BLOCK
+            for value in self.bone.read_twice(base + 4 * len(text), block):
+                if value & 0xFF == 0:
+                    return text
+                text += chr(value & 0xFF) if 32 <= value & 0xFF < 127 else "?"
+        return text
+
+    def info(self) -> BoardInfo:
+        """Returns what the board is. LineFault NOT_OURS where another design, or another version
+        of ours, is loaded."""
+        magic = self.read_twice("ctrl_magic") if "ctrl_magic" in self.csr.registers else 0
+        if magic != MAGIC or not self.csr.ours:
+            raise LineFault(
+                Cause.NOT_OURS, f"the board's first register is {magic:#010x}, not {MAGIC:#010x}"
+            )
+        version = self.read_twice("ctrl_version")
+        if version >> 16 != VERSION >> 16:
+            raise LineFault(
+                Cause.NOT_OURS,
+                f"the board's register map is version {version >> 16}.{version & 0xFFFF}, "
+                f"this program knows {VERSION >> 16}",
+            )
+        size = self.read_twice("ctrl_geometry")
+        clock_hz = self.read_twice("ctrl_clock_hz")
+        bit = max(1, self.read_twice("uart_bit_clocks"))
+        return BoardInfo(
+            rows=size >> 16,
+            columns=size & 0xFFFF,
+            lanes=self.read_twice("ctrl_lanes"),
+            clock_hz=clock_hz,
+            version=version,
+            build=self.read_twice("ctrl_build"),
+            capture_words=self.read_twice("capture_size"),
+            sink_words=self.read_twice("sink_size"),
+            baud=(clock_hz + bit // 2) // bit,
+        )
+
+    def _words(self, register: CsrRegister, harmless: bool) -> list[int]:
+        if self.csr.stride == 4:
+            return self.bone.read(register.address, register.words, retry=harmless)
+        places = [register.address + self.csr.stride * n for n in range(register.words)]
+        return [self.bone.read(place, retry=harmless)[0] for place in places]
+
+    def _plain_write(self, register: CsrRegister, words: list[int]) -> None:
+        if self.csr.stride == 4:
+            self.bone.write(register.address, words)
+            return
+        for n, word in enumerate(words):
+            self.bone.write(register.address + self.csr.stride * n, word)
+
+    def _counters(self) -> tuple[int, int]:
+        count, crc = self.bone.read_twice(self.csr.register("uart_writes").address, 2)
+        return count, crc
+
+    def _expect(self, after: tuple[int, int], before: tuple[int, int], sent: int) -> None:
+        """Holds the counters against what they must be: one reading that fits is proof, since a
+        garbled one does not."""
+        count, crc = self.bone.read(self.csr.register("uart_writes").address, 2)
+        if (count, crc) != after:
+            count, crc = self._counters()
+        self._written = (count, crc)
+        if (count, crc) == after:
+            return
+        arrived = count - before[0] & _WORD
+        if count < before[0] and after[0] >= before[0]:
+            cause, what = Cause.RESTARTED, f"its count of words fell from {before[0]} to {count}"
+        elif arrived < sent:
+            cause, what = Cause.SHORT, f"{arrived} of {sent} words arrived at the board"
+        elif arrived > sent:
+            cause, what = Cause.GARBLED, f"{arrived} words arrived at the board, {sent} were sent"
+        else:
+            cause, what = Cause.GARBLED, f"the {sent} words arrived at the board are not those sent"
+        raise LineFault(cause, f"a write failed: {what}")
+
+    def _join(self, words: Sequence[int]) -> int:
+        value, width = 0, self.csr.data_width
+        for word in words:
+            value = value << width | word & ((1 << width) - 1)
+        return value
+
+    def _split(self, value: int, words: int) -> list[int]:
+        width = self.csr.data_width
+        mask = (1 << width) - 1
+        return [value >> width * n & mask for n in reversed(range(words))]

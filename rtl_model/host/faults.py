@@ -1,0 +1,69 @@
+"""What may be wrong with a line or the board behind it, each with what to do about it."""
+
+from __future__ import annotations
+
+import enum
+
+from cosim import ViformError
+
+__all__ = ["Cause", "LineFault"]
+
+
+class Cause(enum.Enum):
+    """Why a board does not answer as it must. The value is the name used in documents."""
+
+    NO_PORT = "no-port"
+    BUSY = "busy"
+    PERMISSION = "permission"
+    GONE = "gone"
+    STUCK = "stuck"
+    SILENT = "silent"
+    SHORT = "short"
+    GARBLED = "garbled"
+    BAUD = "baud"
+    ECHO = "echo"
+    WATCHDOG = "watchdog"
+    RESTARTED = "restarted"
+    NOT_OURS = "not-ours"
+    MISPLACED = "misplaced"
+    LATE = "late"
+    DIFFERS = "differs"
+
+    @property
+    def advice(self) -> str:
+        """What to do about it, one line."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Cause.NO_PORT: "plug the board in, or name one of the ports that are there",
+    Cause.BUSY: "end the other program that holds the port (`fuser -v` names it)",
+    Cause.PERMISSION: "join the group that owns the port (`sudo usermod -aG dialout $USER`) "
+    "and log in anew",
+    Cause.GONE: "check cable and power of the board, then open the port anew",
+    Cause.STUCK: "check flow control and that something reads the other end",
+    Cause.SILENT: "check power, that TX and RX are crossed, the baud and the board's clock",
+    Cause.SHORT: "bytes were lost: check cable, baud and buffers; the board's counters say whose",
+    Cause.GARBLED: "check cable, ground, levels and baud",
+    Cause.BAUD: "give the board's real baud, or mend its clock or divider",
+    Cause.ECHO: "the line returns what is sent: remove the loop, or turn the adapter's echo off",
+    Cause.WATCHDOG: "the board cut the transaction after 100 ms: raise the baud, or give the "
+    "time scale of a simulated board",
+    Cause.RESTARTED: "the board started anew: check its supply and its reset",
+    Cause.NOT_OURS: "give the csr.csv of the design that is loaded, or load the right one",
+    Cause.MISPLACED: "words went to a wrong address: check the line, then reset the board",
+    Cause.LATE: "what was waited for did not happen: check that the sensor runs",
+    Cause.DIFFERS: "replay with the program and settings that made the log",
+}
+
+
+class LineFault(ViformError):
+    """The line or the board failed: `cause`, what happened (`text`) and what to do (`advice`)."""
+
+    def __init__(self, cause: Cause, text: str, advice: str | None = None) -> None:
+        self.cause, self.text = cause, text
+        self.advice = cause.advice if advice is None else advice
+        super().__init__(cause, text, advice)  # all of them, so that it can be pickled
+
+    def __str__(self) -> str:
+        return " ".join(f"{self.text}; {self.advice}".split())

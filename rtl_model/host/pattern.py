@@ -1,0 +1,54 @@
+"""Upload of the pattern memory: the electrons that each pixel is given in a tick."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from rtl_model.host.board import Board
+from rtl_model.host.faults import Cause, LineFault
+
+__all__ = ["upload"]
+
+_REPEATS = 3  # of a block: memory holds the same however often it is written
+_MENDABLE = (Cause.SHORT, Cause.GARBLED)
+
+
+def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
+    """Writes (rows, columns) electrons, 0 to 255, into the pattern memory; returns the number of
+    blocks that had to be sent again.
+
+    Words are checked by the board's count and CRC-32 and, where `readback`, read again, which alone
+    tells that they stand where they must. InputError for an image of another size or range.
+    """
+    info = board.info()
+    given = np.asarray(image)
+    if given.shape != (info.rows, info.columns):
+        raise InputError(
+            "the pattern",
+            f"{info.rows} x {info.columns} pixels, as the board",
+            " x ".join(map(str, given.shape)) or "a single value",
+            "scale it",
+        )
+    if given.dtype.kind not in "uib" or given.min() < 0 or given.max() > 255:
+        raise InputError("the pattern", "whole numbers, 0 to 255", "others", "scale and round it")
+    wide = -(-info.columns // info.lanes) * info.lanes
+    padded = np.zeros((info.rows, wide), np.uint8)
+    padded[:, : info.columns] = given
+    words = [int(word) for word in np.ascontiguousarray(padded).view("<u4").reshape(-1)]
+    base = board.csr.base("pattern_mem")
+    size = board.bone.words_at_once
+    repeated = 0
+    for start in range(0, len(words), size):
+        block = words[start : start + size]
+        for left in reversed(range(_REPEATS + 1)):
+            try:
+                board.verified_write(base + 4 * start, block, readback=readback)
+                break
+            except LineFault as fault:
+                if not left or fault.cause not in _MENDABLE:
+                    raise
+                repeated += 1
+                board.bone.resynchronise()
+    return repeated
