@@ -15,7 +15,7 @@ from rtl_model.cycle.array import PixelArray
 from rtl_model.cycle.capture import Capture
 from rtl_model.cycle.line import LineCounters
 from rtl_model.cycle.prbs import Prbs
-from rtl_model.cycle.sink import Sink
+from rtl_model.cycle.sink import Shown, Sink
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.registers import (
@@ -49,6 +49,7 @@ class System:
         self.line = LineCounters()
         self._keep = keep
         self._tiles: list[Tiles] = []
+        self._shown: list[Shown] = []
         self._clock = 0
         values = parameters(self.geometry, build)
         self._reset = {entry.name: reset_value(entry, values) for entry in REGISTERS}
@@ -105,6 +106,11 @@ class System:
         self._tiles = []
         return np.concatenate(tiles) if tiles else np.empty(0, TILE)
 
+    def shown(self) -> Tiles:
+        """Returns what the sink showed since this was last asked, as tiles whose frame is 0."""
+        shown, self._shown = self._shown, []
+        return np.array([(clock, 0, *rest) for clock, *rest in shown], TILE)
+
     def advance(self, stop: int) -> None:
         """Runs up to clock `stop`; does nothing where that has passed."""
         array, capture, sink = self._array, self._capture, self._sink
@@ -136,6 +142,8 @@ class System:
         """Shows and captures what is due in a frame before edge `stop`."""
         capture = self._capture
         shown = self._sink.run(stop)
+        if self._keep:
+            self._shown += shown
         if capture.takes and capture.taken == 1:
             for tile in shown:
                 self._collect(tile.row, tile.tile, tile.bits)

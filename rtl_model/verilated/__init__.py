@@ -1,5 +1,16 @@
 """The Verilog as it is written, compiled by Verilator to shared libraries that Python steps."""
 
-from rtl_model.verilated.build import PACKAGES, VERILOG, build_crc, library, missing
+from rtl_model.verilated.build import PACKAGES, VERILOG, BuildFailed, build_crc, library, missing
+from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
 
-__all__ = ["PACKAGES", "VERILOG", "build_crc", "library", "missing"]
+__all__ = [
+    "PACKAGES",
+    "VERILOG",
+    "BuildFailed",
+    "VerilatedSystem",
+    "Waves",
+    "build_crc",
+    "library",
+    "missing",
+    "trace_format",
+]

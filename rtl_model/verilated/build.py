@@ -35,8 +35,9 @@ PACKAGES = {"verilator": "verilator", "g++": "g++"}
 Trace = Literal["", "fst", "vcd"]
 """Format of the waveforms a library can write."""
 
+# What runs at every clock is optimised, what runs once is not: compiling is the longer wait.
 # -fno-gnu-unique and -Bsymbolic keep two libraries in one process from sharing their statics.
-_FLAGS = ("-std=c++17", "-O3", "-fPIC", "-fno-gnu-unique", "-w")
+_FLAGS = ("-std=c++17", "-fPIC", "-fno-gnu-unique", "-w")
 _LINK = ("-shared", "-pthread", "-Wl,-Bsymbolic")
 _VERILATE = ("--cc", "-O3", "--x-assign", "fast", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
 _TIME_LIMIT = 900  # seconds of one tool: hung, not slow
@@ -126,13 +127,18 @@ def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path
     with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
         part = Path(name)
         _tool(["verilator", *verilate, "-Mdir", name], part)
-        whole = part / "whole.cpp"
         units = sorted(path.name for path in part.glob("Vtop*.cpp"))
-        whole.write_text("".join(f'#include "{unit}"\n' for unit in units), encoding="utf-8")
+        slow = [unit for unit in units if "Slow" in unit or "Syms" in unit]  # run once, or to trace
         command = ["g++", *flags, *_runtime_flags(t), f"-I{name}", f"-I{shim.parent.resolve()}"]
-        command += [str(whole), str(shim.resolve()), str(runtime), *_LINK, "-o", "made.so"]
-        command += ["-lz"] if t == "fst" else []
-        _tool(command, part)
+        for stem, chosen, level in (
+            ("once", slow, "-O0"),
+            ("often", [unit for unit in units if unit not in slow], "-O3"),
+        ):
+            text = "".join(f'#include "{unit}"\n' for unit in chosen)
+            (part / f"{stem}.cpp").write_text(text, encoding="utf-8")
+            _tool([*command, level, "-c", f"{stem}.cpp"], part)
+        command += ["-O2", str(shim.resolve()), "once.o", "often.o", str(runtime), *_LINK]
+        _tool([*command, "-o", "made.so", *(["-lz"] if t == "fst" else [])], part)
         os.replace(part / "made.so", made)
 
 
@@ -148,7 +154,7 @@ def _runtime(trace: Trace) -> Path:
                 names += [f"verilated_{trace}_c"] if trace else []
                 text = "".join(f'#include "{unit}.cpp"\n' for unit in names)
                 (Path(name) / "runtime.cpp").write_text(text, encoding="utf-8")
-                _tool(["g++", *flags, "-c", "runtime.cpp", "-o", "made.o"], Path(name))
+                _tool(["g++", *flags, "-O1", "-c", "runtime.cpp", "-o", "made.o"], Path(name))
                 os.replace(Path(name) / "made.o", made)
     return made
 

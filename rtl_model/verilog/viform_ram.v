@@ -1,6 +1,6 @@
 // A memory of one write and one read port, block RAM in an FPGA. The read is registered. All words
-// are 0 at power-on. With COLLIDES = 1 a read sees what stood there before a write of the same clock,
-// which costs logic in some families; with 0 the surroundings promise that this never matters.
+// are 0 at power-on. With COLLIDES = 1 a read sees what stood there before a write of the same
+// clock, which costs logic in some families; with 0 such a read's word is never used.
 module viform_ram #(
     parameter DEPTH = 256,
     parameter WIDTH = 32,

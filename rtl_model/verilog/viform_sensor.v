@@ -35,7 +35,7 @@ module viform_sensor #(
     output reg [15:0] tile_index,
     output wire [LANES-1:0] tile_bits
 );
-    localparam [31:0] DEPTH = ROWS * TILES;
+    localparam [31:0] DEPTH = ROWS * TILES > 1 ? ROWS * TILES : 2;
     localparam [31:0] GROUPS = LANES / 4;
     localparam [31:0] GROUP_BITS = $clog2(GROUPS);
     localparam SHIFT = $clog2(LANES);

@@ -53,7 +53,8 @@ module viform_sink #(
             // Words 2 i and 2 i + 1; `get` may be odd after an underrun.
             wire [31:0] even_word, odd_word;
             reg swap;
-            wire [BANK_BITS-1:0] even_address = get[INDEX_BITS-1:1] + {{BANK_BITS - 1{1'b0}}, get[0]};
+            wire [BANK_BITS-1:0] even_address =
+                get[INDEX_BITS-1:1] + {{BANK_BITS - 1{1'b0}}, get[0]};
             viform_ram #(.DEPTH(SINK_WORDS / 2), .WIDTH(32), .ADDRESS_BITS(BANK_BITS)) even (
                 .clk(clk), .write(push && room && !put[0]), .write_address(put[INDEX_BITS-1:1]),
                 .write_data(wdata), .read(take), .read_address(even_address),

@@ -1,6 +1,6 @@
-// Pins to bytes and back: 8N1, least significant bit first, `BIT_CLOCKS` clocks a bit. A bit is read
-// in its middle, and from the middle of the stop bit on a new start bit may come: so a sender may be
-// faster or slower by nearly half a bit in nine and a half.
+// Pins to bytes and back: 8N1, least significant bit first, `BIT_CLOCKS` clocks a bit. A bit is
+// read in its middle, and from the middle of the stop bit on a new start bit may come: so a sender
+// may be faster or slower by nearly half a bit in nine and a half.
 module viform_uart #(
     parameter [31:0] BIT_CLOCKS = 417
 ) (

@@ -37,9 +37,7 @@ def test_nothing_is_waived():
         assert max(map(len, text.splitlines())) <= 100, path.name
 
 
-@pytest.mark.skipif(
-    shutil.which("verilator") is None, reason="needs the system package verilator"
-)
+@pytest.mark.skipif(shutil.which("verilator") is None, reason="needs the system package verilator")
 @pytest.mark.parametrize(
     "geometry",
     [

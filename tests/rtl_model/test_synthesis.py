@@ -1,0 +1,48 @@
+"""Cells of the 32 x 32 build in three families: what may not grow unseen."""
+
+import shutil
+
+import pytest
+
+from cosim import InputError
+from rtl_model import synthesis
+from rtl_model.synthesis import Cells, synthesise
+
+needs_yosys = pytest.mark.skipif(
+    shutil.which("yosys") is None, reason="needs the system package yosys"
+)
+
+# About 10 % over what yosys 0.23 gives; block RAM exactly, since memories must be nothing else.
+PIXELS = Cells("ice40", luts=580, flip_flops=86, block_rams=5, distributed_rams=0, carries=173)
+
+
+def within(cells: Cells, ceiling: Cells) -> bool:
+    """Returns whether a build costs no more than `ceiling`, in each kind of cell."""
+    return (
+        cells.family == ceiling.family
+        and 0 < cells.luts <= ceiling.luts
+        and 0 < cells.flip_flops <= ceiling.flip_flops
+        and cells.block_rams == ceiling.block_rams
+        and cells.distributed_rams <= ceiling.distributed_rams
+        and 0 < cells.carries <= ceiling.carries
+    )
+
+
+@needs_yosys
+def test_four_pixels_keep_below_their_ceiling_and_lie_in_block_ram():
+    """256 deep: 32 bits of pattern and 48 of charge, 16 bits wide blocks of the ice40."""
+    settings = {"DEPTH": 256, "ADDRESS_BITS": 8}
+    cells = synthesise("ice40", top="viform_pixels", settings=settings)
+    assert within(cells, PIXELS), cells
+
+
+@needs_yosys
+def test_what_yosys_refuses_is_one_line():
+    with pytest.raises(InputError, match="must be accepted by yosys"):
+        synthesise("ice40", top="viform_nothing", settings={})
+
+
+def test_a_missing_yosys_is_one_line(monkeypatch):
+    monkeypatch.setattr(synthesis.shutil, "which", lambda name: None)
+    with pytest.raises(InputError, match="apt-get install yosys"):
+        synthesise("ice40")
