@@ -100,11 +100,14 @@ def _off(bench: Bench, seen: str) -> StageFault | None:
 
 def _told(found: BaudReport) -> str:
     side = "above" if found.error_percent > 0 else "below"
-    rate = f"{found.measured:,}".replace(",", " ")
     return (
-        f"the board answers at {rate} baud, {abs(found.error_percent):.1f} % {side} "
-        f"{found.nominal:,}".replace(",", " ")
+        f"the board answers at {_spaced(found.measured)} baud, {abs(found.error_percent):.1f} % "
+        f"{side} {_spaced(found.nominal)}"
     )
+
+
+def _spaced(rate: int) -> str:
+    return f"{rate:,}".replace(",", " ")
 
 
 def _mend(found: BaudReport) -> str:
