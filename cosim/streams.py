@@ -34,3 +34,5 @@ class Stream(IntEnum):
     """Of a link's camera: how it is pushed from symbol to symbol."""
     SCINTILLATION = 81
     """Of the air between a link's ends."""
+    SERIAL_NOISE = 96
+    """Of a virtual board's serial line: which bits are inverted."""

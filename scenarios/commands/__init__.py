@@ -5,6 +5,7 @@ import typer as _typer
 
 from scenarios.commands.accuracy import accuracy as _accuracy
 from scenarios.commands.bench import bench as _bench
+from scenarios.commands.board import board as _board
 from scenarios.commands.convert import convert as _convert
 from scenarios.commands.doctor import doctor as _doctor
 from scenarios.commands.image import image as _image
@@ -34,6 +35,7 @@ app.command("live")(_live)
 app.command("image")(_image)
 app.command("convert")(_convert)
 app.add_typer(_link, name="link")
+app.add_typer(_board, name="board")
 app.command("bench")(_bench)
 app.command("stability")(_stability)
 app.command("doctor")(_doctor)

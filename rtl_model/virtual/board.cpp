@@ -1,0 +1,156 @@
+// viform_board behind its pins: the host's serialiser and deserialiser, at a baud of their own.
+#include <cmath>
+#include <cstdint>
+#include <deque>
+#include <memory>
+
+#include "Vtop.h"
+#include "verilated.h"
+
+namespace {
+
+const int BITS = 10;  // of a byte on the line: start, eight of data, stop
+
+struct Board {
+    VerilatedContext context;
+    std::unique_ptr<Vtop> top;
+    uint64_t clock = 0;
+    double bit_clocks = VIFORM_BIT_CLOCKS;  // of the host
+
+    // Host to board.
+    std::deque<uint16_t> waiting;  // bits as they go out, first in bit 0, noise and all
+    uint16_t sending = 0;
+    int bits_left = 0;
+    double boundary = 0;  // when the bit that is on the line ends
+    uint64_t next = 0;    // the same, as a clock
+
+    // Board to host.
+    bool line = true, receiving = false;
+    int taken = 0;
+    uint16_t samples = 0;
+    double begun = 0;
+    uint64_t sample_at = 0;
+    uint64_t last = 0;  // when something last moved on either line
+    bool moved = false;
+
+    // The board's answer begins three bits after the request at the latest, and its bytes follow
+    // each other: a byte's time without a change and its stop bit is the end.
+    uint64_t patience() const {
+        const double longer = bit_clocks > VIFORM_BIT_CLOCKS ? bit_clocks : VIFORM_BIT_CLOCKS;
+        return static_cast<uint64_t>(3 * longer) + 32;
+    }
+    bool quiet() const {
+        return waiting.empty() && !bits_left && !receiving && (!moved || clock - last >= patience());
+    }
+    bool drive();
+    bool receive(const uint16_t *noise, uint8_t *out, uint64_t &made);
+};
+
+// Puts the host's next bit on the line where it is due; returns whether the line is in use.
+bool Board::drive() {
+    if (!bits_left) {
+        if (waiting.empty()) return false;
+        if (clock > next) boundary = static_cast<double>(clock);  // else right after the last
+        sending = waiting.front();
+        waiting.pop_front();
+        bits_left = BITS;
+    } else if (clock < next) {
+        return true;
+    } else if (--bits_left == 0) {
+        top->serial_rx = 1;
+        return waiting.empty() ? true : drive();
+    } else {
+        sending >>= 1;
+    }
+    top->serial_rx = sending & 1;
+    boundary += bit_clocks;
+    next = static_cast<uint64_t>(std::ceil(boundary));
+    return true;
+}
+
+// Looks at the board's line; returns whether a byte is under way.
+bool Board::receive(const uint16_t *noise, uint8_t *out, uint64_t &made) {
+    const bool high = top->serial_tx;
+    const bool falls = line && !high;
+    line = high;
+    if (!receiving) {
+        if (!falls) return false;
+        receiving = true;
+        taken = 0;
+        samples = 0;
+        begun = static_cast<double>(clock);
+        sample_at = static_cast<uint64_t>(begun + 0.5 * bit_clocks);
+        return true;
+    }
+    if (clock < sample_at) return true;
+    const bool bit = high != ((noise[made] >> taken & 1) != 0);
+    samples |= static_cast<uint16_t>(bit) << taken;
+    ++taken;
+    sample_at = static_cast<uint64_t>(begun + (taken + 0.5) * bit_clocks);
+    if (taken == 1 && bit) receiving = false;  // no start bit
+    if (taken == BITS) {
+        receiving = false;
+        // A byte without its stop bit reads as 0, as Linux hands it over unless told otherwise.
+        out[made++] = bit ? static_cast<uint8_t>(samples >> 1) : 0;
+    }
+    return true;
+}
+
+}  // namespace
+
+extern "C" {
+
+Board *viform_open() {
+    Board *board = new Board;
+    board->top.reset(new Vtop(&board->context));
+    Vtop &top = *board->top;
+    top.serial_rx = 1;
+    top.rst = 1;
+    for (int n = 0; n < 4; ++n) {
+        top.clk = 1;
+        top.eval();
+        top.clk = 0;
+        top.eval();
+    }
+    top.rst = 0;
+    return board;
+}
+
+void viform_close(Board *board) {
+    board->top->final();
+    delete board;
+}
+
+// Sets how many clocks of the board a bit of the host's lasts, from the next bit on.
+void viform_line(Board *board, double bit_clocks) { board->bit_clocks = bit_clocks; }
+
+// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way,
+// or, where nothing was, all of them. Returns whether something still is. `made` bytes have come
+// out, at most `room`. Noise inverts bits of a byte, its start bit in bit 0: of those that go in,
+// and of those that come out.
+int viform_step(Board *board, const uint8_t *bytes, const uint16_t *noise, uint64_t count,
+                uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
+                uint64_t *clock, uint64_t *made) {
+    for (uint64_t n = 0; n < count; ++n)
+        board->waiting.push_back(static_cast<uint16_t>((bytes[n] << 1 | 0x200) ^ noise[n]));
+    Vtop &top = *board->top;
+    const bool busy = !board->quiet();
+    uint64_t got = 0;
+    for (uint64_t n = 0; n < clocks && got < room && !(busy && board->quiet()); ++n) {
+        const bool sends = board->drive();
+        if (board->receive(noise_out, out, got) || sends) {
+            board->last = board->clock;
+            board->moved = true;
+        }
+        top.clk = 1;
+        top.eval();
+        top.clk = 0;
+        top.eval();
+        ++board->clock;
+    }
+    *clock = board->clock;
+    *made = got;
+    return !board->quiet();
+}
+
+}

@@ -1,0 +1,35 @@
+"""Noise of the serial line: which of a byte's ten bits are inverted."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.philox import philox4x32
+from cosim.streams import Stream
+from rtl_model.virtual.faults import Way
+
+__all__ = ["BITS", "noise"]
+
+BITS = 10
+"""Of a byte on the line: start, eight of data, stop."""
+
+_WORDS = 4  # of one draw
+_DRAWS = -(-BITS // _WORDS)
+
+
+def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDArray[np.uint16]:
+    """Returns masks of the bytes `first` to `first + count - 1` of a way, the start bit in bit 0;
+    each bit is set with probability `share`, by byte and bit alone."""
+    if share <= 0.0 or count == 0:
+        return np.zeros(count, np.uint16)
+    index = first + np.arange(count, dtype=np.uint64)
+    low, high = index & np.uint64(0xFFFFFFFF), index >> np.uint64(32)
+    limit = round(share * 2**32)
+    masks = np.zeros(count, np.uint16)
+    for draw in range(_DRAWS):
+        words = philox4x32((low, high, draw, int(way == "tx")), (seed, Stream.SERIAL_NOISE))
+        for place, word in enumerate(words[: BITS - _WORDS * draw]):
+            hit = word.astype(np.uint64) < limit
+            masks |= hit.astype(np.uint16) << np.uint16(_WORDS * draw + place)
+    return masks
