@@ -26,6 +26,8 @@ ADDRESS = {entry.name: entry.address for entry in REGISTERS} | {
 _NOWHERE = (0x0000_0028, 0x0000_0128, 0x0000_05F0, 0x0010_0000 - 4, 0x7FFF_FFFC)
 _CLOCK_HZ = 4_000_000  # 100 clocks of a nominal tick: small arrays are bound by the minimum
 
+_LENGTH = 9  # binary logarithm of the longest chunk, in ticks
+
 
 class Write(NamedTuple):
     """A bus write: clock of its strobe, byte address, 32 bits."""
@@ -93,7 +95,7 @@ class _Draw:
                 self._put(clock, ADDRESS["pattern_mem"] + 4 * word, self._word())
             self._set(clock, "sensor_tick_clocks", 0)
             self._set(clock, "sensor_run", 1)
-        length = int(rng.integers(1, 40)) * (geometry.tick_minimum // 2) + int(rng.integers(2000))
+        length = int(geometry.tick_minimum * 2 ** rng.uniform(0, _LENGTH))
         stop = clock + length
         moves = self._moves()
         chances = np.array([chance for chance, _ in moves], float)

@@ -121,15 +121,18 @@ uint64_t viform_run(Board *board, uint64_t stop, const Write *writes, uint64_t w
     return board->clock;
 }
 
-// Begins a read at this edge; its word is there when one more edge has been run.
-void viform_strobe(Board *board, uint32_t address, int on) {
-    board->top->bus_re = on;
-    board->top->bus_adr = address >> 2;
-}
-
-// Returns the word, or -1 where no read has ended.
-int64_t viform_word(Board *board) {
-    return board->top->bus_rvalid ? static_cast<int64_t>(board->top->bus_rdata) : -1;
+// Reads a word, in two clocks; -1 where none came.
+int64_t viform_read(Board *board, uint32_t address, Tile *tiles, Tile *shown, uint64_t *counts) {
+    Vtop &top = *board->top;
+    top.bus_re = 1;
+    top.bus_adr = address >> 2;
+    viform_run(board, board->clock + 1, nullptr, 0, tiles, shown, 2, counts);
+    const uint64_t made = counts[0], sunk = counts[1];
+    top.bus_re = 0;
+    viform_run(board, board->clock + 1, nullptr, 0, tiles + made, shown + sunk, 2, counts);
+    counts[0] += made;
+    counts[1] += sunk;
+    return top.bus_rvalid ? static_cast<int64_t>(top.bus_rdata) : -1;
 }
 
 }

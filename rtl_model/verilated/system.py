@@ -22,6 +22,7 @@ SHIM = Path(__file__).with_name("system.cpp")
 
 _ROOM = 1 << 16  # tiles of one call
 _WRITE = np.dtype([("clock", "<u8"), ("address", "<u4"), ("value", "<u4")])
+_NO_WRITES = np.empty(0, _WRITE)
 _READ_CLOCKS = 2
 
 
@@ -69,6 +70,8 @@ class VerilatedSystem:
         self._tiles: list[Tiles] = []
         self._shown: list[Tiles] = []
         self._made = np.empty((2, _ROOM), TILE)
+        self._rooms = [room.ctypes.data for room in self._made]
+        self._counts = (ctypes.c_uint64 * 3)()
         if waves is not None and not self._library.viform_waves(
             self._board, str(waves.path).encode(), waves.first, waves.last
         ):
@@ -108,14 +111,12 @@ class VerilatedSystem:
 
     def read(self, address: int) -> int:
         """Returns the 32 bits at a byte address, as seen at this clock; takes two clocks."""
-        self._library.viform_strobe(self._board, address, 1)
-        self._advance(self._clock + 1)
-        self._library.viform_strobe(self._board, address, 0)
-        self._advance(self._clock + _READ_CLOCKS - 1)
-        word = int(self._library.viform_word(self._board))
+        word = self._library.viform_read(self._board, address, *self._rooms, self._counts)
+        self._clock += _READ_CLOCKS
+        self._keep()
         if word < 0:
             raise RuntimeError(f"no word {_READ_CLOCKS} clocks after a read of 0x{address:x}")
-        return word
+        return int(word)
 
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
         """Runs `clocks` clocks and returns the tiles computed in them, and before them in `write`
@@ -147,25 +148,20 @@ class VerilatedSystem:
         return _joined(self._shown)
 
     def _advance(self, stop: int, writes: npt.NDArray[np.void] | None = None) -> None:
-        counts = (ctypes.c_uint64 * 3)()
-        left = np.empty(0, _WRITE) if writes is None else writes
+        left = _NO_WRITES if writes is None else writes
         while self._clock < stop:
             self._clock = self._library.viform_run(
-                self._board,
-                stop,
-                left.ctypes.data,
-                len(left),
-                self._made[0].ctypes.data,
-                self._made[1].ctypes.data,
-                _ROOM,
-                counts,
+                self._board, stop, left.ctypes.data, len(left), *self._rooms, _ROOM, self._counts
             )
-            for kept, made, count in zip(
-                (self._tiles, self._shown), self._made, counts, strict=False
-            ):
-                if count:
-                    kept.append(made[:count].copy())
-            left = left[counts[2] :]
+            self._keep()
+            left = left[self._counts[2] :]
+
+    def _keep(self) -> None:
+        for kept, made, count in zip(
+            (self._tiles, self._shown), self._made, self._counts, strict=False
+        ):
+            if count:
+                kept.append(made[:count].copy())
 
 
 def _joined(parts: list[Tiles]) -> Tiles:
@@ -189,9 +185,14 @@ def _load(path: Path) -> Any:
         ctypes.c_uint64,
         ctypes.c_void_p,
     ]
-    made.viform_strobe.argtypes = [ctypes.c_void_p, ctypes.c_uint32, ctypes.c_int]
-    made.viform_word.restype = ctypes.c_int64
-    made.viform_word.argtypes = [ctypes.c_void_p]
+    made.viform_read.restype = ctypes.c_int64
+    made.viform_read.argtypes = [
+        ctypes.c_void_p,
+        ctypes.c_uint32,
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+    ]
     if hasattr(made, "viform_waves"):
         made.viform_waves.argtypes = [
             ctypes.c_void_p,
