@@ -62,10 +62,12 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     """Frames and spikes of a run from no charge, once the last frame is read."""
     bench.put("sensor_threshold", level)
     bench.put("sensor_clear", 1)
+    before = bench.sure("sensor_frame_clock")
     bench.put("sensor_run", 1)
     patience = bench.ticks_s(_LEAST_FRAMES, select)
     end = bench.port.now() + 10 * patience + 2.0
-    while bench.get("sensor_frames") < _LEAST_FRAMES:
+    # Until the first frame begins, the counters are those of the run before.
+    while bench.get("sensor_frame_clock") == before or bench.get("sensor_frames") < _LEAST_FRAMES:
         if bench.port.now() > end:
             bench.put("sensor_run", 0)
             raise StageFault(
