@@ -153,7 +153,7 @@ class _Draw:
     def _slow(self, clock: int) -> None:
         """20 kHz for some frames; it costs as much time as two frames each."""
         self._set(clock, "sensor_clock_select", 1)
-        self._set(clock + self._later(8), "sensor_clock_select", 0)
+        self._set(clock + self._later(24), "sensor_clock_select", 0)
 
     def _pattern(self, clock: int) -> None:
         first = int(self.rng.integers(self.size.pattern_bytes // 4 + 1))  # the last is beyond it

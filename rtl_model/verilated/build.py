@@ -14,7 +14,8 @@ import shutil
 import subprocess
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -39,7 +40,7 @@ Trace = Literal["", "fst", "vcd"]
 # -fno-gnu-unique and -Bsymbolic keep two libraries in one process from sharing their statics.
 _FLAGS = ("-std=c++17", "-fPIC", "-fno-gnu-unique", "-w")
 _LINK = ("-shared", "-pthread", "-Wl,-Bsymbolic")
-_VERILATE = ("--cc", "-O3", "--x-assign", "fast", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
+_VERILATE = ("--cc", "-O3", "--x-assign", "1", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
 _TIME_LIMIT = 900  # seconds of one tool: hung, not slow
 
 
@@ -129,17 +130,23 @@ def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path
         _tool(["verilator", *verilate, "-Mdir", name], part)
         units = sorted(path.name for path in part.glob("Vtop*.cpp"))
         slow = [unit for unit in units if "Slow" in unit or "Syms" in unit]  # run once, or to trace
-        command = ["g++", *flags, *_runtime_flags(t), f"-I{name}", f"-I{shim.parent.resolve()}"]
-        for stem, chosen, level in (
-            ("once", slow, "-O0"),
-            ("often", [unit for unit in units if unit not in slow], "-O3"),
-        ):
-            text = "".join(f'#include "{unit}"\n' for unit in chosen)
-            (part / f"{stem}.cpp").write_text(text, encoding="utf-8")
-            _tool([*command, level, "-c", f"{stem}.cpp"], part)
-        command += ["-O2", str(shim.resolve()), "once.o", "often.o", str(runtime), *_LINK]
-        _tool([*command, "-o", "made.so", *(["-lz"] if t == "fst" else [])], part)
+        often = [unit for unit in units if unit not in slow]
+        (part / "once.cpp").write_text(_include(slow), encoding="utf-8")
+        (part / "often.cpp").write_text(_include([*often, str(shim.resolve())]), encoding="utf-8")
+        compiler = ["g++", *flags, *_runtime_flags(t), f"-I{name}", f"-I{shim.parent.resolve()}"]
+        commands = [
+            [*compiler, "-O0", "-c", "once.cpp"],
+            [*compiler, "-O3", "-c", "often.cpp"],
+        ]
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(_tool, commands, [part, part]))
+        link = ["g++", "often.o", "once.o", str(runtime), *_LINK, "-o", "made.so"]
+        _tool([*link, *(["-lz"] if t == "fst" else [])], part)
         os.replace(part / "made.so", made)
+
+
+def _include(files: Iterable[str]) -> str:
+    return "".join(f'#include "{file}"\n' for file in files)
 
 
 def _runtime(trace: Trace) -> Path:
@@ -152,7 +159,7 @@ def _runtime(trace: Trace) -> Path:
             with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
                 names = ["verilated", "verilated_threads"]
                 names += [f"verilated_{trace}_c"] if trace else []
-                text = "".join(f'#include "{unit}.cpp"\n' for unit in names)
+                text = _include(f"{unit}.cpp" for unit in names)
                 (Path(name) / "runtime.cpp").write_text(text, encoding="utf-8")
                 _tool(["g++", *flags, "-O1", "-c", "runtime.cpp", "-o", "made.o"], Path(name))
                 os.replace(Path(name) / "made.o", made)

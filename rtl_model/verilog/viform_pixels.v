@@ -25,10 +25,6 @@ module viform_pixels #(
     output reg [3:0] bits
 );
     wire [31:0] electrons;
-    wire [47:0] charge;
-    wire [51:0] next;
-    wire [47:0] rest = {next[50:39], next[37:26], next[24:13], next[11:0]};
-    wire [3:0] fired = {next[51], next[38], next[25], next[12]};
 
     viform_ram #(
         .DEPTH(DEPTH), .WIDTH(32), .ADDRESS_BITS(ADDRESS_BITS), .COLLIDES(1)
@@ -37,10 +33,13 @@ module viform_pixels #(
         .write_data(pattern_data), .read(read), .read_address(read_address),
         .read_data(electrons)
     );
-    viform_ram #(.DEPTH(DEPTH), .WIDTH(48), .ADDRESS_BITS(ADDRESS_BITS)) charge_memory (
-        .clk(clk), .write(compute), .write_address(address), .write_data(rest),
-        .read(read), .read_address(read_address), .read_data(charge)
-    );
+    // A memory of its own and not a viform_ram: the arithmetic stands where it is stored, so that a
+    // simulator does it for tiles only. Read and write never meet at one address.
+    (* ram_style = "block" *)
+    reg [47:0] charges[0:DEPTH-1];
+    reg [47:0] charge;
+    integer i;
+    initial for (i = 0; i < DEPTH; i = i + 1) charges[i] = 48'd0;
 
     // One tick of one pixel: {fired, rest}.
     function [12:0] tick;
@@ -83,18 +82,26 @@ module viform_pixels #(
         endcase
     endfunction
 
-    genvar lane;
-    generate
-        for (lane = 0; lane < 4; lane = lane + 1) begin : lanes
-            localparam [31:0] COLUMN = FIRST_LANE + lane;
-            assign next[13*lane +: 13] = tick(
-                live[lane], fresh, double, charge[12*lane +: 12],
-                source(pattern, electrons[8*lane +: 8], constant, ramp + COLUMN[7:0],
-                       odd ^ COLUMN[0]),
-                level, rule
-            );
-        end
-    endgenerate
+    function [12:0] lane_tick;
+        input [1:0] lane;
+        lane_tick = tick(
+            live[lane], fresh, double, charge[12*lane +: 12],
+            source(pattern, electrons[8*lane +: 8], constant,
+                   ramp + FIRST_LANE[7:0] + {6'd0, lane}, odd ^ lane[0]),
+            level, rule
+        );
+    endfunction
 
-    always @(posedge clk) if (compute) bits <= fired;
+    always @(posedge clk) begin
+        if (read) charge <= compute && read_address == address ? 48'bx : charges[read_address];
+        if (compute) begin : update
+            reg [12:0] next_0, next_1, next_2, next_3;
+            next_0 = lane_tick(2'd0);
+            next_1 = lane_tick(2'd1);
+            next_2 = lane_tick(2'd2);
+            next_3 = lane_tick(2'd3);
+            charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
+            bits <= {next_3[12], next_2[12], next_1[12], next_0[12]};
+        end
+    end
 endmodule

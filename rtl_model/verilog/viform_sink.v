@@ -72,14 +72,10 @@ module viform_sink #(
 
     // Words that had not come are dark.
     wire [LANES-1:0] shown;
-    wire [31:0] next_crc;
     assign shown[31:0] = have != 2'd0 ? words[31:0] : 32'd0;
     generate
-        if (BANKS == 1) begin : crc_of_one
-            assign next_crc = crc32_word(crc, shown);
-        end else begin : crc_of_two
+        if (BANKS == 2) begin : second_word
             assign shown[LANES-1:32] = have == 2'd2 ? words[LANES-1:32] : {LANES - 32{1'b0}};
-            assign next_crc = crc32_word(crc32_word(crc, shown[31:0]), shown[LANES-1:32]);
         end
     endgenerate
 
@@ -106,7 +102,8 @@ module viform_sink #(
         valid <= taken && compute;
         if (taken) begin
             bits <= shown;
-            crc <= next_crc;
+            crc <= BANKS == 1 ? crc32_word(crc, shown[31:0])
+                : crc32_word(crc32_word(crc, shown[31:0]), shown[LANES-1:LANES-32]);
             if (have != due) begin
                 underruns <= underruns + {30'd0, due - have};
                 underrun <= 1'b1;

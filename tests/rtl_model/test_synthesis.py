@@ -15,6 +15,11 @@ needs_yosys = pytest.mark.skipif(
 # About 10 % over what yosys 0.23 gives; block RAM exactly, since memories must be nothing else.
 PIXELS = Cells("ice40", luts=580, flip_flops=86, block_rams=5, distributed_rams=0, carries=173)
 
+CEILINGS = {
+    "ice40": Cells("ice40", 9030, 2380, block_rams=84, distributed_rams=0, carries=2830),
+    "ecp5": Cells("ecp5", 7040, 2380, block_rams=36, distributed_rams=0, carries=1630),
+}
+
 
 def within(cells: Cells, ceiling: Cells) -> bool:
     """Returns whether a build costs no more than `ceiling`, in each kind of cell."""
@@ -29,6 +34,14 @@ def within(cells: Cells, ceiling: Cells) -> bool:
 
 
 @needs_yosys
+@pytest.mark.slow
+@pytest.mark.parametrize("family", sorted(CEILINGS))
+def test_the_board_keeps_below_its_ceiling(family):
+    cells = synthesise(family)
+    assert within(cells, CEILINGS[family]), cells
+
+
+@needs_yosys
 def test_four_pixels_keep_below_their_ceiling_and_lie_in_block_ram():
     """256 deep: 32 bits of pattern and 48 of charge, 16 bits wide blocks of the ice40."""
     settings = {"DEPTH": 256, "ADDRESS_BITS": 8}
@@ -38,7 +51,7 @@ def test_four_pixels_keep_below_their_ceiling_and_lie_in_block_ram():
 
 @needs_yosys
 def test_what_yosys_refuses_is_one_line():
-    with pytest.raises(InputError, match="must be accepted by yosys"):
+    with pytest.raises(InputError, match="must be accepted by yosys, not ERROR"):
         synthesise("ice40", top="viform_nothing", settings={})
 
 

@@ -1,0 +1,90 @@
+"""Verilog and cycle model agree to the bit and the clock, whatever is written when."""
+
+import shlex
+
+import numpy as np
+import pytest
+
+from rtl_model import lockstep
+from rtl_model.verilated import missing
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
+
+SMALL = lockstep.Program(rows=20, columns=40, lanes=32, seed=1)
+WIDE = lockstep.Program(rows=8, columns=500, lanes=64, seed=3)
+
+
+def covered(outcome, windows):
+    """Everything that must have been seen while it was compared."""
+    seen = outcome.coverage
+    assert outcome.difference is None, str(outcome.difference)
+    assert seen.pixels.sum() == outcome.pixels
+    for axis in range(4):  # threshold, reset rule, pattern, clock
+        rest = tuple(other for other in range(4) if other != axis)
+        assert (seen.pixels.sum(rest) > outcome.pixels // 1000).all()
+    assert (seen.pixels.sum((1, 2)) > 0).all()  # each threshold at both clocks
+    assert set(seen.windows) >= windows
+    assert 0.001 * outcome.pixels < seen.spikes < outcome.pixels
+    assert min(seen.bursts, seen.shown, seen.reads // 50, seen.writes // 50) > 10
+
+
+WINDOWS = {"whole", "one pixel", "partly-filled tile", "one tile", "part", "no column"}
+
+
+def test_two_geometries_over_a_hundred_million_pixel_cycles():
+    assert SMALL.columns % SMALL.lanes
+    assert WIDE.columns % WIDE.lanes
+    for program, pixels in ((SMALL, 2e6), (WIDE, 1e8)):
+        outcome = lockstep.run(program, pixels=pixels)
+        covered(outcome, WINDOWS)
+        assert outcome.pixels >= pixels
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("program", "pixels"),
+    [
+        (lockstep.Program(rows=32, columns=32, lanes=32, seed=11), 5e7),
+        (lockstep.Program(rows=64, columns=70, lanes=64, seed=12), 1e8),
+        (lockstep.Program(rows=5, columns=2000, lanes=64, seed=13), 5e8),
+        (lockstep.Program(rows=7, columns=301, lanes=32, seed=14), 1e8),
+        (WIDE, 3e8),
+    ],
+)
+def test_a_thousand_million_pixel_cycles(program, pixels):
+    windows = WINDOWS if program.columns % program.lanes else WINDOWS - {"partly-filled tile"}
+    covered(lockstep.run(program, pixels=pixels), windows - {"one tile"} | {"whole"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(("rows", "columns", "lanes"), [(1, 1, 32), (3, 33, 32), (2, 64, 64)])
+def test_small_arrays(rows, columns, lanes, seed):
+    program = lockstep.Program(rows=rows, columns=columns, lanes=lanes, seed=seed)
+    outcome = lockstep.run(program, pixels=5e5 if columns > 1 else 1e4)
+    assert outcome.difference is None, str(outcome.difference)
+
+
+def test_a_run_ends_where_it_is_told_and_says_how_far_it_is():
+    told = []
+    outcome = lockstep.run(SMALL, until=30_001, progress=lambda *so_far: told.append(so_far))
+    assert outcome.clock <= 30_001
+    assert outcome.difference is None
+    clocks, pixels = np.array(told).T
+    assert (np.diff(clocks) > 0).all()
+    assert (np.diff(pixels) >= 0).all()
+
+    def stop(clock, pixels):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lockstep.run(SMALL, progress=stop)
+
+
+def test_a_program_is_a_function_of_its_seed():
+    first, again = (SMALL.chunk(5, 100) for _ in range(2))
+    assert first == again
+    assert lockstep.Program(20, 40, 32, seed=2).chunk(5, 100) != first
+    clocks = [write.clock for write in first.writes]
+    assert clocks == sorted(set(clocks))
+    assert all(100 <= clock < first.stop for clock in clocks)

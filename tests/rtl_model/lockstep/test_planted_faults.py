@@ -1,0 +1,157 @@
+"""A fault of one bit in a copy of the Verilog is caught, and found where it is."""
+
+import itertools
+import re
+import shlex
+import shutil
+from typing import NamedTuple
+
+import pytest
+
+from rtl_model import lockstep
+from rtl_model.verilated import VERILOG, missing
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
+
+PROGRAM = lockstep.Program(rows=4, columns=40, lanes=32, seed=1)
+
+
+class Fault(NamedTuple):
+    """What is replaced in which file, and where the difference must be seen first."""
+
+    file: str
+    good: str
+    bad: str
+    seen: str
+
+
+FAULTS = {
+    "threshold reached fires no more, only exceeded": Fault(
+        "viform_pixels.v", "if (once[13]) tick", "if (once[13] || once == 14'd0) tick", "spike"
+    ),
+    "threshold constant 254": Fault(
+        "viform_pixels.v", "{2'b00, k, 8'hFF}", "{2'b00, k, 8'hFE}", "spike"
+    ),
+    "two quanta of another level": Fault(
+        "viform_pixels.v", "{1'b0, k, 8'hFF, 1'b0}", "{1'b0, k ^ 4'd8, 8'hFF, 1'b0}", "spike"
+    ),
+    "20 kHz collects once": Fault(
+        "viform_pixels.v", "{4'd0, collected, 1'b0}", "{5'd0, collected}", "spike"
+    ),
+    "hard reset keeps one electron": Fault(
+        "viform_pixels.v", "tick = {1'b1, 12'd0};", "tick = {1'b1, 12'd1};", "spike"
+    ),
+    "window ends a column early": Fault(
+        "viform_scan.v",
+        "wire [15:0] to = column_last - base;",
+        "wire [15:0] to = column_last - base - 16'd1;",
+        "spike",
+    ),
+    "window begins a row late": Fault(
+        "viform_scan.v", "row >= row_first", "row > row_first", "tile"
+    ),
+    "pads fire": Fault(
+        "viform_scan.v",
+        "columns[31:16] > LAST_COLUMN[15:0] ? LAST_COLUMN[15:0] : columns[31:16]",
+        "columns[31:16]",
+        "spike",
+    ),
+    "checker is offset": Fault(
+        "viform_sensor.v", "row[0] ^ frame[0]", "row[0] ^ frame[1]", "spike"
+    ),
+    "ramp lacks the tile": Fault(
+        "viform_sensor.v", "row[7:0] + base", "row[7:0] + (base >> 1)", "spike"
+    ),
+    "pattern seen a clock early": Fault(
+        "viform_ram.v",
+        "COLLIDES == 0 && write && write_address == read_address\n            ? {WIDTH{1'bx}}",
+        "write && write_address == read_address\n            ? write_data",
+        "spike",
+    ),
+    "frame counter starts at one": Fault(
+        "viform_scan.v",
+        "frame <= clear ? 32'd0 : frames;",
+        "frame <= clear ? 32'd1 : frames;",
+        "frame of the tile",
+    ),
+    "period a clock long": Fault(
+        "viform_scan.v", "left <= period - 33'd1;", "left <= period;", "tile"
+    ),
+    "clear keeps the charge": Fault("viform_scan.v", "fresh <= clear;", "fresh <= 1'b0;", "spike"),
+    "CRC's polynomial": Fault(
+        "viform_crc32.vh", "32'hEDB88320", "32'hEDB88321", "sink_crc|capture_data"
+    ),
+    "record's number": Fault(
+        "viform_capture.v",
+        "number <= number + 32'd1;\n            end else",
+        "number <= number;\n            end else",
+        "capture_data",
+    ),
+    "PRBS tap": Fault("viform_prbs.v", "bits[i+18]", "bits[i+17]", "prbs_(source|errors)"),
+    "sink drops a word": Fault(
+        "viform_sink.v", "level >= {", "level > {", "the sink's spike|sink_.*"
+    ),
+}
+
+
+def planted(fault, folder):
+    """A copy of the Verilog with the fault in it."""
+    shutil.copytree(VERILOG, folder)
+    path = folder / fault.file
+    text = path.read_text()
+    assert text.count(fault.good) >= 1, "the Verilog has changed"
+    path.write_text(text.replace(fault.good, fault.bad, 1))
+    return folder
+
+
+def again(reproducer):
+    """Runs what the line says, on the same Verilog."""
+    words = shlex.split(reproducer)
+    assert words[:4] == ["viform", "board", "compare", "--lockstep"]
+    given = {name[2:]: int(value) for name, value in zip(words[4::2], words[5::2], strict=True)}
+    until = given.pop("until")
+    return lockstep.Program(**given), until
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if place else [])
+        for place, name in enumerate(FAULTS)
+    ],
+)
+def test_a_planted_fault_is_caught_and_located(name, tmp_path):
+    fault = FAULTS[name]
+    sources = planted(fault, tmp_path / "verilog")
+    outcome = lockstep.run(PROGRAM, pixels=5e6, sources=sources)
+    found = outcome.difference
+    assert found is not None, "not caught"
+    assert re.fullmatch(fault.seen, found.what), str(found)
+    assert found.verilog != found.model
+    assert found.what != "spike" or {found.verilog, found.model} == {0, 1}
+    assert (found.row is None) == (found.column is None) == (found.frame is None)
+    program, until = again(found.reproducer)
+    assert until == found.until > found.clock
+    once_more = lockstep.run(program, until=until, sources=sources).difference
+    assert once_more == found
+    assert lockstep.run(program, until=found.clock, sources=sources).difference is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".fst", ".vcd"])
+def test_waveforms_stand_about_the_difference(ending, tmp_path):
+    sources = planted(FAULTS["threshold constant 254"], tmp_path / "verilog")
+    path = tmp_path / f"window{ending}"
+    found = lockstep.run(PROGRAM, sources=sources, waves=path).difference
+    assert found is not None
+    assert found.waves == path
+    assert str(found).splitlines()[-1] == f"waveforms: {path}"
+    assert 1000 < path.stat().st_size < 5_000_000
+    if ending == ".vcd":
+        text = path.read_text()
+        times = [int(line[1:]) for line in text.splitlines() if re.fullmatch(r"#\d+", line)]
+        assert times[0] == 2 * (found.clock - 256)
+        assert times[-1] == 2 * (found.until + 64) - 1
+        assert all(a < b for a, b in itertools.pairwise(times))
+        for name in ("tile_bits", "bus_we", "threshold", "once"):
+            assert re.search(rf"\b{name}\b", text)
