@@ -24,6 +24,7 @@ module viform_pixels #(
     input wire odd,              // row ^ frame, least significant bit
     output reg [3:0] bits
 );
+    localparam [7:0] COLUMN = FIRST_LANE[7:0];
     wire [31:0] electrons;
 
     viform_ram #(
@@ -82,24 +83,30 @@ module viform_pixels #(
         endcase
     endfunction
 
-    function [12:0] lane_tick;
-        input [1:0] lane;
-        lane_tick = tick(
-            live[lane], fresh, double, charge[12*lane +: 12],
-            source(pattern, electrons[8*lane +: 8], constant,
-                   ramp + FIRST_LANE[7:0] + {6'd0, lane}, odd ^ lane[0]),
-            level, rule
-        );
-    endfunction
-
     always @(posedge clk) begin
         if (read) charge <= compute && read_address == address ? 48'bx : charges[read_address];
         if (compute) begin : update
             reg [12:0] next_0, next_1, next_2, next_3;
-            next_0 = lane_tick(2'd0);
-            next_1 = lane_tick(2'd1);
-            next_2 = lane_tick(2'd2);
-            next_3 = lane_tick(2'd3);
+            next_0 = tick(
+                live[0], fresh, double, charge[11:0],
+                source(pattern, electrons[7:0], constant, ramp + COLUMN + 8'd0, odd),
+                level, rule
+            );
+            next_1 = tick(
+                live[1], fresh, double, charge[23:12],
+                source(pattern, electrons[15:8], constant, ramp + COLUMN + 8'd1, !odd),
+                level, rule
+            );
+            next_2 = tick(
+                live[2], fresh, double, charge[35:24],
+                source(pattern, electrons[23:16], constant, ramp + COLUMN + 8'd2, odd),
+                level, rule
+            );
+            next_3 = tick(
+                live[3], fresh, double, charge[47:36],
+                source(pattern, electrons[31:24], constant, ramp + COLUMN + 8'd3, !odd),
+                level, rule
+            );
             charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
             bits <= {next_3[12], next_2[12], next_1[12], next_0[12]};
         end
