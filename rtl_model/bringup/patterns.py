@@ -15,7 +15,7 @@ __all__ = ["check_patterns", "image_of", "take", "whole_frames"]
 _CASES: tuple[tuple[str, int, int, int], ...] = (
     # name, pattern, level, threshold level: each fires in some ticks and not in others
     ("constant", 1, 200, 0),
-    ("ramp", 2, 0, 0),
+    ("ramp", 2, 96, 0),
     ("checker", 3, 170, 0),
     ("memory", 0, 0, 0),
 )

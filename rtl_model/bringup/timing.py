@@ -66,22 +66,25 @@ def check_timing(bench: Bench) -> Figures:
 
 def _ticks(bench: Bench, period: int, select: int) -> int:
     """Holds differences of frame clocks against whole periods; how many were held."""
+    before = bench.sure("sensor_frame_clock")
     bench.put("sensor_run", 1)
     end = bench.port.now() + 2.0 + 100 * bench.ticks_s(1, select)
-    while bench.get("sensor_frames") < 2:
-        if bench.port.now() > end:
+    starts: list[int] = []  # of frames that began under these settings
+    while len(starts) <= _DIFFERENCES:
+        now = bench.get("sensor_frame_clock")
+        if now != (starts[-1] if starts else before):
+            starts.append(now)
+        elif bench.port.now() > end:
             bench.put("sensor_run", 0)
             raise StageFault(
-                "stands-still", "no frame begins", "check the scan's counter and the pixel clock"
+                "stands-still",
+                f"{len(starts)} frames began where {_DIFFERENCES + 1} were waited for",
+                "check the scan's counter and the pixel clock",
             )
         bench.bone.pause(bench.ticks_s(1, select))
-    # What was set counts from the next frame on; the readings below come after one.
-    bench.bone.pause(2 * bench.ticks_s(1, select))
-    bench.get("sensor_frame_clock")
-    clocks = [bench.get("sensor_frame_clock") for _ in range(_DIFFERENCES + 1)]
     bench.put("sensor_run", 0)
-    for before, after in zip(clocks, clocks[1:], strict=False):
-        passed = (after - before) % _WORD
+    for one, other in zip(starts, starts[1:], strict=False):
+        passed = (other - one) % _WORD
         if passed % period:
             raise StageFault(
                 "tick",
@@ -90,10 +93,6 @@ def _ticks(bench: Bench, period: int, select: int) -> int:
                 "check sensor_tick_clocks, sensor_clock_select and the scan's counter",
                 {"period": period, "passed": passed},
             )
-    if clocks[0] == clocks[-1]:
-        raise StageFault(
-            "stands-still", "no frame begins", "check the scan's counter and the pixel clock"
-        )
     return _DIFFERENCES
 
 
