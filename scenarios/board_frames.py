@@ -12,7 +12,7 @@ from rtl_model.bringup import Burst, compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, capture
 
-__all__ = ["clock_of", "compared", "geometry_of", "pattern_of"]
+__all__ = ["clock_of", "compared", "geometry_of", "pattern_of", "uploaded_image"]
 
 
 def clock_of(board: Board) -> Clock:
@@ -61,3 +61,13 @@ def compared(board: Board, frames: int) -> tuple[Captured, Burst]:
     image = pattern_of(board) if settings.pattern == 0 else None
     must = planes(size, settings, image, frames)
     return taken, Burst("capture", taken.planes, must, compare(taken.planes, must, size.lanes))
+
+
+def uploaded_image(size: Geometry, seed: int) -> npt.NDArray[np.uint8]:
+    """The image that a run shows the board: (rows, columns) uint8 electrons of a tick, a bright
+    disc and a ramp under shot-like noise of `seed`."""
+    row, column = np.mgrid[: size.rows, : size.columns]
+    y, x = (row + 0.5) / size.rows - 0.5, (column + 0.5) / size.columns - 0.5
+    light = 20 + 100 * (x + 0.5) + 110 * (x * x + y * y < 0.09)
+    noise = np.random.Generator(np.random.Philox(seed)).integers(-12, 13, light.shape)
+    return np.clip(np.rint(light) + noise, 0, 255).astype(np.uint8)
