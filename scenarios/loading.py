@@ -6,7 +6,7 @@ import json
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import tomli_w
 
@@ -91,13 +91,13 @@ def _set(data: dict[str, Any], assignment: str) -> None:
     node[names[-1]] = _value(text)
 
 
-Given = TypeVar("Given", Scenario, LinkScenario, BoardScenario)
-
 _PATHS = (("scene", "path"), ("link", "file"), ("board", "csr"))
 """Sections and their keys that name a file."""
 
 
-def _absolute(scenario: Given) -> Given:
+def _absolute(
+    scenario: Scenario | LinkScenario | BoardScenario,
+) -> Scenario | LinkScenario | BoardScenario:
     """The scenario with its file's place written out."""
     for section, key in _PATHS:
         inner = getattr(scenario, section, None)

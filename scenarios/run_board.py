@@ -157,10 +157,9 @@ def _film(
     result.simulated_s = section.frames / clock.hz
     report.bursts.append(burst)
     metrics = result.metrics
-    wrong = 0 if burst.wrong is None else burst.wrong.count
-    for name, more in (
-        ("frames_compared", len(burst.got)), ("bits_compared", burst.got.size), ("bits_wrong", wrong)
-    ):  # fmt: skip
+    wrong = 0 if burst.wrong is None else burst.wrong.bits
+    counted = {"frames_compared": len(burst.got), "bits_compared": burst.got.size}
+    for name, more in (counted | {"bits_wrong": wrong}).items():
         metrics[name] = Metric((metrics[name].value or 0) + more, "1")
     rate = taken.bytes / max(taken.seconds, 1e-9)
     metrics["capture_bytes_per_s"] = Metric(rate, "B/s")

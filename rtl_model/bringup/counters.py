@@ -118,7 +118,9 @@ def _check_written(bench: Bench, written: list[int], figures: Figures) -> None:
         raise StageFault(
             "words-lost",
             f"the board took {count} of {len(written)} words; those that come back to back are "
-            "the likely ones" if count else "the board took no word",
+            "the likely ones"
+            if count
+            else "the board took no word",
             "check that the receiver is ready for a start bit in the middle of the stop bit",
             figures,
         )

@@ -54,8 +54,7 @@ def check_identity(bench: Bench) -> Figures:
     if text != identifier(geometry):
         raise StageFault(
             "identifier",
-            f"the board calls itself {text!r} and gives a geometry of "
-            f"{info.rows} x {info.columns}",
+            f"the board calls itself {text!r} and gives a geometry of {info.rows} x {info.columns}",
             "build the board anew: header and parameters are of different builds",
             figures,
         )

@@ -11,9 +11,7 @@ from rtl_model.bringup.stage import Report
 __all__ = ["junit_xml", "write_junit"]
 
 # What XML 1.0 cannot hold even as an entity.
-_FORBIDDEN = {n: "?" for n in [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]} | {
-    n: "?" for n in range(0xD800, 0xE000)
-}
+_FORBIDDEN = dict.fromkeys([*range(9), 11, 12, *range(14, 32), 65534, 65535], "?") | dict.fromkeys(range(55296, 57344), "?")
 
 
 def junit_xml(report: Report) -> str:
@@ -32,7 +30,11 @@ def junit_xml(report: Report) -> str:
     )
     for stage in report.stages:
         case = xml.SubElement(
-            suite, "testcase", classname="viform.board", name=stage.name, time=f"{stage.seconds:.6f}"
+            suite,
+            "testcase",
+            classname="viform.board",
+            name=stage.name,
+            time=f"{stage.seconds:.6f}",
         )
         if stage.figures:
             kept = xml.SubElement(case, "properties")

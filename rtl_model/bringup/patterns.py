@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -96,7 +98,7 @@ def check_patterns(bench: Bench) -> Figures:
         figures["frames_compared"] += frames
         figures["bits_compared"] += burst.got.size
         if burst.wrong is not None:
-            figures["bits_wrong"] += burst.wrong.count
+            figures["bits_wrong"] += burst.wrong.bits
             worst = worst or burst
     figures |= {
         "capture_bytes": moved,
@@ -111,9 +113,9 @@ def check_patterns(bench: Bench) -> Figures:
     return figures
 
 
-def _plain(settings: dict[str, int]) -> dict[str, object]:
+def _plain(settings: dict[str, int]) -> dict[str, Any]:
     """Registers as `cycle.Settings` names them."""
-    made: dict[str, object] = {}
+    made: dict[str, Any] = {}
     for key, value in settings.items():
         if key in ("rows", "columns"):
             made[key] = (value & 0xFFFF, value >> 16)

@@ -19,7 +19,7 @@ _WORD = 1 << 32
 class Reading(NamedTuple):
     """A clock count and the host's times that it was surely read between, seconds."""
 
-    count: int
+    clocks: int
     early: float
     late: float
 
@@ -102,7 +102,7 @@ def clock_rate(bench: Bench, span_s: float = _SPAN_S) -> tuple[float, float]:
     first = _read(bench)
     bench.bone.pause(span_s)
     last = _read(bench)
-    count = (last.count - first.count) % _WORD
+    count = (last.clocks - first.clocks) % _WORD
     longest, shortest = last.late - first.early, max(last.early - first.late, 1e-9)
     low, high = count / max(longest, 1e-9), count / shortest
     return (low + high) / 2, (high - low) / 2

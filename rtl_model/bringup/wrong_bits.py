@@ -25,13 +25,13 @@ _MEND = {
 class WrongBits(NamedTuple):
     """Where captured planes differ from what they must be.
 
-    count, compared: bits. frame, row, column: of the first wrong bit in order of time, `got` what
+    bits: that are wrong, of `compared`. frame, row, column: of the first wrong bit in order of time, `got` what
     it was. shape: one of pixel, row, column, lane, frame, scattered; place: its number (of a pixel
     "row, column"). stuck: 0 or 1 where every wrong bit of the shape read that, whatever it had to
     be, else None.
     """
 
-    count: int
+    bits: int
     compared: int
     frame: int
     row: int
@@ -44,7 +44,7 @@ class WrongBits(NamedTuple):
     @property
     def text(self) -> str:
         """What is wrong, one clause."""
-        wrong = f"{self.count} of {self.compared} bits are wrong"
+        wrong = f"{self.bits} of {self.compared} bits are wrong"
         first = (
             f"the first in frame {self.frame}, row {self.row}, column {self.column} "
             f"({self.got} in place of {1 - self.got})"

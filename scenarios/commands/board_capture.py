@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -58,9 +58,7 @@ def board_capture(
     writes = [assignment(text) for text in assignments or ()]
     progress = make_progress()
     try:
-        with connected(
-            port, baud, csr, log, time_scale, json, level=level, faults=fault
-        ) as line:
+        with connected(port, baud, csr, log, time_scale, json, level=level, faults=fault) as line:
             for name, value in writes:
                 line.board.write(name, value)
             taken = capture.burst(line.board, frames, clear=clear)
@@ -72,7 +70,7 @@ def board_capture(
     finally:
         progress.close()
     height, width = stream.shape
-    document = {
+    document: dict[str, Any] = {
         "ok": True, "file": str(out), "frames": stream.cycles, "first_frame": int(taken.frames[0]),
         "width": width, "height": height, "clock_hz": clock.hz, "lost_rows": taken.lost,
         "retries": taken.retries, "bytes": taken.bytes, "seconds": taken.seconds,

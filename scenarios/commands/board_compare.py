@@ -42,12 +42,8 @@ def board_compare(
     columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep")] = 32,
     lanes: Annotated[int, typer.Option(help="of --lockstep, 32 or 64")] = 32,
     seed: Annotated[int, typer.Option(min=0, help="of --lockstep's random program")] = 1,
-    pixels: Annotated[
-        float, typer.Option(min=1, help="pixel-cycles of --lockstep")
-    ] = 1e7,
-    until: Annotated[
-        int | None, typer.Option(min=1, help="clock at which --lockstep ends")
-    ] = None,
+    pixels: Annotated[float, typer.Option(min=1, help="pixel-cycles of --lockstep")] = 1e7,
+    until: Annotated[int | None, typer.Option(min=1, help="clock at which --lockstep ends")] = None,
     trace: Annotated[
         Path | None, typer.Option(help="of --lockstep: waveforms about a difference, .fst or .vcd")
     ] = None,
@@ -71,9 +67,7 @@ def board_compare(
     from scenarios.commands.board_regs import assignment
 
     writes = [assignment(text) for text in assignments or ()]
-    with connected(
-        port, baud, csr, log, time_scale, json, level=level, faults=fault
-    ) as line:
+    with connected(port, baud, csr, log, time_scale, json, level=level, faults=fault) as line:
         for name, value in writes:
             line.board.write(name, value)
         taken, burst = compared(line.board, frames)
@@ -81,7 +75,7 @@ def board_compare(
     if json:
         print_document({
             "ok": wrong is None, "frames": frames, "bits_compared": burst.got.size,
-            "bits_wrong": 0 if wrong is None else wrong.count,
+            "bits_wrong": 0 if wrong is None else wrong.bits,
             "first_wrong": None if wrong is None else wrong.document(),
             "settings": taken.settings, "retries": taken.retries,
         })  # fmt: skip

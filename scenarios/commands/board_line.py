@@ -41,9 +41,7 @@ TimeScale = Annotated[
     float | None,
     typer.Option(help="seconds of ours to a second of a simulated board's clock"),
 ]
-Level = Annotated[
-    str, typer.Option(help="of --port virtual: bytes, pins, or model (no Verilator)")
-]
+Level = Annotated[str, typer.Option(help="of --port virtual: bytes, pins, or model (no Verilator)")]
 Faults = Annotated[
     list[str] | None,
     typer.Option("--fault", help="of --port virtual; see `viform board virtual --help`"),
@@ -127,7 +125,12 @@ def csr_of(csr: Path | None) -> CsrMap | None:
 
 @contextmanager
 def connected(
-    port: str, baud: int, csr: Path | None, log: Path | None, time_scale: float | None, json: bool,
+    port: str,
+    baud: int,
+    csr: Path | None,
+    log: Path | None,
+    time_scale: float | None,
+    json: bool,
     **virtual: Any,
 ) -> Iterator[Line]:
     """A board to speak to. A fault of the line ends the command with exit 1 and its cause: a line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -41,7 +41,7 @@ def board_regs(
     for name, _ in writes:
         known.register(name)
     chosen = list(names or (() if writes else known.registers))
-    rows: list[dict[str, object]] = [
+    rows: list[dict[str, Any]] = [
         {"name": name, "address": known.registers[name].address,
          "mode": table[name].mode if name in table else known.registers[name].mode,
          "text": table[name].text if name in table else ""}
@@ -92,10 +92,8 @@ def assignment(text: str) -> tuple[str, int]:
     return name.strip(), number
 
 
-def _fields(entry: object, value: object) -> dict[str, int]:
-    fields = getattr(entry, "fields", ())
-    assert isinstance(value, int)
+def _fields(entry: Any, value: int) -> dict[str, int]:
     return {
         field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
-        for field in fields
+        for field in entry.fields
     }

@@ -27,7 +27,7 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
         must, got = burst.expected.sum(axis=0), burst.got.sum(axis=0)
         wrong = (burst.expected != burst.got).sum(axis=0)
         frames = len(burst.got)
-        told = "no wrong bit" if burst.wrong is None else f"{burst.wrong.count} wrong bits"
+        told = "no wrong bit" if burst.wrong is None else f"{burst.wrong.bits} wrong bits"
         for place, plane, text in (
             (axes[0], must, f"{burst.name}: expected"),
             (axes[1], got, f"captured, {frames} frames"),
@@ -36,7 +36,7 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
             place.set_title(text, fontsize=10, color=INK)
         figure.colorbar(shown, ax=axes[1], shrink=0.8, label="spikes")
         axes[2].imshow(np.zeros_like(wrong), cmap="gray_r", vmin=0, vmax=1)
-        seen = np.ma.masked_equal(wrong, 0)  # type: ignore[no-untyped-call]
+        seen = np.ma.masked_equal(wrong, 0)
         axes[2].imshow(seen, cmap="autumn_r", vmin=0, vmax=frames, interpolation="nearest")
         axes[2].set_title(told, fontsize=10, color=MARK if burst.wrong else INK)
         if burst.wrong is not None:
