@@ -1,4 +1,4 @@
-"""Frames of a board: their clock, and a burst held against the cycle model whatever its settings."""
+"""Frames of a board: their clock, and a burst held against the cycle model."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Waveforms of a virtual board: its Verilog under the run's settings, a few frames long, in lockstep
-with the cycle model."""
+"""Waveforms of a virtual board: its Verilog for a few frames, in lockstep with the cycle model."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -89,10 +90,8 @@ def _speed(bench: Bench, times: list[float]) -> Figures:
     }
     device = Path(bench.port.name).name
     timer = Path("/sys/bus/usb-serial/devices") / device / "latency_timer"
-    try:
+    with suppress(OSError, ValueError):  # no adapter with a timer, or none that tells it
         figures["latency_timer_ms"] = int(timer.read_text())
-    except (OSError, ValueError):
-        pass  # no adapter with a timer, or none that tells it
     if latency > _LATENCY_S and not bench.simulated:
         figures["note"] = (
             f"the adapter holds answers back by {1e3 * latency:.1f} ms: set its latency timer to "

@@ -11,7 +11,8 @@ from rtl_model.bringup.stage import Report
 __all__ = ["junit_xml", "write_junit"]
 
 # What XML 1.0 cannot hold even as an entity.
-_FORBIDDEN = dict.fromkeys([*range(9), 11, 12, *range(14, 32), 65534, 65535], "?") | dict.fromkeys(range(55296, 57344), "?")
+_CONTROLS = [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]
+_FORBIDDEN = dict.fromkeys([*_CONTROLS, *range(0xD800, 0xE000)], "?")
 
 
 def junit_xml(report: Report) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 from rtl_model.bringup.bench import Bench
@@ -83,7 +84,7 @@ def _ticks(bench: Bench, period: int, select: int) -> int:
             )
         bench.bone.pause(bench.ticks_s(1, select))
     bench.put("sensor_run", 0)
-    for one, other in zip(starts, starts[1:], strict=False):
+    for one, other in pairwise(starts):
         passed = (other - one) % _WORD
         if passed % period:
             raise StageFault(

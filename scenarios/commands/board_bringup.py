@@ -1,4 +1,4 @@
-"""`viform board bringup`: stage by stage, what of a board works, and why the first thing does not."""
+"""`viform board bringup`: stage by stage, what of a board works."""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ def board_regs(
     if not listing:
         with connected(port, baud, csr, log, time_scale, json) as line:
             board = line.board
-            for name, value in writes:
-                board.write(name, value)
+            for name, number in writes:
+                board.write(name, number)
             for row in rows:
                 entry = table.get(str(row["name"]))
                 # Without names nothing is read that reading changes.
@@ -63,11 +63,11 @@ def board_regs(
         print_document({"ok": True, "registers": rows})
         return
     for row in rows:
-        value = row.get("value")
+        value: Any = row.get("value")
         told = "" if listing else ("-" if value is None else f"{value:#010x}")
         fields = row.get("fields") or {}
         assert isinstance(fields, dict)
-        more = ", ".join(f"{name} {number}" for name, number in fields.items())
+        more = ", ".join(f"{name} {field}" for name, field in fields.items())
         print(
             f"{row['address']:#07x} {row['mode']} {row['name']:<22} {told:<11}"
             f"{more or row['text']}".rstrip()

@@ -1,6 +1,7 @@
 """Boards of the cycle model with one thing wrong each."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from rtl_model.geometry import Geometry
 from tests.rtl_model.bringup.model_port import ModelPort
@@ -33,7 +34,7 @@ class Changed(ModelPort):
     """Reads of registers in `changed`, by byte address, are what the function there makes of
     them."""
 
-    changed: dict[int, object] = {}
+    changed: ClassVar = {}
 
     def _power_on(self) -> None:
         super()._power_on()
