@@ -16,8 +16,6 @@ class BoardSection(Section):
 
     port: str = Field(
         default="virtual",
-        min_length=1,
-        max_length=4096,
         description="a device, any URL of pyserial, or virtual: a board in a simulator is started",
     )
     level: Literal["bytes", "pins", "model"] = Field(
