@@ -27,8 +27,8 @@ class WrongBits(NamedTuple):
 
     bits: that are wrong, of `compared`. frame, row, column: of the first wrong bit in order of
     time, `got` what it was. shape: one of pixel, row, column, lane, frame, scattered; place: its
-    number (of a pixel "row, column"). stuck: 0 or 1 where every bit of the shape read that, whatever
-    it had to be, else None.
+    number (of a pixel "row, column"). stuck: 0 or 1 where every bit of the shape read that,
+    whatever it had to be, else None.
     """
 
     bits: int
