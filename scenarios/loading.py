@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 
 from cosim import InputError
-from scenarios.schema import LinkScenario, Scenario, validate
+from scenarios.schema import BoardScenario, LinkScenario, Scenario, validate
 
 __all__ = ["FRONT", "filmed", "linked", "load", "shipped", "to_toml"]
 
@@ -91,11 +91,13 @@ def _set(data: dict[str, Any], assignment: str) -> None:
     node[names[-1]] = _value(text)
 
 
-_PATHS = (("scene", "path"), ("link", "file"))
+_PATHS = (("scene", "path"), ("link", "file"), ("board", "csr"))
 """Sections and their keys that name a file."""
 
 
-def _absolute(scenario: Scenario | LinkScenario) -> Scenario | LinkScenario:
+def _absolute(
+    scenario: Scenario | LinkScenario | BoardScenario,
+) -> Scenario | LinkScenario | BoardScenario:
     """The scenario with its file's place written out."""
     for section, key in _PATHS:
         inner = getattr(scenario, section, None)
@@ -119,7 +121,7 @@ def load(
     *,
     tolerance: float | None = None,
     seed: int | None = None,
-) -> tuple[str, Scenario | LinkScenario]:
+) -> tuple[str, Scenario | LinkScenario | BoardScenario]:
     """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
     the file in TOML; the scenario returned holds absolute ones."""
     short, data, folder = _read(name)
@@ -136,26 +138,28 @@ def load(
     return short, _absolute(validate(data))
 
 
-def filmed(scenario: Scenario | LinkScenario, command: str) -> Scenario:
+def filmed(scenario: Scenario | LinkScenario | BoardScenario, command: str) -> Scenario:
     """The scenario of a command that films a scene; raises InputError for one of a link."""
-    if isinstance(scenario, LinkScenario):
+    if not isinstance(scenario, Scenario):
+        other = "a link" if isinstance(scenario, LinkScenario) else "a board"
         raise InputError(
-            "the scenario", f"one with a [scene] for `viform {command}`", "one of a link",
+            "the scenario", f"one with a [scene] for `viform {command}`", f"one of {other}",
             "see `viform list`",
         )  # fmt: skip
     return scenario
 
 
-def linked(scenario: Scenario | LinkScenario, command: str) -> LinkScenario:
+def linked(scenario: Scenario | LinkScenario | BoardScenario, command: str) -> LinkScenario:
     """The scenario of a command of a link; raises InputError for one with a scene."""
-    if isinstance(scenario, Scenario):
+    if not isinstance(scenario, LinkScenario):
+        other = "one with a [scene]" if isinstance(scenario, Scenario) else "one of a board"
         raise InputError(
-            "the scenario", f"one with a [link] for `viform {command}`", "one with a [scene]",
+            "the scenario", f"one with a [link] for `viform {command}`", other,
             "name light-link, or a file with a [link]",
         )  # fmt: skip
     return scenario
 
 
-def to_toml(scenario: Scenario | LinkScenario) -> str:
+def to_toml(scenario: Scenario | LinkScenario | BoardScenario) -> str:
     """The scenario complete with every default, as TOML that `load` reads back."""
     return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))

@@ -12,7 +12,7 @@ from scenarios.commands.output import Json, make_progress, print_document
 
 if TYPE_CHECKING:
     from scenarios.progress import Progress
-    from scenarios.schema import LinkScenario, Scenario
+    from scenarios.schema import BoardScenario, LinkScenario, Scenario
 
 __all__ = ["accuracy"]
 
@@ -57,7 +57,7 @@ def accuracy(
 
 
 def _measure(
-    given: Scenario | LinkScenario, device: str | None
+    given: Scenario | LinkScenario | BoardScenario, device: str | None
 ) -> Callable[[Progress], dict[str, Any]]:
     """What makes the document; refuses what has no accuracy to measure."""
     from cosim import InputError

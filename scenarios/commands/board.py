@@ -2,6 +2,13 @@
 
 import typer
 
+from scenarios.commands.board_bringup import board_bringup
+from scenarios.commands.board_capture import board_capture
+from scenarios.commands.board_compare import board_compare
+from scenarios.commands.board_identify import board_identify
+from scenarios.commands.board_prbs import board_prbs
+from scenarios.commands.board_regs import board_regs
+from scenarios.commands.board_replay import board_replay
 from scenarios.commands.board_virtual import board_virtual
 
 __all__ = ["board"]
@@ -14,11 +21,11 @@ board = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-
-@board.callback()
-def _group() -> None:
-    """Keeps the group a group while it has one command."""
-
-
+board.command("identify")(board_identify)
+board.command("regs")(board_regs)
+board.command("prbs")(board_prbs)
+board.command("bringup")(board_bringup)
+board.command("capture")(board_capture)
+board.command("compare")(board_compare)
+board.command("replay")(board_replay)
 board.command("virtual")(board_virtual)

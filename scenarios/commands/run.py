@@ -30,21 +30,34 @@ def run(
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(help="waveforms of a virtual board's first frames, .fst or .vcd"),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Run a scenario: film it, show it where it has a display, make images and a report."""
+    """Run a scenario: film it, show it where it has a display, make images and a report; or bring
+    a test board up."""
     from scenarios.cli import BEGAN
     from scenarios.loading import load
     from scenarios.readout import refuse_leftovers
-    from scenarios.schema import LinkScenario
+    from scenarios.schema import BoardScenario, LinkScenario, Scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
-    if not isinstance(loaded, LinkScenario):
+    if isinstance(loaded, Scenario):
         refuse_leftovers(loaded)
+    if not isinstance(loaded, BoardScenario):
+        _refuse_trace(trace)
     progress = make_progress()
     table: list[str] = []
     try:
-        if isinstance(loaded, LinkScenario):
+        if isinstance(loaded, BoardScenario):
+            from scenarios.run_board import run_board
+
+            result, folder = run_board(
+                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
+            )  # fmt: skip
+        elif isinstance(loaded, LinkScenario):
             from scenarios.report.link import write_link_report
             from scenarios.run_link import run_link
 
@@ -88,6 +101,16 @@ def run(
     _print(result, folder, table, json)
     if result.outcome == "failed":  # a verdict, with its document
         raise typer.Exit(1)
+
+
+def _refuse_trace(trace: Path | None) -> None:
+    from cosim import InputError
+
+    if trace is not None:
+        raise InputError(
+            "--trace", "given with a scenario of a virtual board", "with one of light",
+            "run bring-up, or leave it out",
+        )  # fmt: skip
 
 
 def _print(result: Result, folder: Path, table: list[str], json: bool) -> None:

@@ -5,6 +5,7 @@ whole as JSON Schema.
 """
 
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
+from scenarios.schema.board import BoardScenario, BoardSection
 from scenarios.schema.continuous import ContinuousSection
 from scenarios.schema.link import (
     AimSection,
@@ -31,6 +32,8 @@ __all__ = [
     "AimSection",
     "AirSection",
     "AsynchronousSection",
+    "BoardScenario",
+    "BoardSection",
     "ChannelSection",
     "ContinuousSection",
     "FilmScene",

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
+from scenarios.schema.board import BoardScenario
 from scenarios.schema.scenario import LinkScenario, Scenario, export
 
 __all__ = ["validate"]
@@ -142,15 +143,25 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
     return InputError(place.name, must, given, _example(place.name))
 
 
-def validate(data: dict[str, Any]) -> Scenario | LinkScenario:
-    """A checked scenario: with [link] one of a link, else one with a scene. Raises InputError with
-    one line about the first thing that is wrong."""
+def validate(data: dict[str, Any]) -> Scenario | LinkScenario | BoardScenario:
+    """A checked scenario: with [board] one of a board, with [link] one of a link, else one with a
+    scene. Raises InputError with one line about the first thing that is wrong."""
     if "link" in data and "scene" in data:
         raise InputError(
             "link", "absent in a scenario with a [scene]", "beside one",
             "take one of them out: a stream does not cross a link yet",
         )  # fmt: skip
-    whole = LinkScenario if "link" in data else Scenario
+    for other in ("scene", "link", "sensor"):
+        if "board" in data and other in data:
+            raise InputError(
+                "board", f"absent in a scenario with a [{other}]", "beside one",
+                "take one of them out: bring-up.toml has a [board] alone",
+            )  # fmt: skip
+    whole: type[Scenario | LinkScenario | BoardScenario] = Scenario
+    if "board" in data:
+        whole = BoardScenario
+    elif "link" in data:
+        whole = LinkScenario
     try:
         return whole.model_validate(data)
     except ValidationError as exc:

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter
 
+from scenarios.schema.board import BoardScenario
 from scenarios.schema.display import DisplaySection
 from scenarios.schema.link import LinkSection
 from scenarios.schema.quantity import Duration, Section
@@ -61,9 +62,10 @@ class LinkScenario(Section):
 
 
 def export() -> dict[str, Any]:
-    """JSON Schema of any scenario: one with a scene, or one of a link."""
+    """JSON Schema of any scenario: one with a scene, of a link, or of a board."""
     if not _exported:
-        _exported.update(TypeAdapter(Scenario | LinkScenario).json_schema(mode="validation"))
+        whole = TypeAdapter(Scenario | LinkScenario | BoardScenario)
+        _exported.update(whole.json_schema(mode="validation"))
     return _exported
 
 

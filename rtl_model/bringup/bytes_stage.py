@@ -1,0 +1,128 @@
+"""Stage bytes: does anything come back, and is it what was asked for? If not, is it the baud?"""
+
+from __future__ import annotations
+
+from rtl_model.bringup.bench import Bench
+from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.host import BaudReport, Cause, LineFault, find_baud
+from rtl_model.registers import MAGIC
+
+__all__ = ["check_bytes", "readable"]
+
+_READS = 8  # of one word, after one another; all must come whole
+_LEAST_TEXT = 4  # printable bytes in a row that are taken for text
+_SHOWN = 40
+_LISTEN_S = 0.05
+_SURE = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # no baud would change these
+
+
+def check_bytes(bench: Bench) -> Figures:
+    """Reads one word a few times: answers must have the right length, and be the same.
+
+    StageFault text, garbled or baud; LineFault for the host's own causes (silent, echo, short ..).
+    """
+    uninvited = _listen(bench)
+    if uninvited:
+        raise _spoken(bench, uninvited)
+    bench.bone.resynchronise()
+    address = bench.address("ctrl_magic") if bench.csr.ours else 0
+    begun = bench.port.now()
+    try:
+        words = [bench.bone.read(address, retry=False)[0] for _ in range(_READS)]
+    except LineFault as fault:
+        if fault.cause in _SURE:
+            raise
+        text = readable(bench.port.heard)
+        if text is not None:
+            raise _spoken(bench, bench.port.heard) from fault
+        raise _off(bench, fault.text) or fault from fault
+    spent = bench.port.now() - begun
+    if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
+        seen = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
+        wrong = _off(bench, f"answers have the right length and hold {seen}")
+        if wrong is not None:
+            raise wrong
+        if len(set(words)) > 1:
+            raise StageFault(
+                "garbled",
+                f"one register read {_READS} times gives {seen}",
+                "check cable, ground, levels and baud",
+            )
+    return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
+
+
+def readable(data: bytes) -> str | None:
+    """Returns the text in `data` where it looks like some device's, else None."""
+    fine = sum(32 <= byte < 127 or byte in (9, 10, 13) for byte in data)
+    if len(data) < _LEAST_TEXT or fine < 0.9 * len(data) or b"SPK2" in data:
+        return None
+    return " ".join(data.decode("ascii", "replace").split())[:_SHOWN] or None
+
+
+def _listen(bench: Bench) -> bytes:
+    """What comes though nothing is asked, in a moment of silence."""
+    bench.port.drain()
+    got = bench.port.read(1, _LISTEN_S)  # one: a replay takes that for waiting
+    return got + bench.port.read(63, _LISTEN_S) if got else b""
+
+
+def _spoken(bench: Bench, data: bytes) -> StageFault:
+    text = readable(data)
+    if text is not None:
+        return StageFault(
+            "text",
+            f"{bench.port.name} sends text: {text!r}",
+            "that is another device or a console on this line: name the board's port",
+            {"heard": text},
+        )
+    return StageFault(
+        "garbled",
+        f"{bench.port.name} sends bytes that nobody asked for ({data[:8].hex(' ')})",
+        "check what sends there, its baud, and that RX does not float",
+        {"heard": data[:_SHOWN].hex()},
+    )
+
+
+def _off(bench: Bench, seen: str) -> StageFault | None:
+    """The fault "baud" where the board answers at another rate, else None."""
+    nominal = bench.given_baud
+    try:
+        found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale)
+    except LineFault as fault:
+        if fault.cause is not Cause.SILENT:
+            raise
+        return None
+    finally:
+        bench.bone.set_baud(nominal)
+    if found.tolerable:
+        return None
+    return StageFault("baud", f"{seen}; {_told(found)}", _mend(found), _figures(found))
+
+
+def _told(found: BaudReport) -> str:
+    side = "above" if found.error_percent > 0 else "below"
+    return (
+        f"the board answers at {_spaced(found.measured)} baud, {abs(found.error_percent):.1f} % "
+        f"{side} {_spaced(found.nominal)}"
+    )
+
+
+def _spaced(rate: int) -> str:
+    return f"{rate:,}".replace(",", " ")
+
+
+def _mend(found: BaudReport) -> str:
+    return (
+        f"give --baud {found.measured}, or mend the board's clock or its divider "
+        "(receivers take up to 5 %)"
+    )
+
+
+def _figures(found: BaudReport) -> Figures:
+    return {
+        "baud_nominal": found.nominal,
+        "baud_measured": found.measured,
+        "baud_error_percent": found.error_percent,
+        "answers_from": found.lowest,
+        "answers_to": found.highest,
+    }

@@ -1,0 +1,177 @@
+"""The bring-up: stage after stage, until one fails; each in its own time, none for ever."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from cosim import InputError
+from rtl_model.bringup.bench import Bench
+from rtl_model.bringup.bytes_stage import check_bytes
+from rtl_model.bringup.counters import check_counters
+from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
+from rtl_model.bringup.identity import check_identity
+from rtl_model.bringup.patterns import check_patterns
+from rtl_model.bringup.prbs_stage import check_prbs
+from rtl_model.bringup.registers_stage import check_registers
+from rtl_model.bringup.stage import STAGES, Figures, Report, Stage, StageFault
+from rtl_model.bringup.threshold import check_threshold
+from rtl_model.bringup.timing import check_timing
+from rtl_model.host import Cause, LineFault, Port, Uartbone, default_map, open_port
+from rtl_model.host.csr import CsrMap
+from rtl_model.host.log import Recorder
+
+__all__ = ["bring_up", "is_pty"]
+
+Progress = Callable[[Stage], None]
+
+_CHECKS: dict[str, Callable[[Bench], Figures]] = {
+    "bytes": check_bytes,
+    "identity": check_identity,
+    "counters": check_counters,
+    "registers": check_registers,
+    "prbs": check_prbs,
+    "patterns": check_patterns,
+    "threshold": check_threshold,
+    "timing": check_timing,
+}
+_NEEDED = ("port", "bytes", "identity")  # without these none can run
+
+_ALLOWED_S = {
+    "bytes": 60.0, "identity": 20.0, "counters": 30.0, "registers": 60.0, "prbs": 60.0,
+    "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
+}  # fmt: skip
+"""Seconds of our time for each stage, at 62 round trips a second (FTDI's latency timer of 16 ms)
+and 115 200 baud with room to spare; times the time scale of a slower simulated board."""
+
+
+def is_pty(name: str) -> bool:
+    """Whether a port is a pseudo-terminal: then no hardware is behind it."""
+    return os.path.realpath(name).startswith("/dev/pts/")
+
+
+def bring_up(
+    port: Port | str,
+    *,
+    baud: int = 115_200,
+    csr: CsrMap | None = None,
+    stop_at_first: bool = True,
+    simulated: bool | None = None,
+    time_scale: float = 1.0,
+    frames: int = 8,
+    log: Path | None = None,
+    allowed_s: float | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Runs all stages on a board and returns what they found; no fault of a board raises.
+
+    port: an open port, or a URL to be opened (and closed). csr: of the design; None is ours.
+    stop_at_first: leave out what follows a failed stage; without port, bytes or identity nothing
+        follows anyway. simulated: None says so of a pty alone. frames: of a burst.
+    allowed_s: for each stage, in place of the stage's own. progress: told of each stage.
+    InputError for a baud or URL that cannot be.
+    """
+    begun = time.monotonic()
+    given = port if isinstance(port, str) else port.name
+    report = Report(given, baud, is_pty(given) if simulated is None else simulated)
+
+    def done(stage: Stage) -> None:
+        report.stages.append(stage)
+        if progress is not None:
+            progress(stage)
+
+    opened: Port | None = None
+    recorder: Recorder | None = None
+    try:
+        try:
+            opened = open_port(port, baud) if isinstance(port, str) else port
+            guarded = DeadlinePort(opened)
+        except LineFault as fault:
+            done(_failed("port", time.monotonic() - begun, fault))
+        else:
+            done(Stage("port", "ok", None, _told(opened, report), time.monotonic() - begun))
+            recorder = None if log is None else Recorder(log, opened)
+            bone = Uartbone(guarded, baud=baud, time_scale=time_scale, log=recorder)
+            bench = Bench(
+                guarded, bone, csr or default_map(), report.simulated, baud, frames=frames
+            )
+            for name, check in _CHECKS.items():
+                fault_before = report.failed
+                if fault_before is not None and (stop_at_first or fault_before.name in _NEEDED):
+                    break
+                allowed = allowed_s or _ALLOWED_S[name] * max(1.0, time_scale)
+                done(_run(name, check, bench, allowed))
+            report.board, report.bursts = bench.board or None, list(bench.bursts)
+            guarded.allow(5.0)
+            _quiet(bench, report)
+    finally:
+        if recorder is not None:
+            recorder.close()
+        if isinstance(port, str) and opened is not None:
+            opened.close()
+    first = report.failed_stage
+    for name in STAGES[len(report.stages) :]:
+        done(Stage(name, "left out", f"stage {first} failed", {}, 0.0))
+    report.wall_s = time.monotonic() - begun
+    return report
+
+
+def _told(port: Port, report: Report) -> Figures:
+    lines = getattr(port, "modem_lines", None)
+    figures: Figures = {"port": port.name, "baud": report.baud}
+    if report.simulated:
+        figures["note"] = "simulated: no hardware is behind this port"
+    elif lines is not None:
+        figures["modem_lines"] = lines() or "none"
+    return figures
+
+
+def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: float) -> Stage:
+    """One stage, whatever becomes of it."""
+    clock = bench.port.inner.now  # which tells the time even when it is over
+    begun = clock()
+    bench.port.allow(allowed)
+
+    def spent() -> float:
+        return clock() - begun
+
+    try:
+        figures = check(bench)
+    except (LineFault, StageFault) as fault:
+        return _failed(name, spent(), fault)
+    except OutOfTime:
+        return Stage(
+            name,
+            "failed",
+            f"stage {name} was not done within {allowed:g} s, after {bench.bone.round_trips} "
+            "round trips and "
+            f"{bench.bone.retried} repeats; check the line, or give a slower board more time "
+            "with --time-scale",
+            {"round_trips": bench.bone.round_trips, "retried": bench.bone.retried},
+            spent(),
+            "out-of-time",
+        )
+    except InputError as fault:  # a board that says what cannot be
+        return Stage(name, "failed", str(fault), {}, spent(), "cannot-be")
+    retried = bench.bone.retried
+    if retried:
+        figures = figures | {"reads_repeated": retried, "stray_bytes": bench.bone.strays}
+    return Stage(name, "ok", None, figures, spent())
+
+
+def _failed(name: str, seconds: float, fault: LineFault | StageFault) -> Stage:
+    if isinstance(fault, StageFault):
+        return Stage(name, "failed", str(fault), fault.figures, seconds, fault.kind)
+    return Stage(name, "failed", str(fault), {}, seconds, fault.cause.value)
+
+
+def _quiet(bench: Bench, report: Report) -> None:
+    """The sensor stands still afterwards, where it is ours and the line works."""
+    if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
+        try:
+            bench.put("sensor_run", 0)
+        except (LineFault, OutOfTime) as fault:
+            if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
+                raise

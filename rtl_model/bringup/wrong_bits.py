@@ -1,0 +1,130 @@
+"""Which bits of captured planes are wrong, and what shape they have: a pixel, a column, a row, a
+lane of the array, or none of those."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["WrongBits", "compare"]
+
+Planes = npt.NDArray[np.bool_]
+
+_MEND = {
+    "pixel": "look at that pixel's charge memory and its bit of the row's word",
+    "row": "look at the row counter and at that row's address in charge and pattern memory",
+    "column": "look at that bit's way through capture memory and the row's words",
+    "lane": "look at that lane's adder and comparator: it is wrong in every tile",
+    "frame": "look at what changes between frames: the clear, the frame counter, the tick",
+    "scattered": "run `viform board compare` with fewer frames, and check the clock's timing",
+}
+
+
+class WrongBits(NamedTuple):
+    """Where captured planes differ from what they must be.
+
+    bits: that are wrong, of `compared`. frame, row, column: of the first wrong bit in order of
+    time, `got` what it was. shape: one of pixel, row, column, lane, frame, scattered; place: its
+    number (of a pixel "row, column"). stuck: 0 or 1 where every bit of the shape read that,
+    whatever it had to be, else None.
+    """
+
+    bits: int
+    compared: int
+    frame: int
+    row: int
+    column: int
+    got: int
+    shape: str
+    place: str
+    stuck: int | None
+
+    @property
+    def text(self) -> str:
+        """What is wrong, one clause."""
+        wrong = f"{self.bits} of {self.compared} bits are wrong"
+        first = (
+            f"the first in frame {self.frame}, row {self.row}, column {self.column} "
+            f"({self.got} in place of {1 - self.got})"
+        )
+        stuck = "" if self.stuck is None else f", stuck at {self.stuck}"
+        shapes = {
+            "pixel": f"all in the one pixel at row, column {self.place}",
+            "row": f"all in row {self.place}",
+            "column": f"all in column {self.place}",
+            "lane": f"all in lane {self.place} of every tile",
+            "frame": f"all in frame {self.place}",
+            "scattered": "in no one pixel, row, column or lane",
+        }
+        return f"{wrong}, {first}; {shapes[self.shape]}{stuck}"
+
+    @property
+    def mend(self) -> str:
+        """Where to look."""
+        return _MEND[self.shape]
+
+    def document(self) -> dict[str, Any]:
+        """As JSON says it."""
+        return self._asdict() | {"text": self.text, "mend": self.mend}
+
+
+def compare(got: Planes, expected: Planes, lanes: int) -> WrongBits | None:
+    """Returns what is wrong in `got`, (frames, rows, columns) bool, or None where nothing is.
+
+    lanes: pixels computed in one clock: lane n holds the columns n, n + lanes, ...
+    ValueError where the shapes differ.
+    """
+    if got.shape != expected.shape:
+        raise ValueError(f"planes must be of one shape, not {got.shape} and {expected.shape}")
+    wrong = got != expected
+    count = int(np.count_nonzero(wrong))
+    if count == 0:
+        return None
+    frames, rows, columns = np.nonzero(wrong)
+    frame, row, column = int(frames[0]), int(rows[0]), int(columns[0])
+    shape, place = _shape(frames, rows, columns, lanes, got.shape)
+    return WrongBits(
+        count, got.size, frame, row, column, int(got[frame, row, column]), shape, place,
+        _stuck(got, expected, shape, place, lanes),
+    )  # fmt: skip
+
+
+def _shape(
+    frames: npt.NDArray[np.intp],
+    rows: npt.NDArray[np.intp],
+    columns: npt.NDArray[np.intp],
+    lanes: int,
+    size: tuple[int, ...],
+) -> tuple[str, str]:
+    """The smallest shape that holds all wrong bits, and its number."""
+    one_row, one_column = np.unique(rows).size == 1, np.unique(columns).size == 1
+    if one_row and one_column:
+        return "pixel", f"{rows[0]}, {columns[0]}"
+    if one_column:
+        return "column", str(columns[0])
+    if one_row:
+        return "row", str(rows[0])
+    if size[2] > lanes and np.unique(columns % lanes).size == 1:
+        return "lane", str(columns[0] % lanes)
+    if size[0] > 1 and np.unique(frames).size == 1:
+        return "frame", str(frames[0])
+    return "scattered", ""
+
+
+def _stuck(got: Planes, expected: Planes, shape: str, place: str, lanes: int) -> int | None:
+    """The value that every bit of the shape reads, where it should have taken both."""
+    if shape == "pixel":
+        row, column = (int(part) for part in place.split(","))
+        part, must = got[:, row, column], expected[:, row, column]
+    elif shape == "row":
+        part, must = got[:, int(place)], expected[:, int(place)]
+    elif shape == "column":
+        part, must = got[:, :, int(place)], expected[:, :, int(place)]
+    elif shape == "lane":
+        part, must = got[:, :, int(place) :: lanes], expected[:, :, int(place) :: lanes]
+    else:
+        return None
+    alike = bool((part == part.flat[0]).all())
+    return int(part.flat[0]) if alike and not bool((must == part.flat[0]).all()) else None

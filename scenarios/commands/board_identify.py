@@ -1,0 +1,52 @@
+"""`viform board identify`: what answers behind a port."""
+
+from __future__ import annotations
+
+import typer
+
+from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected
+from scenarios.commands.output import Json, print_document
+
+__all__ = ["board_identify"]
+
+
+def board_identify(
+    port: PortName = "virtual",
+    baud: Baud = 115_200,
+    csr: Csr = None,
+    log: Log = None,
+    time_scale: TimeScale = None,
+    json: Json = False,
+) -> None:
+    """Say what a board is: ours with its size and build, or another LiteX design by its csr.csv."""
+    from rtl_model.host import Cause, LineFault
+
+    with connected(port, baud, csr, log, time_scale, json) as line:
+        board = line.board
+        has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
+        identifier = board.identifier() if has_name else None
+        document: dict[str, object] = {
+            "ok": True, "port": line.opened.url, "baud": baud, "identifier": identifier,
+        }  # fmt: skip
+        try:
+            info = board.info()
+        except LineFault as fault:
+            if fault.cause is not Cause.NOT_OURS or csr is None:
+                raise
+            document |= {"ours": False, "registers": len(board.csr.registers)}
+        else:
+            document |= {"ours": True, "registers": len(board.csr.registers)}
+            document |= {"board": info._asdict() | {"build": f"{info.build:08x}"}}
+    if json:
+        print_document(document)
+        return
+    print(f"{'port':<14} {document['port']}, {baud} baud")
+    print(f"{'identifier':<14} {identifier or 'none'}")
+    board_rows = document.get("board")
+    if isinstance(board_rows, dict):
+        for name, value in board_rows.items():
+            print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
+    else:
+        print(f"{'design':<14} not ours; {document['registers']} registers by its csr.csv")
+    if document["ok"] is not True:
+        raise typer.Exit(1)

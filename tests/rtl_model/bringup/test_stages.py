@@ -1,0 +1,145 @@
+"""The bring-up on boards of the cycle model: a good one passes, each fault is named where it is."""
+
+import pytest
+
+from rtl_model.bringup import STAGES, bring_up, junit_xml
+from rtl_model.host import read_csr
+from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
+from tests.rtl_model.bringup.model_port import ModelPort
+
+
+def brought_up(port, **more):
+    return bring_up(port, simulated=more.pop("simulated", True), frames=6, **more)
+
+
+def changed(address, make):
+    port = Changed(SIZE)
+    port.changed = {address: make}
+    return port
+
+
+@pytest.fixture(scope="module")
+def good():
+    return brought_up(ModelPort(SIZE), simulated=False)
+
+
+def test_a_good_board_passes_every_stage(good):
+    assert good.ok and good.cause is None
+    assert [stage.name for stage in good.stages] == list(STAGES)
+    assert good.figure("patterns", "bits_wrong") == 0
+    assert good.figure("patterns", "frames_compared") == 4 * 6
+    assert good.figure("threshold", "settings") == 96
+    assert good.figure("counters", "bytes_counted") == good.figure("counters", "bytes_sent")
+
+
+def test_the_clock_is_measured_within_its_doubt(good):
+    ppm, doubt = good.figure("timing", "clock_error_ppm"), good.figure("timing", "clock_doubt_ppm")
+    assert abs(ppm) <= doubt < 1000  # the model's clock is the host's
+
+
+def test_thresholds_are_swept_as_the_closed_form_says(good):
+    rates = good.figure("threshold", "rates")
+    hard = {r["level"]: r["rate"] for r in rates if r["clock"] == 0 and r["rule"] == "hard"}
+    assert hard[0] == pytest.approx(1 / 2, abs=0.02)  # 200 + 200 reach 255
+    assert all(r["rate"] == r["expected"] for r in rates)
+
+
+@pytest.mark.slow
+def test_a_simulated_board_is_told_as_one():
+    report = brought_up(ModelPort(SIZE))
+    assert "simulated" in report.figure("timing", "note")
+    assert report.figure("timing", "clock_error_ppm") is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [4, -4])
+def test_four_percent_of_baud_work(error):
+    assert brought_up(ModelPort(SIZE, baud_error=error / 100)).ok
+
+
+@pytest.mark.parametrize(("error", "rate", "side"), [(6, 122112, "above"), (-6, 108288, "below")])
+def test_six_percent_of_baud_are_measured(error, rate, side):
+    report = brought_up(ModelPort(SIZE, baud_error=error / 100))
+    assert (report.failed_stage, report.failed.kind) == ("bytes", "baud")
+    measured = report.failed.figures["baud_measured"]
+    assert measured == pytest.approx(rate, rel=0.002)  # half a board clock of a bit's 417
+    assert f"6.0 % {side} 115 200" in report.cause or f"5.9 % {side} 115 200" in report.cause
+    assert f"--baud {measured}" in report.cause
+
+
+@pytest.mark.parametrize(
+    ("make", "stage", "kind", "says"),
+    [
+        (lambda: Silent(SIZE), "bytes", "silent", "nothing came back"),
+        (lambda: Echo(SIZE), "bytes", "echo", "sent back the very bytes"),
+        (lambda: Console(SIZE), "bytes", "text", "login:"),
+        (lambda: changed(0, lambda v: 0xCAFE), "identity", "foreign", "another design"),
+        (lambda: changed(8, lambda v: v + 0x10000), "identity", "version", "2.0"),
+        (lambda: changed(0xC, lambda v: v ^ 1), "identity", "identifier", "4 x 41"),
+        (lambda: changed(0x10, lambda v: 48), "identity", "geometry", "48 lanes"),
+        (lambda: changed(0x324, lambda v: v | 8), "registers", "stuck-bit",
+         "bit 3 of sensor_level is stuck at 1"),
+        (lambda: changed(0x304, lambda v: v & 7), "registers", "stuck-bit",
+         "bit 3 of sensor_threshold is stuck at 0"),
+        (lambda: changed(0x204, lambda v: v ^ 1 << 9), "prbs", "from-board", "all in bit 9"),
+        pytest.param(lambda: changed(0x338, lambda v: v + 160 * (v > 0)), "threshold", "rate",
+                     "level 0, 40 kHz", marks=pytest.mark.slow),
+        pytest.param(lambda: changed(0x330, lambda v: v + v % 7), "timing", "tick",
+                     "clocks apart", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_a_fault_is_named_at_its_stage(make, stage, kind, says):
+    report = brought_up(make())
+    assert (report.failed_stage, report.failed.kind) == (stage, kind), report.cause
+    assert says in report.cause
+    assert "; " in report.cause  # what to do about it
+    left = [s.name for s in report.stages if s.outcome == "left out"]
+    assert left == list(STAGES[STAGES.index(stage) + 1 :])
+
+
+@pytest.mark.parametrize("way", ["rx", "tx"])
+@pytest.mark.parametrize("kind", ["drop", "flip", "extra"])
+@pytest.mark.parametrize("n", [37, pytest.param(1009, marks=pytest.mark.slow)])
+def test_a_line_that_spoils_bytes_never_passes_unseen(kind, way, n):
+    report = brought_up(EveryByte(kind, way, n), allowed_s=20)
+    repeats = [stage.figures.get("reads_repeated", 0) for stage in report.stages]
+    assert not report.ok or any(repeats), "spoilt bytes were taken for good ones"
+    if report.ok:  # reads were repeated; what was captured is right all the same
+        assert report.figure("patterns", "bits_wrong") == 0
+
+
+def test_a_stage_ends_at_its_time():
+    report = brought_up(ModelPort(SIZE), allowed_s=1e-6)
+    assert (report.failed_stage, report.failed.kind) == ("bytes", "out-of-time")
+
+
+def test_no_port_is_a_stage_that_failed():
+    report = bring_up("/dev/there-is-none")
+    assert (report.failed_stage, report.failed.kind) == ("port", "no-port")
+    assert len(report.stages) == len(STAGES)
+
+
+def test_another_litex_design_is_named(tmp_path):
+    path = tmp_path / "csr.csv"
+    path.write_text("csr_base,identifier_mem,0x00000800,,\ncsr_register,ctrl_scratch,0x4,1,rw\n")
+    report = brought_up(ModelPort(SIZE), csr=read_csr(path))
+    assert (report.failed_stage, report.failed.kind) == ("identity", "foreign")
+    assert "Viform spike board 4x40" in report.cause
+
+
+@pytest.mark.slow
+def test_stages_go_on_where_they_may():
+    port = changed(0x204, lambda v: v ^ 1)
+    report = brought_up(port, stop_at_first=False)
+    assert [s.name for s in report.stages if s.outcome == "failed"] == ["prbs"]
+    assert not report.ok and report.stages[-1].outcome == "ok"
+
+
+def test_junit_counts_the_stages():
+    import xml.etree.ElementTree as xml
+
+    report = brought_up(Silent(SIZE))
+    suite = xml.fromstring(junit_xml(report)).find("testsuite")
+    assert suite.attrib["tests"] == "9" and suite.attrib["failures"] == "1"
+    assert suite.attrib["skipped"] == "7"
+    assert suite.find("testcase/failure").attrib["type"] == "silent"
