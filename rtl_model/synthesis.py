@@ -30,7 +30,7 @@ SCRIPTS: dict[Family, str] = {
     "xc7": "synth_xilinx -family xc7 -flatten",
 }
 # yosys 0.23 remarks on its own mapping of a memory to a RAMB36E1 in this way, not on our source.
-MAPPING = re.compile(r"Warning: Resizing cell port \S+\.\d+\.\d+\.DI\w+ from \d+ bits to")
+MAPPING = re.compile(r"Warning: Resizing cell port \S+\.\d+\.\d+\.D[IO]\w+ from \d+ bits to")
 KINDS: dict[str, tuple[str, ...]] = {
     "luts": ("SB_LUT", "LUT"),
     "flip_flops": ("SB_DFF", "TRELLIS_FF", "FDRE", "FDSE", "FDCE", "FDPE"),
