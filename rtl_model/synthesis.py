@@ -29,8 +29,11 @@ SCRIPTS: dict[Family, str] = {
     "ecp5": "synth_ecp5",
     "xc7": "synth_xilinx -family xc7 -flatten",
 }
-# yosys 0.23 remarks on its own mapping of a memory to a RAMB36E1 in this way, not on our source.
-MAPPING = re.compile(r"Warning: Resizing cell port \S+\.\d+\.\d+\.DI\w+ from \d+ bits to")
+# yosys 0.23 remarks so on its own mapping of a memory to a RAMB36E1 or RAMB18E1, whose ports are
+# in capitals; those of our source are not.
+MAPPING = re.compile(
+    r"Warning: Resizing cell port \S+\.\d+\.\d+\.[A-Z]+ from \d+ bits to \d+ bits\.$"
+)
 KINDS: dict[str, tuple[str, ...]] = {
     "luts": ("SB_LUT", "LUT"),
     "flip_flops": ("SB_DFF", "TRELLIS_FF", "FDRE", "FDSE", "FDCE", "FDPE"),

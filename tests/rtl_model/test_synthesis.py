@@ -16,8 +16,9 @@ needs_yosys = pytest.mark.skipif(
 PIXELS = Cells("ice40", luts=580, flip_flops=86, block_rams=5, distributed_rams=0, carries=173)
 
 CEILINGS = {
-    "ice40": Cells("ice40", 9030, 2380, block_rams=84, distributed_rams=0, carries=2830),
-    "ecp5": Cells("ecp5", 7040, 2380, block_rams=36, distributed_rams=0, carries=1630),
+    "ice40": Cells("ice40", 9000, 2380, block_rams=84, distributed_rams=0, carries=2830),
+    "ecp5": Cells("ecp5", 7150, 2380, block_rams=36, distributed_rams=0, carries=1630),
+    "xc7": Cells("xc7", 5080, 2210, block_rams=23, distributed_rams=0, carries=820),
 }
 
 
