@@ -98,7 +98,7 @@ class _Pair:
         self.model.wait(self.verilog.clock)
         self.sent += len(data)
         self.answered += len(made)
-        if not self.verilog.quiet:
+        if self.verilog.backlog:
             self.failure = f"clock {clock}: no rest within {_LONGEST} clocks of {data.hex()}"
         elif made != wanted:
             place = next(
