@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cosim import InputError
+from rtl_model.geometry import Geometry
 from rtl_model.host.csr import CsrMap, CsrRegister, default_map
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.uartbone import Uartbone
@@ -33,6 +34,14 @@ class BoardInfo(NamedTuple):
     capture_words: int
     sink_words: int
     baud: int
+
+    @property
+    def geometry(self) -> Geometry:
+        """The build that it is."""
+        return Geometry(
+            self.rows, self.columns, self.lanes, self.clock_hz, self.baud, self.capture_words,
+            self.sink_words,
+        )  # fmt: skip
 
 
 class Board:

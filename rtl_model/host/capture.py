@@ -133,7 +133,7 @@ class _Rows:
             self.first, self.count = 0, info.rows
             columns = (info.columns - 1) << 16
         self.columns = slice(columns & 0xFFFF, (columns >> 16) + 1)
-        self.words = -(-info.columns // info.lanes) * info.lanes // 32 + 3
+        self.words = info.geometry.record_words
 
     def check(self, sequence: int, data: bytes, first: int | None) -> int | None:
         """Returns the frame number of a record that is what record `sequence` of the burst must
