@@ -86,7 +86,12 @@ def test_ports_that_are_none(tmp_path):
             open_port(url, 115_200)
         assert fault.value.cause is Cause.NO_PORT
         assert "ports here: " in str(fault.value) and "\n" not in str(fault.value)
-    for url, baud in (("nothing://x", 9600), ("loop://", 0), ("socket://", 9600), ("hwgrep://[", 9600)):
+    for url, baud in (
+        ("nothing://x", 9600),
+        ("loop://", 0),
+        ("socket://", 9600),
+        ("hwgrep://[", 9600),
+    ):
         with pytest.raises((InputError, LineFault)):
             open_port(url, baud)
 
