@@ -80,17 +80,6 @@ class Board:
             return self._join(self.bone.read_twice(register.address, register.words))
         return self._join([self.bone.read_twice(register.address + stride * n)[0] for n in places])
 
-    def fields(self, name: str) -> dict[str, int]:
-        """Returns the fields of one of our registers by name; {} for a register without."""
-        value = self.read(name)
-        known = _TABLE.get(name)
-        if known is None or not self.csr.ours:
-            return {}
-        return {
-            field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
-            for field in known.fields
-        }
-
     def write(self, name: str, value: int) -> None:
         """Writes a register; on our own board it is checked that the word arrived (see
         `verified_write`) and, where the register can be read, that it holds it.
