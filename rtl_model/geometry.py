@@ -68,3 +68,16 @@ class Geometry(NamedTuple):
     def pattern_bytes(self) -> int:
         """Bytes of the pattern memory: rows of whole tiles."""
         return self.rows * self.tiles * self.lanes
+
+    @property
+    def verilog(self) -> dict[str, int]:
+        """Parameters of the Verilog by name, but for BUILD."""
+        return {
+            "ROWS": self.rows,
+            "COLUMNS": self.columns,
+            "LANES": self.lanes,
+            "CLOCK_HZ": self.clock_hz,
+            "BIT_CLOCKS": self.bit_clocks,
+            "CAPTURE_WORDS": self.capture_words,
+            "SINK_WORDS": self.sink_words,
+        }

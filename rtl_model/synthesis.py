@@ -17,7 +17,7 @@ from typing import Literal
 from cosim import InputError
 from rtl_model.geometry import Geometry
 
-__all__ = ["VERILOG", "Cells", "Family", "parameters", "synthesise"]
+__all__ = ["VERILOG", "Cells", "Family", "synthesise"]
 
 VERILOG = Path(__file__).parent / "verilog"
 Family = Literal["ice40", "ecp5", "xc7"]
@@ -55,19 +55,6 @@ class Cells:
     carries: int
 
 
-def parameters(geometry: Geometry) -> dict[str, int]:
-    """Returns the Verilog parameters of a build, but for BUILD."""
-    return {
-        "ROWS": geometry.rows,
-        "COLUMNS": geometry.columns,
-        "LANES": geometry.lanes,
-        "CLOCK_HZ": geometry.clock_hz,
-        "BIT_CLOCKS": geometry.bit_clocks,
-        "CAPTURE_WORDS": geometry.capture_words,
-        "SINK_WORDS": geometry.sink_words,
-    }
-
-
 def synthesise(
     family: Family,
     geometry: Geometry | None = None,
@@ -85,7 +72,7 @@ def synthesise(
     if yosys is None:
         raise InputError("yosys", "be installed", "no such program", "apt-get install yosys")
     if settings is None:
-        settings = parameters(geometry or Geometry())
+        settings = (geometry or Geometry()).verilog
     chosen = "".join(f" -set {name} {value}" for name, value in settings.items())
     with tempfile.TemporaryDirectory() as folder:
         statistics = Path(folder) / "statistics.json"

@@ -12,7 +12,7 @@ from rtl_model.bringup import Burst, compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, capture
 
-__all__ = ["clock_of", "compared", "geometry_of", "pattern_of", "uploaded_image"]
+__all__ = ["clock_of", "compared", "pattern_of", "uploaded_image"]
 
 
 def clock_of(board: Board) -> Clock:
@@ -23,18 +23,9 @@ def clock_of(board: Board) -> Clock:
     return Clock(exact.numerator, exact.denominator)
 
 
-def geometry_of(board: Board) -> Geometry:
-    """The geometry that a board tells of itself."""
-    info = board.info()
-    return Geometry(
-        info.rows, info.columns, info.lanes, info.clock_hz, info.baud, info.capture_words,
-        info.sink_words,
-    )  # fmt: skip
-
-
 def pattern_of(board: Board) -> npt.NDArray[np.uint8]:
     """The pattern memory's (rows, columns) uint8, read until two readings agree."""
-    size = geometry_of(board)
+    size = board.info().geometry
     words = board.bone.read_twice(board.csr.base("pattern_mem"), size.pattern_bytes // 4)
     wide = np.array(words, "<u4").view(np.uint8).reshape(size.rows, -1)
     return wide[:, : size.columns]
@@ -45,7 +36,7 @@ def compared(board: Board, frames: int) -> tuple[Captured, Burst]:
     model's planes of the same settings and the same pattern memory."""
     from rtl_model.cycle import Settings, planes
 
-    size = geometry_of(board)
+    size = board.info().geometry
     taken = capture.burst(board, frames, clear=True)
     given = taken.settings
     settings = Settings(

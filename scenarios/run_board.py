@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from cosim import Clock, InputError, Interrupted, Viform
+from cosim import InputError, Interrupted, Viform
 from cosim.files.zarr_store import write_zarr
 from rtl_model.bringup import STAGES, Report, Stage, bring_up
 from rtl_model.geometry import Geometry
-from scenarios.board_frames import compared, geometry_of, uploaded_image
+from rtl_model.host import Board, LineFault, Uartbone, open_port, pattern
+from scenarios.board_frames import clock_of, compared, uploaded_image
+from scenarios.board_port import VIRTUAL, VIRTUAL_HZ, Opened, csr_of, opened
 from scenarios.board_waves import check_trace, write_waves
-from scenarios.commands.board_line import VIRTUAL, Opened, csr_of, opened
 from scenarios.filming import STREAM, mend
 from scenarios.folder import begin_folder, claimed, output_folder
 from scenarios.loading import to_toml
@@ -22,7 +23,6 @@ from scenarios.schema import BoardScenario, BoardSection
 
 __all__ = ["run_board"]
 
-_CLOCK_HZ = 8_000_000  # nominal, of a virtual board
 _SIDE, _LANES = 32, 32  # of a virtual board whose size is not given
 _MOST_WORDS = 1 << 20  # of a virtual board's capture memory
 _ELECTRONS_LEVEL = 0  # threshold level under which the image is captured
@@ -72,14 +72,15 @@ def run_board(
                 time_scale=board.time_scale, log=folder / "line.jsonl", progress=told,
             )  # fmt: skip
             result = _result(name, scenario, report, board)
-            if report.ok:
-                _film(result, report, scenario, board, folder)
+            fault = _film(result, report, scenario, board, folder) if report.ok else None
             progress.advance(len(STAGES) + 1)
             if trace is not None and geometry is not None:
                 write_waves(trace, geometry, scenario.seed)
-            result.files += write_board_report(report, folder, _notes(result, trace))
+            result.files += write_board_report(report, folder, _notes(result, trace, fault))
             result.files.append("result.json")
             result.run_time_s = time.perf_counter() - began
+            if fault is not None:
+                progress.note(str(fault))
             if report.cause is not None:
                 progress.note(f"stage {report.failed_stage}: {report.cause}")
             write_result(folder, result)
@@ -91,7 +92,7 @@ def run_board(
 def _virtual_geometry(section: BoardSection) -> Geometry:
     """A build whose capture memory holds the frames. InputError for more than it may hold."""
     size = Geometry(
-        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES, _CLOCK_HZ,
+        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES, VIRTUAL_HZ,
         section.baud,
     )  # fmt: skip
     words = section.frames * size.rows * size.record_words
@@ -131,27 +132,35 @@ def _result(name: str, scenario: BoardScenario, report: Report, board: Opened) -
 
 def _film(
     result: Result, report: Report, scenario: BoardScenario, board: Opened, folder: Path
-) -> None:
-    """Captures the image's frames into the folder's stream and adds them to the metrics."""
-    from rtl_model.host import Board, Uartbone, capture, open_port, pattern
+) -> LineFault | None:
+    """Captures the image's frames into the folder's stream and adds them to the metrics. Returns
+    what the line did, which fails the run: a board that passed may be gone a moment later."""
+    try:
+        _capture(result, report, scenario, board, folder)
+    except LineFault as fault:
+        result.outcome = "failed"
+        return fault
+    return None
 
+
+def _capture(
+    result: Result, report: Report, scenario: BoardScenario, board: Opened, folder: Path
+) -> None:
     section = scenario.board
     port = open_port(board.url, section.baud)
     try:
         bone = Uartbone(port, baud=section.baud, time_scale=board.time_scale)
         csr = csr_of(None if section.csr is None else Path(section.csr))
         known = Board(bone, csr)
-        size = geometry_of(known)
+        size = known.info().geometry
         _check_size(section, size)
         for register, value in _settings(size).items():
             known.write(register, value)
         pattern.upload(known, uploaded_image(size, scenario.seed))
         taken, burst = compared(known, section.frames)
+        clock = clock_of(known)
     finally:
         port.close()
-    assert taken.settings.keys() >= set(capture.SETTINGS)
-    tick = max(taken.settings["sensor_tick_clocks"], size.tick_minimum)
-    clock = Clock(size.clock_hz, tick)
     write_zarr(Viform.from_planes(taken.planes, clock), folder / STREAM)
     result.files.append(STREAM)
     result.simulated_s = section.frames / clock.hz
@@ -199,10 +208,12 @@ def _check_size(section: BoardSection, size: Geometry) -> None:
         )  # fmt: skip
 
 
-def _notes(result: Result, trace: Path | None) -> list[str]:
+def _notes(result: Result, trace: Path | None, fault: LineFault | None) -> list[str]:
     frames = result.metrics["frames_compared"].value or 0
     notes = [
         f"{frames:.0f} frames were compared with the cycle model, bit by bit; outcome "
         f"{result.outcome}"
     ]
+    if fault is not None:
+        notes.append(f"the image was not captured: {fault}")
     return notes if trace is None else [*notes, f"waveforms: {trace}"]

@@ -17,7 +17,7 @@ from rtl_model.registers import REGISTERS
 
 __all__ = ["Bench", "Burst"]
 
-_WIDTHS = {register.name: register.width for register in REGISTERS}
+_CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Bench:
 
     def get(self, name: str) -> int:
         """Reads one register; no retry where reading changes it."""
-        return self.bone.read(self.address(name))[0]
+        return self.bone.read(self.address(name), retry=name not in _CHANGED_BY_READING)[0]
 
     def sure(self, name: str) -> int:
         """Reads a register that stands still, until two readings agree."""
@@ -60,10 +60,6 @@ class Bench:
     def put(self, name: str, value: int) -> None:
         """Writes one register."""
         self.bone.write(self.address(name), value)
-
-    def width(self, name: str) -> int:
-        """Bits that a register of ours keeps."""
-        return _WIDTHS[name]
 
     def line_s(self, count: int) -> float:
         """Seconds that `count` bytes take on the line at the host's baud."""

@@ -87,7 +87,7 @@ def _off(bench: Bench, seen: str) -> StageFault | None:
     """The fault "baud" where the board answers at another rate, else None."""
     nominal = bench.given_baud
     try:
-        found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale)
+        found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log)
     except LineFault as fault:
         if fault.cause is not Cause.SILENT:
             raise

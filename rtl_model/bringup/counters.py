@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import zlib
-from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.host.ports import latency_timer
 
 __all__ = ["check_counters"]
 
@@ -88,14 +87,14 @@ def _speed(bench: Bench, times: list[float]) -> Figures:
         "latency_ms": 1e3 * latency,
         "line_ms": 1e3 * line,
     }
-    device = Path(bench.port.name).name
-    timer = Path("/sys/bus/usb-serial/devices") / device / "latency_timer"
-    with suppress(OSError, ValueError):  # no adapter with a timer, or none that tells it
-        figures["latency_timer_ms"] = int(timer.read_text())
+    timer, held_ms = latency_timer(bench.port.name)
+    if held_ms is not None:
+        figures["latency_timer_ms"] = held_ms
     if latency > _LATENCY_S and not bench.simulated:
-        figures["note"] = (
-            f"the adapter holds answers back by {1e3 * latency:.1f} ms: set its latency timer to "
-            f"1 ms (`echo 1 | sudo tee {timer}`)"
+        figures["note"] = f"answers are held back by {1e3 * latency:.1f} ms beyond the line: " + (
+            "what stands between does that, and it has no latency timer to set"
+            if held_ms is None
+            else f"set the adapter's latency timer to 1 ms (`echo 1 | sudo tee {timer}`)"
         )
     return figures
 

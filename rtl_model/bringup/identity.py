@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim import InputError
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
 from rtl_model.geometry import Geometry
@@ -33,10 +34,7 @@ def check_identity(bench: Bench) -> Figures:
             {"version": f"{version:#010x}"},
         )
     info = board.info()
-    geometry = Geometry(
-        info.rows, info.columns, info.lanes, info.clock_hz, info.baud,
-        info.capture_words, info.sink_words,
-    )  # fmt: skip
+    geometry = info.geometry
     figures: Figures = {
         "version": f"{version >> 16}.{version & 0xFFFF}",
         "build": f"{info.build:08x}",
@@ -97,8 +95,10 @@ def _foreign(board: Board, seen: str) -> StageFault:
     told = ""
     try:
         text = board.identifier().rstrip("?").strip()
-    except (LineFault, Exception) as fault:  # no such memory in its csr.csv, or nothing there
-        if isinstance(fault, LineFault) and fault.cause in (Cause.GONE, Cause.STUCK):
+    except InputError:  # no such memory in its csr.csv
+        text = ""
+    except LineFault as fault:  # nothing there
+        if fault.cause in (Cause.GONE, Cause.STUCK, Cause.DIFFERS):
             raise
         text = ""
     if text and "?" not in text:

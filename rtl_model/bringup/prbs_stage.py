@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.prbs import ORDERS, Prbs
 
-__all__ = ["ORDERS", "check_prbs", "which_bits"]
+__all__ = ["check_prbs", "which_bits"]
 
-ORDERS = (7, 15, 23, 31)
 _WORDS = 256  # each way and order: 32 768 bits in all
 
 
 def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _WORDS) -> Figures:
     """Holds the board's sequence against ours and ours against the board's. StageFault
     from-board, to-board or words-lost."""
-    from rtl_model.cycle import Prbs
-
     figures: Figures = {"words": words, "orders": list(orders), "bits": 0}
     for order in orders:
         bench.put("prbs_order", order)

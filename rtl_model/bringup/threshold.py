@@ -50,12 +50,13 @@ def check_threshold(bench: Bench) -> Figures:
                         f"({rates[-1]['rate']:.4f} a pixel and tick in place of "
                         f"{rates[-1]['expected']:.4f})",
                         _mend(size.rows * size.columns, spikes - must),
-                        {"settings": len(rates), "rates": rates},
+                        {"settings": len(rates), "electrons": _ELECTRONS, "rates": rates},
                     )
     bench.put("sensor_clock_select", 0)
     bench.put("sensor_reset_rule", 0)
     bench.put("sensor_threshold", 7)
-    return {"settings": len(rates), "frames": frames_run, "spikes_wrong": 0, "rates": rates}
+    return {"settings": len(rates), "frames": frames_run, "spikes_wrong": 0,
+            "electrons": _ELECTRONS, "rates": rates}  # fmt: skip
 
 
 def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:

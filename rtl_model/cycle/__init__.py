@@ -6,18 +6,15 @@ from rtl_model.cycle.capture import record
 from rtl_model.cycle.pixel import CHARGE_MAX, Pattern, ResetRule, increments, quantum, step
 from rtl_model.cycle.plain import PlainSensor
 from rtl_model.cycle.planes import Settings, planes
-from rtl_model.cycle.prbs import TAPS, Prbs
 from rtl_model.cycle.system import System
 from rtl_model.cycle.tiles import TILE, Tiles, rows_of
 
 __all__ = [
     "CHARGE_MAX",
-    "TAPS",
     "TILE",
     "Bridge",
     "Pattern",
     "PlainSensor",
-    "Prbs",
     "Reply",
     "ResetRule",
     "Settings",

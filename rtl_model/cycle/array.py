@@ -13,6 +13,7 @@ from rtl_model.registers import REGISTERS, parameters, reset_value
 
 __all__ = ["PixelArray"]
 
+_NO_TILES: Tiles = np.empty(0, TILE)
 _TILES_AT_ONCE = 1 << 18  # of one call of the kernel: 6 MiB of tiles
 
 _READ_AHEAD = 2
@@ -107,12 +108,16 @@ class PixelArray:
             self._seen.reshape(-1)[part] = self.memory.reshape(-1)[part]
         if self._late:
             stop = min(stop, self._late[0][0])
+        if self._idle(stop):
+            return stop
         tiles = self.geometry.rows * self.geometry.tiles
         return min(stop, clock + max(1, _TILES_AT_ONCE // tiles) * self.period)
 
     def run(self, clock: int, stop: int) -> Tiles:
         """Runs edges `clock` to `stop` - 1 and returns the tiles computed; `stop` as `self.stop`
         gave it, or less."""
+        if self._idle(stop):
+            return _NO_TILES
         size = self.geometry
         frames = (stop - clock) // self.period + 2
         tiles = np.empty(min(stop - clock, frames * size.rows * size.tiles), TILE)
@@ -130,3 +135,15 @@ class PixelArray:
             tiles,
         )
         return tiles[:count]
+
+    def _idle(self, stop: int) -> bool:
+        """Whether no frame begins and no tile is computed before edge `stop`: then the kernel,
+        whose call alone takes longer than a byte on the line, would change nothing."""
+        state, size = self._state, self.geometry
+        if not state[scan.ACTIVE]:
+            return not self._registers[scan.RUN]
+        row = int(state[scan.ROW])
+        if row >= size.rows:
+            return stop <= int(state[scan.END])
+        tile = int(state[scan.START]) + 1 + row * size.row_clocks + int(state[scan.INDEX])
+        return stop <= tile

@@ -14,10 +14,10 @@ from cosim import InputError
 from rtl_model.cycle.array import PixelArray
 from rtl_model.cycle.capture import Capture
 from rtl_model.cycle.line import LineCounters
-from rtl_model.cycle.prbs import Prbs
 from rtl_model.cycle.sink import Shown, Sink
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
+from rtl_model.prbs import Prbs
 from rtl_model.registers import (
     MEMORIES,
     REGISTERS,

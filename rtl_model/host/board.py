@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cosim import InputError
+from rtl_model.geometry import Geometry
 from rtl_model.host.csr import CsrMap, CsrRegister, default_map
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.uartbone import Uartbone
@@ -33,6 +34,14 @@ class BoardInfo(NamedTuple):
     capture_words: int
     sink_words: int
     baud: int
+
+    @property
+    def geometry(self) -> Geometry:
+        """The build that it is."""
+        return Geometry(
+            self.rows, self.columns, self.lanes, self.clock_hz, self.baud, self.capture_words,
+            self.sink_words,
+        )  # fmt: skip
 
 
 class Board:
@@ -70,17 +79,6 @@ class Board:
         if stride == 4:
             return self._join(self.bone.read_twice(register.address, register.words))
         return self._join([self.bone.read_twice(register.address + stride * n)[0] for n in places])
-
-    def fields(self, name: str) -> dict[str, int]:
-        """Returns the fields of one of our registers by name; {} for a register without."""
-        value = self.read(name)
-        known = _TABLE.get(name)
-        if known is None or not self.csr.ours:
-            return {}
-        return {
-            field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
-            for field in known.fields
-        }
 
     def write(self, name: str, value: int) -> None:
         """Writes a register; on our own board it is checked that the word arrived (see

@@ -58,17 +58,16 @@ class Captured(NamedTuple):
     settings: dict[str, int]
 
 
-def burst(board: Board, frames: int, *, clear: bool = False, allow_loss: bool = False) -> Captured:
+def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
     """Takes `frames` frames. A sensor that stands still is run for it and stopped after.
 
     clear: the burst begins with frame 0 and no charge (the sensor is stopped for it).
-    allow_loss: whether more rows may be asked for than the memory holds.
     InputError for a burst that does not fit; LineFault where it cannot be had verified.
     """
     info = board.info()
     settings = {name: board.read_twice(name) for name in SETTINGS}
     rows = _Rows(info, settings)
-    _check_size(info, rows, frames, allow_loss)
+    _check_size(info, rows, frames)
     ran = board.read_twice("sensor_run")
     if clear and ran:
         board.write("sensor_run", 0)
@@ -133,7 +132,7 @@ class _Rows:
             self.first, self.count = 0, info.rows
             columns = (info.columns - 1) << 16
         self.columns = slice(columns & 0xFFFF, (columns >> 16) + 1)
-        self.words = -(-info.columns // info.lanes) * info.lanes // 32 + 3
+        self.words = info.geometry.record_words
 
     def check(self, sequence: int, data: bytes, first: int | None) -> int | None:
         """Returns the frame number of a record that is what record `sequence` of the burst must
@@ -232,13 +231,13 @@ class _Drain:
         raise LineFault(Cause.MISPLACED, f"the board's read pointer cannot be set to {word}")
 
 
-def _check_size(info: BoardInfo, rows: _Rows, frames: int, allow_loss: bool) -> None:
+def _check_size(info: BoardInfo, rows: _Rows, frames: int) -> None:
     if rows.count == 0:
         raise InputError("the window", "at least one row", "empty", "write sensor_rows")
     if not 1 <= frames < 1 << 32:
         raise InputError("the frames of a burst", "1 to 4294967295", str(frames), "give fewer")
     fit = info.capture_words // (rows.words * rows.count)
-    if frames > fit and not allow_loss:
+    if frames > fit:
         raise InputError(
             "the frames of a burst",
             f"at most {fit} of {rows.count} rows, for which the board has memory",

@@ -33,7 +33,7 @@ def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
         )
     if given.dtype.kind not in "uib" or given.min() < 0 or given.max() > 255:
         raise InputError("the pattern", "whole numbers, 0 to 255", "others", "scale and round it")
-    wide = -(-info.columns // info.lanes) * info.lanes
+    wide = 32 * info.geometry.row_words
     padded = np.zeros((info.rows, wide), np.uint8)
     padded[:, : info.columns] = given
     words = [int(word) for word in np.ascontiguousarray(padded).view("<u4").reshape(-1)]

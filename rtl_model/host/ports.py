@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import termios
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -19,7 +21,7 @@ from rtl_model.host.faults import Cause, LineFault
 if TYPE_CHECKING:
     import serial
 
-__all__ = ["Port", "SerialPort", "open_port", "ports_here"]
+__all__ = ["Port", "SerialPort", "latency_timer", "open_port", "ports_here"]
 
 _POLL_S = 0.01  # a read looks at its deadline this often
 _TIMERS = Path("/sys/bus/usb-serial/devices")
@@ -90,10 +92,11 @@ class SerialPort:
         return got
 
     def set_baud(self, baud: int) -> None:
-        """Changes the host's rate; InputError where the adapter cannot."""
+        """Changes the host's rate. InputError where the adapter cannot, LineFault GONE."""
         try:
-            self.inner.baudrate = baud
-        except (ValueError, OSError) as exc:
+            with _named(self.name):
+                self.inner.baudrate = baud
+        except ValueError as exc:
             raise _bad_baud(self.name, baud) from exc
         self.baud = baud
 
@@ -106,15 +109,6 @@ class SerialPort:
         try:
             return {name: bool(getattr(self.inner, name)) for name in ("cts", "dsr", "ri", "cd")}
         except (OSError, ValueError, AttributeError):
-            return None
-
-    def latency_timer_ms(self) -> int | None:
-        """Returns how long an FTDI adapter holds bytes back (16 ms as it comes: some 62 questions
-        and answers a second); None for a port that has no such timer."""
-        path = _TIMERS / Path(os.path.realpath(self.name)).name / "latency_timer"
-        try:
-            return int(path.read_text())
-        except (OSError, ValueError):
             return None
 
     def low_latency(self, wanted: bool = True) -> bool:
@@ -152,7 +146,8 @@ class _named:
             raise LineFault(
                 Cause.STUCK, f"{self.name} took no more bytes to send in the time allowed"
             ) from error
-        if isinstance(error, OSError | TypeError):  # TypeError: pyserial, closed under a read
+        # TypeError: pyserial, closed under a read; termios.error is no OSError
+        if isinstance(error, OSError | TypeError | termios.error):
             raise LineFault(Cause.GONE, f"{self.name} went away ({_plain(error)})") from error
 
 
@@ -175,19 +170,31 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
             exclusive=exclusive,
             do_not_open=True,
         )
-    except ValueError as exc:
+    except (ValueError, re.error) as exc:
         raise _bad_url(url, exc) from exc
+    except OSError as exc:  # hwgrep:// looks for its port at once
+        raise _refused(url, exc) from exc
     try:
         inner.open()
-    except (serial.SerialException, OSError) as exc:
+    except (OSError, termios.error, LookupError, TypeError) as exc:
+        # The last two are what URL handlers let through of parts that they cannot read.
         raise _refused(url, exc) from exc
     except ValueError as exc:
         if "baud" in str(exc).lower():
             raise _bad_baud(url, baud) from exc
         raise _bad_url(url, exc) from exc
-    except Exception as exc:  # termios.error, and whatever a URL handler lets through
-        raise _refused(url, exc) from exc
     return SerialPort(inner, url)
+
+
+def latency_timer(name: str) -> tuple[Path, int | None]:
+    """Returns the file that says how long the FTDI adapter behind a port holds bytes back, and
+    those milliseconds (16 as it comes: some 62 questions and answers a second); None for a port
+    that has no such timer."""
+    path = _TIMERS / Path(os.path.realpath(name)).name / "latency_timer"
+    try:
+        return path, int(path.read_text())
+    except (OSError, ValueError):
+        return path, None
 
 
 def ports_here() -> list[str]:

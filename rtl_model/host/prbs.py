@@ -7,10 +7,10 @@ from typing import NamedTuple
 from cosim import InputError
 from rtl_model.host.board import Board
 from rtl_model.host.faults import Cause, LineFault
+from rtl_model.prbs import ORDERS, Prbs
 
 __all__ = ["ORDERS", "PrbsReport", "check"]
 
-ORDERS = (7, 15, 23, 31)
 _FAULTS = 3  # of one run, before the line is said to be too bad to be measured
 
 
@@ -38,8 +38,6 @@ def check(board: Board, order: int, words: int) -> PrbsReport:
 
     order: 7, 15, 23 or 31. LineFault where the line breaks off more than three times.
     """
-    from rtl_model.cycle.prbs import Prbs
-
     if order not in ORDERS:
         raise InputError("the order of a PRBS", "7, 15, 23 or 31", str(order), "choose one")
     bone = board.bone

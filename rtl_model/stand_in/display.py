@@ -42,17 +42,17 @@ class BoardDisplay:
     def __init__(self, place: StandIn, *, back: bool = False) -> None:
         self._board, self._info, self._back = place.board, place.info, back
         info = place.info
-        self._wide = -(-info.columns // info.lanes) * info.lanes
-        words = self._wide // 32 * info.rows
-        record = words + 3 * info.rows
+        size = info.geometry
+        self._wide = 32 * size.row_words
+        words, record = size.row_words * size.rows, size.record_words * size.rows
         sizes = [("sink", "SINK_WORDS", info.sink_words, words)]
         if back:
             sizes.append(("capture", "CAPTURE_WORDS", info.capture_words, record))
-        for what, parameter, size, need in sizes:
-            if size < need:
+        for what, parameter, held, need in sizes:
+            if held < need:
                 raise InputError(
                     place.name, f"one whose {what} memory holds a plane, {need} words",
-                    f"one of {size} words", f"build it with a larger {parameter}",
+                    f"one of {held} words", f"build it with a larger {parameter}",
                 )  # fmt: skip
         self.burst = min(size // need for _, _, size, need in sizes)
         self.bytes = self._crc = 0

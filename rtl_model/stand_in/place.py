@@ -16,6 +16,10 @@ DEFAULT_BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
 """Of a virtual board: how long it takes a step for (see `stepping`)."""
+_PATIENCE_S: Final = 0.3
+_VIRTUAL_PATIENCE_S: Final = 3.0
+"""For an answer beyond line time. A virtual board has no fault to be found out soon, and a busy
+machine may not run its thread for long."""
 
 
 class StandIn(NamedTuple):
@@ -56,9 +60,9 @@ def stand_in(place: str, key: str, virtual: Geometry | None = None) -> Iterator[
             geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
             with VirtualBoard(geometry, level="model") as made:
                 opened = open_port(made.port, _VIRTUAL_BAUD)
-                yield from _used(opened, "the virtual board", made.time_scale)
+                yield from _used(opened, "the virtual board", made.time_scale, _VIRTUAL_PATIENCE_S)
         else:
-            yield from _used(open_port(port, baud), f"the board at {port}", 1.0)
+            yield from _used(open_port(port, baud), f"the board at {port}", 1.0, _PATIENCE_S)
     except LineFault as fault:
         raise InputError(
             f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",
@@ -66,9 +70,9 @@ def stand_in(place: str, key: str, virtual: Geometry | None = None) -> Iterator[
         ) from fault  # fmt: skip
 
 
-def _used(port: Port, name: str, time_scale: float) -> Iterator[StandIn]:
+def _used(port: Port, name: str, time_scale: float, patience_s: float) -> Iterator[StandIn]:
     try:
-        bone = Uartbone(port, time_scale=time_scale)
+        bone = Uartbone(port, time_scale=time_scale, patience_s=patience_s)
         bone.resynchronise()
         board = Board(bone)
         yield StandIn(board, board.info(), name, port.baud)

@@ -56,17 +56,18 @@ class BoardSensor:
     level and reset rule. InputError where its memory does not hold a frame, or `frames` are more
     than it can number.
 
-    bytes: captured so far. planes_wrong_bits: bits that differ from the cycle model's.
+    bytes: captured so far. wrong_bits: that differ from the cycle model's. uploads: of the pattern
+    memory.
     """
 
     def __init__(self, place: StandIn, level: int, reset: str, frames: int) -> None:
         self._board, self._info = place.board, place.info
-        info = place.info
-        row = -(-info.columns // info.lanes) * info.lanes // 32 + 3
-        self.burst = info.capture_words // (row * info.rows)
+        info, size = place.info, place.info.geometry
+        need = size.record_words * size.rows
+        self.burst = info.capture_words // need
         if self.burst < 1:
             raise InputError(
-                place.name, f"one whose capture memory holds a frame, {row * info.rows} words",
+                place.name, f"one whose capture memory holds a frame, {need} words",
                 f"one of {info.capture_words} words", "build it with a larger CAPTURE_WORDS",
             )  # fmt: skip
         if frames > FRAMES_MOST:
@@ -117,11 +118,9 @@ class BoardSensor:
 
     def _expected(self, steps: npt.NDArray[np.uint8], ticks: int) -> Planes:
         from rtl_model.cycle import Settings, planes
-        from rtl_model.geometry import Geometry
 
-        size = Geometry(self._info.rows, self._info.columns, self._info.lanes)
         settings = Settings(threshold=self._level, reset_rule=self._reset)
-        return planes(size, settings, steps, ticks, self._charge)
+        return planes(self._info.geometry, settings, steps, ticks, self._charge)
 
 
 def _set_up(board: Board, info: BoardInfo, level: int, reset: int) -> None:

@@ -55,7 +55,7 @@ def missing() -> list[str]:
 
 def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
     """Returns the CRC-32 of a build's parameters and Verilog: what its `ctrl_build` may say."""
-    crc = zlib.crc32(repr(sorted(_parameters(geometry).items())).encode())
+    crc = zlib.crc32(repr(sorted(geometry.verilog.items())).encode())
     for path in _files(VERILOG if sources is None else sources):
         crc = zlib.crc32(path.name.encode() + b"\0" + path.read_bytes(), crc)
     return crc
@@ -90,8 +90,15 @@ def library(
             f"without {' and '.join(lacking)}",
             f"install the system packages: apt-get install {' '.join(lacking)}",
         )
+    if trace == "fst" and not _has_zlib():
+        raise InputError(
+            "the header zlib.h",
+            "installed, for waveforms as .fst",
+            "absent",
+            "install it (apt-get install zlib1g-dev), or write a .vcd",
+        )
     folder = (VERILOG if sources is None else sources).resolve()
-    parameters = _parameters(geometry)
+    parameters = geometry.verilog
     text = (folder / f"{top}.v").read_text(encoding="utf-8")
     known = {name: value for name, value in parameters.items() if f"] {name} =" in text}
     if "] BUILD =" in text:
@@ -109,18 +116,6 @@ def library(
         if not made.is_file():
             _build(made, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
     return made
-
-
-def _parameters(geometry: Geometry) -> dict[str, int]:
-    return {
-        "ROWS": geometry.rows,
-        "COLUMNS": geometry.columns,
-        "LANES": geometry.lanes,
-        "CLOCK_HZ": geometry.clock_hz,
-        "BIT_CLOCKS": geometry.bit_clocks,
-        "CAPTURE_WORDS": geometry.capture_words,
-        "SINK_WORDS": geometry.sink_words,
-    }
 
 
 def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path, t: Trace) -> None:
@@ -185,6 +180,13 @@ def _tool(command: Sequence[str], folder: Path) -> str:
         words = (done.stderr or done.stdout).strip()[-4000:]
         raise BuildFailed(f"{command[0]} failed with {done.returncode}:\n{words}")
     return done.stdout
+
+
+@cache
+def _has_zlib() -> bool:
+    """Whether the compiler finds zlib's header, which Verilator's writer of FST includes."""
+    command = ["g++", "-E", "-x", "c++", "-include", "zlib.h", os.devnull]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
 @cache

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 
-__all__ = ["Faults", "Kind", "LineFault", "Way", "parse"]
+__all__ = ["ByteFault", "Faults", "Kind", "Way", "parse"]
 
 Way = Literal["rx", "tx"]
 Kind = Literal["drop", "flip", "extra", "cut", "power-cycle"]
@@ -37,7 +37,7 @@ _BYTE_MAX = 10**12
 _SLOW_MS = 500.0  # of `slow` alone; longer than hosts commonly wait
 
 
-class LineFault(NamedTuple):
+class ByteFault(NamedTuple):
     """A fault of the `number`-th byte of a way, or of every `number`-th."""
 
     kind: Kind
@@ -63,7 +63,7 @@ class Faults(NamedTuple):
         foreign: whether the magic is not ours.
     """
 
-    line: tuple[LineFault, ...] = ()
+    line: tuple[ByteFault, ...] = ()
     silent: bool = False
     late_s: float = 0.0
     baud_error: float = 0.0
@@ -113,7 +113,7 @@ def _with(faults: Faults, text: str, size: Geometry) -> Faults:
     raise _bad(text)
 
 
-def _line_fault(text: str) -> LineFault:
+def _line_fault(text: str) -> ByteFault:
     every = "%" in text
     head, mark, digits = text.partition("%" if every else "@")
     name, colon, way = head.partition(":")
@@ -125,9 +125,9 @@ def _line_fault(text: str) -> LineFault:
     if not colon and kind in ("cut", "power-cycle"):
         way = "rx"
     if way == "rx":
-        return LineFault(kind, "rx", int(digits), every)
+        return ByteFault(kind, "rx", int(digits), every)
     if way == "tx":
-        return LineFault(kind, "tx", int(digits), every)
+        return ByteFault(kind, "tx", int(digits), every)
     raise _bad(text)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rtl_model.virtual.faults import Faults, LineFault, Way
+from rtl_model.virtual.faults import ByteFault, Faults, Way
 
 __all__ = ["CUT_S", "POWER_UP_S", "Bytes", "Dead", "FaultyLine"]
 
@@ -34,7 +34,7 @@ class FaultyLine:
 
     def __init__(self, faults: Faults) -> None:
         self._silent = faults.silent
-        self._faults: dict[Way, tuple[LineFault, ...]] = {
+        self._faults: dict[Way, tuple[ByteFault, ...]] = {
             "rx": tuple(fault for fault in faults.line if fault.way == "rx"),
             "tx": tuple(fault for fault in faults.line if fault.way == "tx"),
         }

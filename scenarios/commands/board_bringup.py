@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenarios.board_port import csr_of, opened
 from scenarios.commands.board_line import (
     Baud,
     Csr,
@@ -15,8 +16,6 @@ from scenarios.commands.board_line import (
     Log,
     PortName,
     TimeScale,
-    csr_of,
-    opened,
 )
 from scenarios.commands.output import Json, print_document
 

@@ -1,5 +1,5 @@
-"""What the commands of `viform board` share: their options, the board behind a port, and how a
-fault of the line ends a command."""
+"""What the commands of `viform board` share: their options, a board to speak to, and how a fault of
+the line ends a command."""
 
 from __future__ import annotations
 
@@ -11,22 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenarios.board_port import Opened, csr_of, opened
 from scenarios.commands.output import print_document
 
 if TYPE_CHECKING:
-    from rtl_model.geometry import Geometry
-    from rtl_model.host import Board, CsrMap
-    from rtl_model.virtual import VirtualBoard
+    from rtl_model.host import Board
 
 __all__ = [
-    "VIRTUAL", "Baud", "Csr", "Faults", "Level", "Line", "Log", "Opened", "PortName", "TimeScale",
-    "connected", "failed_line", "opened", "virtual_board",
+    "Baud", "Csr", "Faults", "Level", "Line", "Log", "PortName", "TimeScale", "connected",
+    "failed_line",
 ]  # fmt: skip
-
-VIRTUAL = "virtual"
-"""The port that stands for a board in a simulator, started for the command."""
-
-_CLOCK_HZ = 8_000_000  # of such a board, nominal: what the simulator keeps up with
 
 PortName = Annotated[
     str,
@@ -49,78 +43,11 @@ Faults = Annotated[
 
 
 @dataclass(frozen=True)
-class Opened:
-    """A port that can be opened: a real one, or a virtual board's that runs."""
-
-    url: str
-    baud: int
-    simulated: bool | None
-    time_scale: float
-
-
-@dataclass(frozen=True)
 class Line:
     """A board that is spoken to."""
 
     board: Board
     opened: Opened
-
-
-def virtual_board(
-    *,
-    baud: int,
-    level: str = "bytes",
-    faults: list[str] | None = None,
-    geometry: Geometry | None = None,
-) -> VirtualBoard:
-    """A virtual board, not yet begun. InputError for a level or a fault that is none."""
-    from cosim import InputError
-    from rtl_model.geometry import Geometry
-    from rtl_model.virtual import LEVELS, VirtualBoard
-
-    known = next((name for name in LEVELS if name == level), None)
-    if known is None:
-        raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
-    size = geometry or Geometry(clock_hz=_CLOCK_HZ, baud=baud)
-    if size.bit_clocks < 4:
-        must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
-        raise InputError("--baud", must, str(baud), "lower it")
-    return VirtualBoard(size, level=known, faults=faults or ())
-
-
-@contextmanager
-def opened(
-    port: str,
-    baud: int,
-    time_scale: float | None,
-    *,
-    level: str = "bytes",
-    faults: list[str] | None = None,
-    geometry: Geometry | None = None,
-) -> Iterator[Opened]:
-    """What to open for `--port`; a virtual board lives as long as the block."""
-    from cosim import InputError
-
-    if time_scale is not None and not 0 < time_scale < 1e6:
-        raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
-    if baud <= 0:
-        raise InputError("--baud", "above 0", str(baud), "115200 is common")
-    if port != VIRTUAL:
-        if faults or level != "bytes":
-            raise InputError(
-                "--fault and --level", "given with --port virtual", f"with {port}", "leave them out"
-            )
-        yield Opened(port, baud, None, time_scale or 1.0)
-        return
-    with virtual_board(baud=baud, level=level, faults=faults, geometry=geometry) as board:
-        yield Opened(board.port, baud, True, time_scale or board.time_scale)
-
-
-def csr_of(csr: Path | None) -> CsrMap | None:
-    """The map of `--csr`, None for our own. InputError for a file that is none."""
-    from rtl_model.host import read_csr
-
-    return None if csr is None else read_csr(csr)
 
 
 @contextmanager

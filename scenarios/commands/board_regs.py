@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected, csr_of
+from scenarios.board_port import csr_of
+from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected
 from scenarios.commands.output import Json, print_document
 
 __all__ = ["assignment", "board_regs"]

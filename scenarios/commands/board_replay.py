@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.commands.board_line import Csr, csr_of
+from scenarios.board_port import csr_of
+from scenarios.commands.board_line import Csr
 from scenarios.commands.output import Json, print_document
 
 __all__ = ["board_replay"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenarios.board_port import VIRTUAL_HZ, virtual_board
 from scenarios.commands.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def board_virtual(
     lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
     clock: Annotated[
         int, typer.Option(min=10_000, max=1_000_000_000, help="nominal clock of the board, Hz")
-    ] = 8_000_000,
+    ] = VIRTUAL_HZ,
     baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of its line")] = 115_200,
     csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
     json: Json = False,
@@ -45,19 +46,11 @@ def board_virtual(
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
     from rtl_model.registers import csr_csv
-    from rtl_model.virtual import LEVELS, VirtualBoard
 
-    known = next((name for name in LEVELS if name == level), None)
-    if known is None:
-        raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
     if lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
     geometry = Geometry(rows, columns, lanes, clock, baud)
-    if geometry.bit_clocks < 4:
-        raise InputError(
-            "--baud", f"at most a quarter of the clock, {clock // 4}", str(baud), "lower it"
-        )
-    made = VirtualBoard(geometry, level=known, faults=fault or (), link=link)
+    made = virtual_board(baud=baud, level=level, faults=fault, geometry=geometry, link=link)
     if level != "model" and not json:
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
     with suppress(KeyboardInterrupt), made as board:

@@ -36,7 +36,8 @@ def write_board_report(report: Report, folder: Path, notes: list[str] | None = N
         threshold_figure(rates, folder / name)
         names.append(name)
         pictures.append(
-            "<h2>Threshold sweep</h2><p>Constant light of 200 electrons a 40 kHz tick. Lines: the "
+            "<h2>Threshold sweep</h2><p>Constant light of "
+            f"{report.figure('threshold', 'electrons')} electrons a 40 kHz tick. Lines: the "
             "closed form; points: counted by the board.</p>" + plot(folder / name, "rates")
         )
     body = _head(report, notes or []) + _cards(report) + _stages(report)

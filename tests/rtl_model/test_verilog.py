@@ -8,7 +8,7 @@ import pytest
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.registers.verilog import HEADER, verilog_header, write_verilog_header
-from rtl_model.synthesis import VERILOG, parameters
+from rtl_model.synthesis import VERILOG
 
 
 def test_the_header_is_made_from_the_table(tmp_path):
@@ -49,7 +49,7 @@ def test_nothing_is_waived():
 )
 def test_verilator_has_nothing_to_remark(geometry):
     command = ["verilator", "--lint-only", "-Wall", f"-I{VERILOG}", "--top-module", "viform_board"]
-    command += [f"-G{name}={value}" for name, value in parameters(geometry).items()]
+    command += [f"-G{name}={value}" for name, value in geometry.verilog.items()]
     done = subprocess.run(
         [*command, str(VERILOG / "viform_board.v")],
         capture_output=True, text=True, timeout=300, check=False,

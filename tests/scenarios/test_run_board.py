@@ -7,7 +7,7 @@ import pytest
 
 from cosim import InputError
 from rtl_model.bringup import bring_up
-from scenarios.commands.board_line import virtual_board
+from scenarios.board_port import virtual_board
 from scenarios.loading import load
 from scenarios.report.board import write_board_report
 from scenarios.run_board import run_board

@@ -3,7 +3,7 @@
 import pytest
 
 from rtl_model.bringup import STAGES, bring_up, junit_xml
-from rtl_model.host import read_csr
+from rtl_model.host import ReplayPort, read_csr
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
 from tests.rtl_model.bringup.model_port import ModelPort
 
@@ -58,13 +58,16 @@ def test_four_percent_of_baud_work(error):
 
 
 @pytest.mark.parametrize(("error", "rate", "side"), [(6, 122112, "above"), (-6, 108288, "below")])
-def test_six_percent_of_baud_are_measured(error, rate, side):
-    report = brought_up(ModelPort(SIZE, baud_error=error / 100))
+def test_six_percent_of_baud_are_measured(error, rate, side, tmp_path):
+    log = tmp_path / "line.jsonl"
+    report = brought_up(ModelPort(SIZE, baud_error=error / 100), log=log)
     assert (report.failed_stage, report.failed.kind) == ("bytes", "baud")
     measured = report.failed.figures["baud_measured"]
     assert measured == pytest.approx(rate, rel=0.002)  # half a board clock of a bit's 417
     assert f"6.0 % {side} 115 200" in report.cause or f"5.9 % {side} 115 200" in report.cause
     assert f"--baud {measured}" in report.cause
+    again = brought_up(ReplayPort(log))  # the search is in the log as well
+    assert again.failed.figures == report.failed.figures
 
 
 @pytest.mark.parametrize(

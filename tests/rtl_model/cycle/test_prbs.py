@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rtl_model.cycle import TAPS, Prbs, System
+from rtl_model.cycle import System
+from rtl_model.prbs import TAPS, Prbs
 from rtl_model.registers import REGISTERS
 
 ADDRESS = {register.name: register.address for register in REGISTERS}

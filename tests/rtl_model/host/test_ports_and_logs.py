@@ -24,6 +24,7 @@ from rtl_model.host import (
     open_port,
     prbs,
 )
+from rtl_model.host.ports import latency_timer
 
 MAGIC = bytes.fromhex("53504b32")
 
@@ -41,7 +42,7 @@ def test_a_pty_with_its_traps(terminal):
     master, name = terminal
     port = open_port(name, 1_234_567)  # any baud, exclusively
     assert port.modem_lines() is None  # ENOTTY
-    assert port.latency_timer_ms() is None and port.low_latency() is False  # ValueError
+    assert latency_timer(port.name)[1] is None and port.low_latency() is False  # ValueError
     port.write(b"ask")
     assert os.read(master, 9) == b"ask"
     os.write(master, b"answer")
@@ -52,6 +53,18 @@ def test_a_pty_with_its_traps(terminal):
     assert fault.value.cause is Cause.BUSY
     port.close()
     port.close()
+
+
+def test_a_port_that_is_gone_is_not_a_bad_baud():
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    port = open_port(os.ttyname(slave), 115_200)
+    os.close(master)
+    with pytest.raises(LineFault) as fault:
+        port.set_baud(9600)
+    assert fault.value.cause is Cause.GONE
+    port.close()
+    os.close(slave)
 
 
 def test_a_write_that_nobody_takes_ends(terminal):
@@ -67,12 +80,18 @@ def test_a_write_that_nobody_takes_ends(terminal):
 def test_ports_that_are_none(tmp_path):
     plain = tmp_path / "file"
     plain.write_text("")
-    for url in ("/dev/no-such-port", str(plain), str(tmp_path), "socket://localhost:1"):
+    absent = ("/dev/no-such-port", "socket://localhost:1", "hwgrep://no-such-port")
+    for url in (*absent, str(plain), str(tmp_path)):
         with pytest.raises(LineFault) as fault:
             open_port(url, 115_200)
         assert fault.value.cause is Cause.NO_PORT
         assert "ports here: " in str(fault.value) and "\n" not in str(fault.value)
-    for url, baud in (("nothing://x", 9600), ("loop://", 0), ("socket://", 9600)):
+    for url, baud in (
+        ("nothing://x", 9600),
+        ("loop://", 0),
+        ("socket://", 9600),
+        ("hwgrep://[", 9600),
+    ):
         with pytest.raises((InputError, LineFault)):
             open_port(url, baud)
 

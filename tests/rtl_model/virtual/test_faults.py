@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.virtual import Faults, parse
-from rtl_model.virtual.faults import LineFault
+from rtl_model.virtual.faults import ByteFault
 from rtl_model.virtual.line import CUT_S, POWER_UP_S, Bytes, Dead, FaultyLine
 from rtl_model.virtual.noise import BITS, noise
 
@@ -23,12 +23,12 @@ def test_every_form_is_read() -> None:
     texts += ("silent", "slow=20", "baud=-6", "noise=0.001", "stuck=3,7", "stuck=0,31,0", "foreign")
     assert parse(texts) == Faults(
         line=(
-            LineFault("drop", "rx", 100),
-            LineFault("flip", "tx", 5000, every=True),
-            LineFault("extra", "rx", 3),
-            LineFault("cut", "rx", 20),
-            LineFault("cut", "tx", 6),
-            LineFault("power-cycle", "rx", 50),
+            ByteFault("drop", "rx", 100),
+            ByteFault("flip", "tx", 5000, every=True),
+            ByteFault("extra", "rx", 3),
+            ByteFault("cut", "rx", 20),
+            ByteFault("cut", "tx", 6),
+            ByteFault("power-cycle", "rx", 50),
         ),
         silent=True,
         late_s=0.02,

@@ -6,10 +6,11 @@ all ones. Taps, counted from zero, are those LiteX uses (litex/soc/cores/prbs.py
 
 from __future__ import annotations
 
-__all__ = ["TAPS", "Prbs"]
+__all__ = ["ORDERS", "TAPS", "Prbs"]
 
 TAPS: dict[int, tuple[int, int]] = {7: (5, 6), 15: (13, 14), 23: (17, 22), 31: (27, 30)}
 """Order to its two taps; any other order runs as 31."""
+ORDERS = tuple(TAPS)
 
 
 class Prbs:
