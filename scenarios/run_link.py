@@ -37,6 +37,9 @@ def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
             return received.verdict, True
         told = "the receiver took other bytes for the file: nothing is handed out"
         return Verdict(Cause.NOISY, told), False
+    if run.hopeless:
+        told = f"{received.verdict.told}; {run.hopeless_told()}"
+        return Verdict(received.verdict.cause, told), False
     if not run.sent.sent_whole and received.verdict.cause in (Cause.TRUNCATED, Cause.NOISY):
         told = (
             f"the run's duration has room for {run.sent.symbols} symbols, which do not hold the "
