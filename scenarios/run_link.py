@@ -23,13 +23,13 @@ from scenarios.progress import Progress
 from scenarios.result import Result, dumps, write_result
 from scenarios.schema import LinkScenario
 
-__all__ = ["RECEIVED", "VERDICT", "run_link"]
+__all__ = ["RECEIVED", "VERDICT", "link_verdict", "run_link"]
 
 RECEIVED, VERDICT = "received", "verdict.json"
 """Names in a run's folder."""
 
 
-def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
+def link_verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
     """The verdict, and whether the file came as it was sent."""
     delivered = received.delivered
     if delivered is not None:
@@ -100,7 +100,7 @@ def run_link(
             try:
                 stream = ZarrStream(folder / STREAM)
                 received = receive_stream(run, stream, seconds, progress)
-                verdict, delivered = _verdict(run, received)
+                verdict, delivered = link_verdict(run, received)
                 finished = judge_link(
                     run, folder, stream, received, verdict, delivered, seconds, throughput, began
                 )

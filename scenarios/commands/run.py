@@ -10,7 +10,7 @@ import typer
 from scenarios.commands.output import Json, make_progress, print_document
 from scenarios.result import Result
 
-__all__ = ["run"]
+__all__ = ["print_result", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -106,7 +106,7 @@ def run(
             )  # fmt: skip
     finally:
         progress.close()
-    _print(result, folder, table, verdict, json)
+    print_result(result, folder, table, verdict, json)
     if result.outcome == "failed":  # a verdict, with its document
         raise typer.Exit(1)
 
@@ -121,7 +121,9 @@ def _refuse_trace(trace: Path | None) -> None:
         )  # fmt: skip
 
 
-def _print(result: Result, folder: Path, table: list[str], verdict: list[str], json: bool) -> None:
+def print_result(
+    result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
+) -> None:
     """The document, or its figures for a reader. table: lines of a display's, in their place.
     verdict: of a link, which comes first; what it leaves unknown is named in one line."""
     if json:
