@@ -72,8 +72,8 @@ class ReadyLink:
         whole = TRAINING + self.sent.outbox.groups * self.sent.layout.group
         hz = self.setting.panel.clock.hz
         return (
-            f"no mode is foreseen to work{wrong}, so {self.sent.planes / hz:.3g} s of the "
-            f"{whole * self.mode.ticks / hz:.3g} s that the file takes were filmed; to film all, "
+            f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
+            f"{whole * self.mode.ticks / hz:.3g} s that the file takes are filmed; to film all, "
             "give link.modem.cell, ticks, line and parity"
         )
 

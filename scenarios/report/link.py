@@ -73,7 +73,7 @@ def _view(run: LinkRun) -> str:
 def _rates(run: LinkRun) -> str:
     path = run.folder / "figures" / "rates.png"
     rows: list[tuple[str, float | None]] = [
-        ("capacity of the pixels in use", run.capacity), ("raw", run.rates.raw),
+        ("capacity of the pixels that see it", run.capacity), ("raw", run.rates.raw),
         ("coded", run.rates.coded), ("goodput", run.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)

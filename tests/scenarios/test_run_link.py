@@ -174,7 +174,8 @@ def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone()
     told = cut.hopeless_told()
     assert "no mode is foreseen to work (0." in told and "of a pilot's bits were wrong" in told
     assert (
-        f"so {seconds[0]:.3g} s of the {seconds[1]:.3g} s that the file takes were filmed" in told
+        f"so only {seconds[0]:.3g} s of the {seconds[1]:.3g} s that the file takes are filmed"
+        in told
     )
     # the receiver's cause stands: too little room is not what is wrong
     received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.NOISY, "seen"))
