@@ -17,7 +17,7 @@ from scenarios.link_run.film import film_link
 from scenarios.link_run.finished import LinkRun
 from scenarios.link_run.judge import judge_link
 from scenarios.link_run.loop import open_loop
-from scenarios.link_run.prepare import PreparedLink, prepare_link
+from scenarios.link_run.prepare import PreparedLink, ReadyLink, prepare_link
 from scenarios.link_run.receive import receive_stream
 from scenarios.progress import Progress
 from scenarios.result import Result, dumps, write_result
@@ -29,7 +29,7 @@ RECEIVED, VERDICT = "received", "verdict.json"
 """Names in a run's folder."""
 
 
-def link_verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
+def link_verdict(run: ReadyLink, received: Any) -> tuple[Verdict, bool]:
     """The verdict, and whether the file came as it was sent."""
     delivered = received.delivered
     if delivered is not None:

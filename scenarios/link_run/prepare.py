@@ -280,7 +280,8 @@ def prepare_link(
 
 def _notes(run: ReadyLink) -> list[str]:
     """What a user must know before the run."""
-    setting, choice, notes = run.setting, run.choice, []
+    setting, choice = run.setting, run.choice
+    notes: list[str] = []
     if setting.chosen_f_number:
         notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
     if choice is not None:
