@@ -79,6 +79,8 @@ def forecast_link(
     look = look_link(run.setting, run.mode, run.sent.symbols, run.cycles)
     made = look.plan(scenario.tolerance, run.device)
     everything = look.plan(0.0, run.device, tier=made.tier)
+    if run.hopeless:
+        progress.note(run.hopeless_told())
     progress.note("timing a few blocks")
     took = _measure(run, made, everything)
     chip, plan = run.setting.camera.chip, made.plan

@@ -17,19 +17,19 @@ from scenarios.link_run.film import film_link
 from scenarios.link_run.finished import LinkRun
 from scenarios.link_run.judge import judge_link
 from scenarios.link_run.loop import open_loop
-from scenarios.link_run.prepare import PreparedLink, prepare_link
+from scenarios.link_run.prepare import PreparedLink, ReadyLink, prepare_link
 from scenarios.link_run.receive import receive_stream
 from scenarios.progress import Progress
 from scenarios.result import Result, dumps, write_result
 from scenarios.schema import LinkScenario
 
-__all__ = ["RECEIVED", "VERDICT", "run_link"]
+__all__ = ["RECEIVED", "VERDICT", "link_verdict", "run_link"]
 
 RECEIVED, VERDICT = "received", "verdict.json"
 """Names in a run's folder."""
 
 
-def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
+def link_verdict(run: ReadyLink, received: Any) -> tuple[Verdict, bool]:
     """The verdict, and whether the file came as it was sent."""
     delivered = received.delivered
     if delivered is not None:
@@ -37,6 +37,9 @@ def _verdict(run: PreparedLink, received: Any) -> tuple[Verdict, bool]:
             return received.verdict, True
         told = "the receiver took other bytes for the file: nothing is handed out"
         return Verdict(Cause.NOISY, told), False
+    if run.hopeless:
+        told = f"{received.verdict.told}; {run.hopeless_told()}"
+        return Verdict(received.verdict.cause, told), False
     if not run.sent.sent_whole and received.verdict.cause in (Cause.TRUNCATED, Cause.NOISY):
         told = (
             f"the run's duration has room for {run.sent.symbols} symbols, which do not hold the "
@@ -97,7 +100,7 @@ def run_link(
             try:
                 stream = ZarrStream(folder / STREAM)
                 received = receive_stream(run, stream, seconds, progress)
-                verdict, delivered = _verdict(run, received)
+                verdict, delivered = link_verdict(run, received)
                 finished = judge_link(
                     run, folder, stream, received, verdict, delivered, seconds, throughput, began
                 )

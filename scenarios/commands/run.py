@@ -10,7 +10,7 @@ import typer
 from scenarios.commands.output import Json, make_progress, print_document
 from scenarios.result import Result
 
-__all__ = ["run"]
+__all__ = ["print_result", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -50,6 +50,7 @@ def run(
         _refuse_trace(trace)
     progress = make_progress()
     table: list[str] = []
+    verdict: list[str] = []
     try:
         if isinstance(loaded, BoardScenario):
             from scenarios.run_board import run_board
@@ -58,12 +59,19 @@ def run(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
             )  # fmt: skip
         elif isinstance(loaded, LinkScenario):
+            from scenarios.link_run.finished import LinkRun
             from scenarios.report.link import write_link_report
             from scenarios.run_link import run_link
 
+            def report_link(run: LinkRun) -> list[str]:
+                verdict.append(f"{run.verdict.cause.value}: {run.verdict.told}")
+                if run.delivered and run.result.outcome == "failed":  # a board's loop
+                    verdict.append(run.notes[-1])
+                return write_link_report(run)
+
             result, folder = run_link(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_link_report,
+                report=report_link,
             )  # fmt: skip
         elif loaded.sensor.readout == "asynchronous":
             from scenarios.report.events import write_events_report
@@ -98,7 +106,7 @@ def run(
             )  # fmt: skip
     finally:
         progress.close()
-    _print(result, folder, table, json)
+    print_result(result, folder, table, verdict, json)
     if result.outcome == "failed":  # a verdict, with its document
         raise typer.Exit(1)
 
@@ -113,8 +121,11 @@ def _refuse_trace(trace: Path | None) -> None:
         )  # fmt: skip
 
 
-def _print(result: Result, folder: Path, table: list[str], json: bool) -> None:
-    """The document, or its figures for a reader. table: lines of a display's, in their place."""
+def print_result(
+    result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
+) -> None:
+    """The document, or its figures for a reader. table: lines of a display's, in their place.
+    verdict: of a link, which comes first; what it leaves unknown is named in one line."""
     if json:
         print_document(result.document())
         return
@@ -124,16 +135,27 @@ def _print(result: Result, folder: Path, table: list[str], json: bool) -> None:
         name: metric for name, metric in result.metrics.items() if not table or name in _BESIDE
     }
     wide = max(12, *(len(key) for key in metrics))
+    if verdict:
+        print(f"{'outcome':<{wide}} {result.outcome}")
+    for n, told in enumerate(verdict):
+        print(f"{'' if n else 'verdict':<{wide}} {told}")
+    unknown = []
     for key, metric in metrics.items():
         if key in ("full_physics", "camera"):
+            continue
+        if verdict and metric.value is None:
+            unknown.append(key)
             continue
         unit = "" if metric.unit == "1" else f" {metric.unit}"
         value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
         print(f"{key:<{wide}} {value}")
+    if unknown:
+        print(f"{'unknown':<{wide}} {', '.join(unknown)}")
     for name_of, told in _checked(result):
         print(f"{name_of:<{wide}} {told}")
     print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
-    print(f"{'outcome':<{wide}} {result.outcome}")
+    if not verdict:
+        print(f"{'outcome':<{wide}} {result.outcome}")
     print(f"{'report':<{wide}} {folder / 'report.html'}")
 
 
@@ -155,6 +177,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
         promised, measured = (
             "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
         )
-        told = f"{row['effect']}: at most {promised} promised ({row['kind']}), {measured} measured"
+        how = "about" if row["kind"] == "estimate" else "at most"
+        told = f"{row['effect']}: {how} {promised} promised ({row['kind']}), {measured} measured"
         lines.append(("" if n else "left out", told))
     return lines if result.left_out else [*lines, ("left out", "nothing")]

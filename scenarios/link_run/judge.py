@@ -25,7 +25,7 @@ from scenarios.link_run.errors import Errors, count_errors
 from scenarios.link_run.eye import Eye, open_eye
 from scenarios.link_run.finished import LinkRun, SoftValues, Theory
 from scenarios.link_run.light import cell_scene, cell_sight, transmission
-from scenarios.link_run.prepare import PreparedLink
+from scenarios.link_run.prepare import PreparedLink, in_view
 from scenarios.link_run.rates import link_rates
 from scenarios.link_run.reach import CellScene, Reach, predict_errors, reach
 from scenarios.linking import LEAD
@@ -76,6 +76,8 @@ def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) 
         interval = float(low), float(high)
     soft = received.promise if received.mode == run.mode else None
     wide = scene.blur > run.mode.cell * scene.pixel
+    if not in_view(run.setting):  # nothing of the closed forms knows that
+        return Theory(soft, None, interval)
     if scene.reset != "hard" or wide or not errors.bits:
         return Theory(soft, predict_errors(scene, run.mode), interval)
     timing = true_timing(run.setting, run.make_air().late, run.mode.ticks)

@@ -30,10 +30,12 @@ from sensor.tiers import Tier
 if TYPE_CHECKING:
     from link.choosing import Choice
 
-__all__ = ["PreparedLink", "ReadyLink", "choose_mode", "prepare_link", "ready_link"]
+__all__ = ["PreparedLink", "ReadyLink", "choose_mode", "in_view", "prepare_link", "ready_link"]
 
 _PILOTS = 8
 """At most."""
+_HOPELESS_PLANES = 600
+"""Filmed at most where no mode is foreseen to work: enough for a receiver to say why."""
 _HOPELESS_BLUR = 2.0
 """Sides of a cell, of blur from which no patch is looked at: nothing would be decided right."""
 
@@ -52,6 +54,28 @@ class ReadyLink:
     cycles: int
     device: Device | None
     seconds: dict[str, float]
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether no mode was foreseen to work, so that only a part is filmed."""
+        foreseen = self.choice is None or self.choice.holds or self.scenario.duration is not None
+        return not foreseen and self.sent.groups < self.sent.outbox.groups
+
+    def hopeless_told(self) -> str:
+        """Why, and how much of it is filmed."""
+        assert self.choice is not None
+        mine = [
+            row.errors for row in self.choice.rows
+            if row.errors is not None and _alike(row.mode, self.mode)
+        ]  # fmt: skip
+        wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
+        whole = TRAINING + self.sent.outbox.groups * self.sent.layout.group
+        hz = self.setting.panel.clock.hz
+        return (
+            f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
+            f"{whole * self.mode.ticks / hz:.3g} s that the file takes are filmed; to film all, "
+            "give link.modem.cell, ticks, line and parity"
+        )
 
 
 @dataclass(frozen=True)
@@ -186,6 +210,11 @@ def choose_mode(
     return choice.mode, choice
 
 
+def _alike(one: Mode, other: Mode) -> bool:
+    """Whether one pilot stands for both: parity is not in it."""
+    return replace(one, parity=other.parity) == other
+
+
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
     """Symbols that the given duration has room for; None where it is not given."""
     if scenario.duration is None:
@@ -214,6 +243,9 @@ def ready_link(scenario: LinkScenario, device: str | None, progress: Progress) -
         seconds["pilots"] = time.perf_counter() - begin
     modem = scenario.link.modem
     most = _symbols_in(scenario, setting, mode)
+    if most is None and choice is not None and not choice.holds:
+        least = TRAINING + 2 * Layout(mode).group
+        most = max(_HOPELESS_PLANES // mode.ticks, least)
     begin = time.perf_counter()
     try:
         sent = Transmission(
@@ -242,13 +274,14 @@ def prepare_link(
         scenario, run.setting, run.sent, run.cycles, run.device, progress
     )
     run.seconds["plan and check"] = time.perf_counter() - begin
-    notes = [*_notes(run.setting, run.choice), *told]
+    notes = [*_notes(run), *told]
     return PreparedLink(**vars(run), name=name, plan=plan, check=check, notes=notes, short=short)
 
 
-def _notes(setting: LinkSetting, choice: Choice | None) -> list[str]:
+def _notes(run: ReadyLink) -> list[str]:
     """What a user must know before the run."""
-    notes = []
+    setting, choice = run.setting, run.choice
+    notes: list[str] = []
     if setting.chosen_f_number:
         notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
     if choice is not None:
@@ -261,4 +294,6 @@ def _notes(setting: LinkSetting, choice: Choice | None) -> list[str]:
             f"{told}: chosen from pilots" if choice.holds
             else f"no mode is foreseen to work; taken, as the surest: {told}"
         )  # fmt: skip
+    if run.hopeless:
+        notes.append(run.hopeless_told())
     return notes

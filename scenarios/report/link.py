@@ -73,7 +73,7 @@ def _view(run: LinkRun) -> str:
 def _rates(run: LinkRun) -> str:
     path = run.folder / "figures" / "rates.png"
     rows: list[tuple[str, float | None]] = [
-        ("capacity of the pixels in use", run.capacity), ("raw", run.rates.raw),
+        ("capacity of the pixels that see it", run.capacity), ("raw", run.rates.raw),
         ("coded", run.rates.coded), ("goodput", run.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
@@ -194,8 +194,8 @@ def _soft(run: LinkRun) -> str:
     return (
         f"<h3>Soft values</h3><p>What the detector made of {run.soft.soft.size:,} symbols, by what "
         "was sent: how sure it was, and how seldom in vain. What lies on the wrong side of 0 was "
-        "decided wrong; the outermost bins hold what lies beyond.</p>"
-        + plot(path, "histogram of soft values")
+        "decided wrong; a value is cut at what a detector gives at most, so the outermost bins may "
+        "stand high.</p>" + plot(path, "histogram of soft values")
     )
 
 
@@ -297,8 +297,8 @@ def _cells(run: LinkRun) -> str:
     cells_figure(np.asarray(quality, np.float64), run.errors.by_cell, run.errors.symbols, path)
     told = "".join(f"<li>{html.escape(each)}</li>" for each in _why(run))
     return (
-        "<h2>Which cells fail</h2><p>Pale: tags and pilots. A pattern of stripes is the beat of "
-        "the panel's cells and the camera's pixels: where an edge falls into the middle of a "
+        "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
+        "of the panel's cells and the camera's pixels: where an edge falls into the middle of a "
         f"pixel, that pixel sees two cells at once.</p><ul>{told}</ul>" + plot(path, "map of cells")
     )  # fmt: skip
 

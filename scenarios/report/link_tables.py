@@ -62,12 +62,12 @@ def kept_section(run: LinkRun) -> str:
     result = run.result
     kept = ", ".join(result.kept) or "nothing"
     said = (
-        "In the table, in such half-widths: the error that leaving an effect out can make, and the "
-        "one that was measured without it alone, with its 99.9 % interval."
+        "In the table, in such half-widths: the error foreseen of leaving an effect out, "
+        "and the one measured without it alone, with its 99.9 % interval."
     )  # fmt: skip
     out = (
         table(
-            ["left out", "changes at most", "", "measured"],
+            ["left out", "changes by about", "", "measured"],
             [_row(r, run.check.alone) for r in result.left_out],
         )
         if result.left_out else "<p>Nothing was left out.</p>"

@@ -7,19 +7,23 @@ import hashlib
 import json
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cosim import InputError
 from link.layout import Layout
+from link.verdict import Cause, Verdict
 from scenarios.commands.output import SilentProgress
+from scenarios.commands.run import print_result
 from scenarios.link_run.finished import LinkRun
-from scenarios.link_run.prepare import choose_mode
+from scenarios.link_run.prepare import choose_mode, ready_link
 from scenarios.linking import link_setting
 from scenarios.loading import load
 from scenarios.report.link import write_link_report
-from scenarios.run_link import run_link
+from scenarios.result import Metric, Result
+from scenarios.run_link import link_verdict, run_link
 
 SMALL = (
     "sensor.chip=spikeone", "link.panel.width=384", "link.panel.height=224", "link.size=20000",
@@ -149,6 +153,60 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("failed", cause, False)
     assert not [*(folder / "received").glob("*")]
     assert verdict["told"]
+    if cause == "out_of_view":  # closed forms of a panel in view say nothing of this one
+        assert result.metrics["ber_theory"].value is None
+
+
+HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")
+
+
+def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone():
+    runs = [
+        ready_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
+        for more in ([], ["link.modem.parity=128"], ["duration=40 ms"])
+    ]
+    cut, given, timed = runs
+    assert cut.choice is not None and not cut.choice.holds
+    assert [run.hopeless for run in runs] == [True, False, False]
+    assert cut.mode == given.mode and given.sent.sent_whole and not cut.sent.sent_whole
+    assert 500 < cut.sent.planes <= 600 < timed.sent.planes <= 1600 < given.sent.planes
+    seconds = [run.sent.planes / run.setting.panel.clock.hz for run in (cut, given)]
+    told = cut.hopeless_told()
+    assert "no mode is foreseen to work (0." in told and "of a pilot's bits were wrong" in told
+    assert (
+        f"so only {seconds[0]:.3g} s of the {seconds[1]:.3g} s that the file takes are filmed"
+        in told
+    )
+    # the receiver's cause stands: too little room is not what is wrong
+    received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.NOISY, "seen"))
+    assert link_verdict(cut, received) == (Verdict(Cause.NOISY, f"seen; {told}"), False)
+    assert link_verdict(timed, received)[0].cause is Cause.TOO_LARGE
+
+
+def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
+    metrics = {"ber": Metric(None, "1"), "raw_bps": Metric(5.0, "bit/s"), "fer": Metric(None, "1")}
+    left_out = [
+        {"effect": "a", "bound": 0.5, "kind": "proof", "measured": 0.25},
+        {"effect": "b", "bound": 0.5, "kind": "estimate", "measured": None},
+    ]
+    result = Result(
+        "light-link", "failed", 1, "none", 0.5, 0.1, run_time_s=2.0, metrics=metrics,
+        left_out=left_out,
+    )  # fmt: skip
+    print_result(result, Path("runs"), [], ["the panel is out of view: aim"], False)
+    assert [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()] == [
+        "outcome failed", "verdict the panel is out of view: aim", "raw_bps 5 bit/s",
+        "unknown ber, fer", "error unknown",
+        "left out a: at most 0.5 promised (proof), 0.25 measured",
+        "b: about 0.5 promised (estimate), unknown measured",
+        "run time 2 s for 0.5 s of light", f"report {Path('runs') / 'report.html'}",
+    ]  # fmt: skip
+    print_result(result, Path("runs"), [], [], False)
+    said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert (
+        said[:3] == ["ber unknown", "raw_bps 5 bit/s", "fer unknown"]
+        and said[-2] == "outcome failed"
+    )
 
 
 @pytest.mark.parametrize(
