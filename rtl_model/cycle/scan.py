@@ -9,6 +9,7 @@ from numba import njit
 __all__ = [
     "ACTIVE",
     "CLEAR",
+    "CLOCK_SELECT",
     "END",
     "FRAMES",
     "LAST",
@@ -16,9 +17,11 @@ __all__ = [
     "LAST_SPIKES",
     "REGISTERS",
     "ROWS_READ",
+    "RUN",
     "SPIKES",
     "START",
     "STATE",
+    "TICK",
     "scan",
 ]
 
