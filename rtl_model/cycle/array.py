@@ -26,6 +26,8 @@ class PixelArray:
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry = geometry
+        self._tiles = geometry.rows * geometry.tiles  # of a frame
+        self._row_clocks, self._tick_minimum = geometry.row_clocks, geometry.tick_minimum
         wide = geometry.tiles * geometry.lanes
         self.memory = np.zeros((geometry.rows, wide), np.uint8)  # as the bus sees it
         self._seen = self.memory.copy()  # as the scan sees it
@@ -78,15 +80,16 @@ class PixelArray:
     @property
     def period(self) -> int:
         """Clocks of a frame that would begin now."""
-        tick = max(self.register("sensor_tick_clocks"), self.geometry.tick_minimum)
-        return tick << self.register("sensor_clock_select")
+        registers = self._registers
+        tick = max(int(registers[scan.TICK]), self._tick_minimum)
+        return tick << int(registers[scan.CLOCK_SELECT])
 
     def next_frame(self, clock: int) -> int | None:
         """Returns the edge at or after `clock` at which a frame begins or, while one is under way,
         may begin; None where none will."""
         if self._state[scan.ACTIVE] and clock < self._state[scan.END]:
             return int(self._state[scan.END])
-        return clock if self.register("sensor_run") else None
+        return clock if self._registers[scan.RUN] else None
 
     def word(self, index: int) -> int:
         """Returns word `index` of the pattern memory."""
@@ -110,26 +113,26 @@ class PixelArray:
             stop = min(stop, self._late[0][0])
         if self._idle(stop):
             return stop
-        tiles = self.geometry.rows * self.geometry.tiles
-        return min(stop, clock + max(1, _TILES_AT_ONCE // tiles) * self.period)
+        return min(stop, clock + max(1, _TILES_AT_ONCE // self._tiles) * self.period)
 
     def run(self, clock: int, stop: int) -> Tiles:
         """Runs edges `clock` to `stop` - 1 and returns the tiles computed; `stop` as `self.stop`
         gave it, or less."""
         if self._idle(stop):
             return _NO_TILES
-        size = self.geometry
-        frames = (stop - clock) // self.period + 2
-        tiles = np.empty(min(stop - clock, frames * size.rows * size.tiles), TILE)
+        room = stop - clock
+        if room > self._tiles:
+            room = min(room, (room // self.period + 2) * self._tiles)
+        tiles = np.empty(room, TILE)
         count = scan.scan(
             self._registers,
             self._state,
             self._charge,
             self._seen,
-            size.lanes,
-            size.columns,
-            size.row_clocks,
-            size.tick_minimum,
+            self.geometry.lanes,
+            self.geometry.columns,
+            self._row_clocks,
+            self._tick_minimum,
             clock,
             stop,
             tiles,

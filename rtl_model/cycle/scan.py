@@ -9,6 +9,7 @@ from numba import njit
 __all__ = [
     "ACTIVE",
     "CLEAR",
+    "CLOCK_SELECT",
     "END",
     "FRAMES",
     "INDEX",
@@ -22,6 +23,7 @@ __all__ = [
     "SPIKES",
     "START",
     "STATE",
+    "TICK",
     "scan",
 ]
 

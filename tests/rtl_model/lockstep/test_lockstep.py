@@ -9,7 +9,7 @@ from rtl_model.verilated import missing
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 
 SMALL = lockstep.Program(rows=20, columns=40, lanes=32, seed=1)
-WIDE = lockstep.Program(rows=8, columns=500, lanes=64, seed=3)
+WIDE = lockstep.Program(rows=12, columns=1000, lanes=64, seed=3)
 
 
 def covered(outcome, windows):
