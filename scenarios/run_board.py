@@ -9,6 +9,7 @@ from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files.zarr_store import write_zarr
 from rtl_model.bringup import STAGES, Report, Stage, bring_up
 from rtl_model.geometry import Geometry
+from rtl_model.virtual import nominal_clock
 from scenarios.board_frames import compared, geometry_of, uploaded_image
 from scenarios.board_waves import check_trace, write_waves
 from scenarios.commands.board_line import VIRTUAL, Opened, csr_of, opened
@@ -22,7 +23,6 @@ from scenarios.schema import BoardScenario, BoardSection
 
 __all__ = ["run_board"]
 
-_CLOCK_HZ = 8_000_000  # nominal, of a virtual board
 _SIDE, _LANES = 32, 32  # of a virtual board whose size is not given
 _MOST_WORDS = 1 << 20  # of a virtual board's capture memory
 _ELECTRONS_LEVEL = 0  # threshold level under which the image is captured
@@ -91,8 +91,8 @@ def run_board(
 def _virtual_geometry(section: BoardSection) -> Geometry:
     """A build whose capture memory holds the frames. InputError for more than it may hold."""
     size = Geometry(
-        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES, _CLOCK_HZ,
-        section.baud,
+        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES,
+        nominal_clock(section.level, section.baud), section.baud,
     )  # fmt: skip
     words = section.frames * size.rows * size.record_words
     if words > _MOST_WORDS:

@@ -26,8 +26,6 @@ __all__ = [
 VIRTUAL = "virtual"
 """The port that stands for a board in a simulator, started for the command."""
 
-_CLOCK_HZ = 8_000_000  # of such a board, nominal: what the simulator keeps up with
-
 PortName = Annotated[
     str,
     typer.Option("--port", help="a device, any URL of pyserial, or `virtual`: one is started"),
@@ -76,12 +74,12 @@ def virtual_board(
     """A virtual board, not yet begun. InputError for a level or a fault that is none."""
     from cosim import InputError
     from rtl_model.geometry import Geometry
-    from rtl_model.virtual import LEVELS, VirtualBoard
+    from rtl_model.virtual import LEVELS, VirtualBoard, nominal_clock
 
     known = next((name for name in LEVELS if name == level), None)
     if known is None:
         raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
-    size = geometry or Geometry(clock_hz=_CLOCK_HZ, baud=baud)
+    size = geometry or Geometry(clock_hz=nominal_clock(known, baud), baud=baud)
     if size.bit_clocks < 4:
         must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
         raise InputError("--baud", must, str(baud), "lower it")

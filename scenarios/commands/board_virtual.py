@@ -34,8 +34,13 @@ def board_virtual(
     columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32,
     lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
     clock: Annotated[
-        int, typer.Option(min=10_000, max=1_000_000_000, help="nominal clock of the board, Hz")
-    ] = 8_000_000,
+        int | None,
+        typer.Option(
+            min=10_000,
+            max=1_000_000_000,
+            help="nominal clock of the board, Hz; when absent, one that a simulator keeps up with",
+        ),
+    ] = None,
     baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of its line")] = 115_200,
     csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
     json: Json = False,
@@ -45,13 +50,14 @@ def board_virtual(
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
     from rtl_model.registers import csr_csv
-    from rtl_model.virtual import LEVELS, VirtualBoard
+    from rtl_model.virtual import LEVELS, VirtualBoard, nominal_clock
 
     known = next((name for name in LEVELS if name == level), None)
     if known is None:
         raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
     if lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    clock = clock or nominal_clock(known, baud)
     geometry = Geometry(rows, columns, lanes, clock, baud)
     if geometry.bit_clocks < 4:
         raise InputError(
