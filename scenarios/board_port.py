@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.host import CsrMap
-    from rtl_model.virtual import VirtualBoard
+    from rtl_model.virtual import Level, VirtualBoard
 
-__all__ = ["VIRTUAL", "VIRTUAL_HZ", "Opened", "csr_of", "opened", "virtual_board"]
+__all__ = ["VIRTUAL", "Opened", "csr_of", "known_level", "opened", "virtual_board"]
 
 VIRTUAL = "virtual"
 """The port's name that asks for a virtual board."""
-VIRTUAL_HZ = 8_000_000
-"""Nominal clock of one, unless given: what the simulator keeps up with."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +30,17 @@ class Opened:
     time_scale: float
 
 
+def known_level(level: str) -> Level:
+    """`level`, or InputError."""
+    from cosim import InputError
+    from rtl_model.virtual import LEVELS
+
+    known = next((name for name in LEVELS if name == level), None)
+    if known is None:
+        raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
+    return known
+
+
 def virtual_board(
     *,
     baud: int,
@@ -40,16 +49,15 @@ def virtual_board(
     geometry: Geometry | None = None,
     link: Path | None = None,
 ) -> VirtualBoard:
-    """A virtual board, not yet begun; without a geometry the table's own at VIRTUAL_HZ. link: to
-    make for its port. InputError for a level, a fault or a baud that cannot be."""
+    """A virtual board, not yet begun; without a geometry the table's own, at a clock that the
+    simulator keeps up with. link: to make for its port. InputError for a level, a fault or a baud
+    that cannot be."""
     from cosim import InputError
     from rtl_model.geometry import Geometry
-    from rtl_model.virtual import LEVELS, VirtualBoard
+    from rtl_model.virtual import VirtualBoard, nominal_clock
 
-    known = next((name for name in LEVELS if name == level), None)
-    if known is None:
-        raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
-    size = geometry or Geometry(clock_hz=VIRTUAL_HZ, baud=baud)
+    known = known_level(level)
+    size = geometry or Geometry(clock_hz=nominal_clock(known, baud), baud=baud)
     if size.bit_clocks < 4:
         must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
         raise InputError("--baud", must, str(baud), "lower it")

@@ -10,8 +10,9 @@ from cosim.files.zarr_store import write_zarr
 from rtl_model.bringup import STAGES, Report, Stage, bring_up
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone, open_port, pattern
+from rtl_model.virtual import nominal_clock
 from scenarios.board_frames import clock_of, compared, uploaded_image
-from scenarios.board_port import VIRTUAL, VIRTUAL_HZ, Opened, csr_of, opened
+from scenarios.board_port import VIRTUAL, Opened, csr_of, opened
 from scenarios.board_waves import check_trace, write_waves
 from scenarios.filming import STREAM, mend
 from scenarios.folder import begin_folder, claimed, output_folder
@@ -92,8 +93,8 @@ def run_board(
 def _virtual_geometry(section: BoardSection) -> Geometry:
     """A build whose capture memory holds the frames. InputError for more than it may hold."""
     size = Geometry(
-        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES, VIRTUAL_HZ,
-        section.baud,
+        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES,
+        nominal_clock(section.level, section.baud), section.baud,
     )  # fmt: skip
     words = section.frames * size.rows * size.record_words
     if words > _MOST_WORDS:

@@ -77,15 +77,16 @@ _SOURCES: Final = {
 @dataclass(frozen=True)
 class Change:
     """size: e; a standard deviation where `lasts` is above 0, cycles for which what chance brings
-    stays about the same."""
+    stays about the same. together: one factor of all the panel's light, on and off alike."""
 
     size: float
     lasts: float = 0.0
+    together: bool = False
 
     def units(self, scene: LinkSummary) -> float:
         """What it does to the link's bit error rate."""
         times = max(scene.cycles / self.lasts, 1.0) if self.lasts > 0 else 0.0
-        return ber_units(scene, self.size, times)
+        return ber_units(scene, self.size, times, together=self.together)
 
 
 def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> float:
@@ -154,7 +155,11 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
         "vibration": hz / (math.pi * DAMPING * aim.vibration_frequency),
         "scintillation": 2 * min(flickers.time, _STILL) * hz,
     }
-    return {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
+    return {
+        name: Change(size, lasts.get(name, 0.0), name == "scintillation")
+        for name, size in out.items()
+        if size > 0
+    }
 
 
 def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:

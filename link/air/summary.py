@@ -77,15 +77,16 @@ def _outcomes(chances: Values, ticks: int) -> Values:
     return np.asarray(out.mean(axis=0))
 
 
-def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
+def ber(scene: LinkSummary, epsilon: float = 0.0, gain: float = 0.0) -> float:
     """Bit error rate of the best decision by the flags of the pixels and ticks that decide a cell,
     its neighbours showing what they will. epsilon: of the charge of a pixel that is on, by which
-    all charges are wrong, the way that makes errors likelier (above 0) or rarer."""
+    all charges are wrong, the way that makes errors likelier (above 0) or rarer. gain: share by
+    which all of the panel's light is more, of on and off alike."""
     shares = np.array(scene.shares)
     neighbours = shares.shape[1] - 1
     patterns = np.arange(1 << neighbours)[:, None] >> np.arange(neighbours) & 1
     others = patterns @ shares[:, 1:].T  # (patterns, pixels)
-    swing = scene.on - scene.off
+    swing = (scene.on - scene.off) * max(1 + gain, 0.0)
     # Charges that have met can only pass each other, and then tell of the bit again.
     wrong = np.minimum(epsilon * scene.on, swing * shares[:, 0] / 2)
     both = [
@@ -104,7 +105,9 @@ def _half_width(rate: float, bits: int) -> float:
     return float(high - low) / 2
 
 
-def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
+def ber_units(
+    scene: LinkSummary, epsilon: float, times: float = 0.0, *, together: bool = False
+) -> float:
     """|BER(with) - BER(without)| in half-widths, where every charge changes by no more than
     `epsilon` of that of a pixel that is on, at most: errors are the rarer the more the charges of
     on and off differ, so the ends of what these may become bound all between.
@@ -113,19 +116,25 @@ def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
     the panel's middle, not of a receiver's, and over the half-width at `ber`'s own rate.
 
     times: where above 0, `epsilon` is a standard deviation instead, of a change that comes anew so
-    often in the run (at least once); the RMS of what it does to the run's rate.
+    often in the run (at least once); the RMS of what it does to the run's rate. together: the
+    change is one factor of all the panel's light, which on and off share, so that it does not bring
+    them nearer as changes of each charge by itself may.
     """
     if epsilon <= 0:
         return 0.0
     if not epsilon < 1:
         return float("inf")
     middle = ber(scene)
+
+    def changed(by: float) -> float:
+        return ber(scene, 0.0, by) if together else ber(scene, by)
+
     if times <= 0:
-        change = max(abs(ber(scene, side * epsilon) - middle) for side in (1, -1))
+        change = max(abs(changed(side * epsilon) - middle) for side in (1, -1))
         return change / _half_width(middle, scene.bits)
     z, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     weight = weight / weight.sum()
-    rates = np.array([ber(scene, epsilon * float(at)) for at in z])
+    rates = np.array([changed(epsilon * float(at)) for at in z])
     mean = float(weight @ rates)
     variance = float(weight @ (rates - mean) ** 2) / max(times, 1.0)
     return float(np.hypot(mean - middle, np.sqrt(variance))) / _half_width(middle, scene.bits)

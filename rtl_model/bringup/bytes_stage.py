@@ -12,6 +12,8 @@ __all__ = ["check_bytes", "readable"]
 _READS = 8  # of one word, after one another; all must come whole
 _LEAST_TEXT = 4  # printable bytes in a row that are taken for text
 _SHOWN = 40
+_WORKS_PERCENT = 4.0  # off by no more than this, every receiver takes the baud
+_NARROW = 0.04  # rates that answer span some 10 % of the nominal; fewer are hits on a noisy line
 _LISTEN_S = 0.05
 _SURE = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # no baud would change these
 
@@ -35,7 +37,7 @@ def check_bytes(bench: Bench) -> Figures:
         text = readable(bench.port.heard)
         if text is not None:
             raise _spoken(bench, bench.port.heard) from fault
-        raise _off(bench, fault.text) or fault from fault
+        raise _off(bench, fault.text) or _spoilt(bench, fault) from fault
     spent = bench.port.now() - begun
     if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
         seen = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
@@ -94,9 +96,33 @@ def _off(bench: Bench, seen: str) -> StageFault | None:
         return None
     finally:
         bench.bone.set_baud(nominal)
-    if found.tolerable:
+    narrow = found.highest - found.lowest < _NARROW * nominal
+    if found.tolerable or narrow or abs(found.error_percent) <= _WORKS_PERCENT:
         return None
     return StageFault("baud", f"{seen}; {_told(found)}", _mend(found), _figures(found))
+
+
+def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
+    """The first fault, told by how many answers come whole now: a line that is silent or cut off
+    gives none, one that spoils bytes some."""
+    whole, heard = 0, False
+    for _ in range(_READS):
+        try:
+            bench.bone.read(0, retry=False)
+            whole += 1
+        except LineFault as again:
+            if again.cause in _SURE:
+                raise
+            heard = heard or again.cause is not Cause.SILENT
+    if not whole and not heard:
+        return fault
+    cause = Cause.SHORT if fault.cause is Cause.SILENT else fault.cause
+    return LineFault(
+        cause,
+        f"{fault.text}; of {_READS} more answers at {_spaced(bench.bone.baud)} baud {whole} came "
+        f"whole: bytes are lost or changed {'now and then' if whole else 'all the time'}",
+        "check cable, ground, levels and noise on the line",
+    )
 
 
 def _told(found: BaudReport) -> str:

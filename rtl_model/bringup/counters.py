@@ -15,6 +15,7 @@ __all__ = ["check_counters"]
 ERRORS = ("uart_framing_errors", "uart_watchdog_aborts", "uart_unknown_commands")
 _ROUND_TRIPS = 64
 _LATENCY_S = 4e-3  # beyond line time: more than this is an adapter's timer, not the system
+_SCRATCH_RESET = 0x12345678
 _MEND = {
     "uart_framing_errors": "check levels, ground and baud: stop bits came low",
     "uart_watchdog_aborts": "bytes were lost on the way to the board, which waited 100 ms for "
@@ -37,6 +38,7 @@ def check_counters(bench: Bench) -> Figures:
     random = np.random.Generator(np.random.Philox(1))
     times = []
     wrong: str | None = None
+    got_first = 0
     for _ in range(_ROUND_TRIPS):
         value = int(random.integers(1 << 32))
         begun = bench.port.now()
@@ -45,6 +47,7 @@ def check_counters(bench: Bench) -> Figures:
         times.append(bench.port.now() - begun)
         written.append(value)
         if got != value and wrong is None:
+            got_first = got
             wrong = f"ctrl_scratch was written {value:#010x} and read {got:#010x}"
     row = [int(word) for word in random.integers(1 << 32, size=bench.bone.words_at_once)]
     bench.bone.write(bench.address("ctrl_scratch"), row, fixed=True)
@@ -63,6 +66,13 @@ def check_counters(bench: Bench) -> Figures:
             )
         if after < value:
             raise _restarted(name, value, after, figures)
+    if wrong is not None and got_first == _SCRATCH_RESET:
+        raise StageFault(
+            "restarted",
+            f"the board started anew meanwhile: {wrong}, its value after reset",
+            "check its supply and its reset",
+            figures,
+        )
     if wrong is not None:
         raise StageFault("scratch", wrong, "check cable, ground, levels and baud", figures)
     _check_written(bench, written, figures)

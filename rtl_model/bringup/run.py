@@ -19,6 +19,7 @@ from rtl_model.bringup.registers_stage import check_registers
 from rtl_model.bringup.stage import STAGES, Figures, Report, Stage, StageFault
 from rtl_model.bringup.threshold import check_threshold
 from rtl_model.bringup.timing import check_timing
+from rtl_model.bringup.uptime import Uptime
 from rtl_model.host import Cause, LineFault, Port, Uartbone, default_map, open_port
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.log import Recorder
@@ -37,6 +38,7 @@ _CHECKS: dict[str, Callable[[Bench], Figures]] = {
     "threshold": check_threshold,
     "timing": check_timing,
 }
+_WATCH_S = 5.0
 _NEEDED = ("port", "bytes", "identity")  # without these none can run
 
 _ALLOWED_S = {
@@ -45,6 +47,15 @@ _ALLOWED_S = {
 }  # fmt: skip
 """Seconds of our time for each stage, at 62 round trips a second (FTDI's latency timer of 16 ms)
 and 115 200 baud with room to spare; times the time scale of a slower simulated board."""
+
+_PATIENCE_S, _SIMULATED_S = 0.3, 2.0
+"""For an answer, beyond line time. A simulated board on a busy machine may be late, and no line is
+to blame for that."""
+
+_SPOILT = (
+    "{} reads had to be repeated and {} bytes came unasked: the line loses, adds or changes bytes "
+    "now and then; check cable, ground, levels and that no other program uses the port"
+)
 
 
 def is_pty(name: str) -> bool:
@@ -93,7 +104,10 @@ def bring_up(
         else:
             done(Stage("port", "ok", None, _told(opened, report), time.monotonic() - begun))
             recorder = None if log is None else Recorder(log, opened)
-            bone = Uartbone(guarded, baud=baud, time_scale=time_scale, log=recorder)
+            patience = _SIMULATED_S if report.simulated else _PATIENCE_S
+            bone = Uartbone(
+                guarded, baud=baud, time_scale=time_scale, patience_s=patience, log=recorder
+            )
             bench = Bench(
                 guarded, bone, csr or default_map(), report.simulated, baud, frames=frames
             )
@@ -133,6 +147,8 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     clock = bench.port.inner.now  # which tells the time even when it is over
     begun = clock()
     bench.port.allow(allowed)
+    retried, strays = bench.bone.retried, bench.bone.strays
+    watch = Uptime(bench) if bench.board else None
 
     def spent() -> float:
         return clock() - begun
@@ -140,7 +156,9 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     try:
         figures = check(bench)
     except (LineFault, StageFault) as fault:
-        return _failed(name, spent(), fault)
+        bench.port.allow(_WATCH_S)  # the stage may have used its time up
+        anew = None if watch is None else watch.restarted()
+        return _failed(name, spent(), fault if anew is None else anew)
     except OutOfTime:
         return Stage(
             name,
@@ -155,9 +173,13 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
         )
     except InputError as fault:  # a board that says what cannot be
         return Stage(name, "failed", str(fault), {}, spent(), "cannot-be")
-    retried = bench.bone.retried
-    if retried:
-        figures = figures | {"reads_repeated": retried, "stray_bytes": bench.bone.strays}
+    retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
+    if retried or strays:  # all else was right, and the line is not
+        anew = None if watch is None else watch.restarted()
+        if anew is not None:
+            return _failed(name, spent(), anew)
+        figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
+        return Stage(name, "failed", _SPOILT.format(retried, strays), figures, spent(), "spoilt")
     return Stage(name, "ok", None, figures, spent())
 
 

@@ -22,6 +22,7 @@ the rates differ by less than half a bit in 9.5: 5.3 %, less the edge's rounding
 _STEP = 0.01
 _REACH = 20  # steps each way
 _EDGE_TRIES = 2
+_NOMINAL_TRIES = 4  # more, where only others answered: a noisy line may have spoilt the first
 _DOUBT = 0.03  # a pulse that says otherwise than the middle of the rates by more is none of a bit
 
 
@@ -74,6 +75,8 @@ def find_baud(
         low -= 1
     while high < _REACH and _answers(bone, nominal, high + 1, _EDGE_TRIES):
         high += 1
+    if not low <= 0 <= high and _answers(bone, nominal, 0, _NOMINAL_TRIES):
+        low, high = min(low, 0), max(high, 0)
     middle = _rate(nominal, (low + high) / 2)
     bone.set_baud(middle)
     bone.resynchronise()  # no pulse of another rate is under way

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.board_port import VIRTUAL_HZ, virtual_board
+from scenarios.board_port import known_level, virtual_board
 from scenarios.commands.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
@@ -35,8 +35,13 @@ def board_virtual(
     columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32,
     lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
     clock: Annotated[
-        int, typer.Option(min=10_000, max=1_000_000_000, help="nominal clock of the board, Hz")
-    ] = VIRTUAL_HZ,
+        int | None,
+        typer.Option(
+            min=10_000,
+            max=1_000_000_000,
+            help="nominal clock of the board, Hz; when absent, one that a simulator keeps up with",
+        ),
+    ] = None,
     baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of its line")] = 115_200,
     csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
     json: Json = False,
@@ -46,9 +51,11 @@ def board_virtual(
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
     from rtl_model.registers import csr_csv
+    from rtl_model.virtual import nominal_clock
 
     if lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    clock = clock or nominal_clock(known_level(level), baud)
     geometry = Geometry(rows, columns, lanes, clock, baud)
     made = virtual_board(baud=baud, level=level, faults=fault, geometry=geometry, link=link)
     if level != "model" and not json:

@@ -3,7 +3,10 @@
 import pytest
 
 from rtl_model.bringup import STAGES, bring_up, junit_xml
-from rtl_model.host import ReplayPort, read_csr
+from rtl_model.bringup.bench import Bench
+from rtl_model.bringup.deadline import DeadlinePort
+from rtl_model.bringup.uptime import Uptime
+from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
 from tests.rtl_model.bringup.model_port import ModelPort
 
@@ -146,3 +149,53 @@ def test_junit_counts_the_stages():
     assert suite.attrib["tests"] == "9" and suite.attrib["failures"] == "1"
     assert suite.attrib["skipped"] == "7"
     assert suite.find("testcase/failure").attrib["type"] == "silent"
+
+
+def test_a_board_that_starts_anew_is_told_as_such():
+    port = changed(4, lambda v: 0x12345678)
+    report = brought_up(port)
+    assert (report.failed_stage, report.failed.kind) == ("counters", "restarted"), report.cause
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "told"),
+    [(50_000, 49_000, True), (50_000, 50_000, False), (2**32 - 9, 5, False)],
+)
+def test_an_uptime_that_fell_is_a_restart_unless_it_ran_over(first, last, told):
+    values = iter([first, last])
+    port = changed(0x24, lambda v: next(values))
+    guarded = DeadlinePort(port)
+    watch = Uptime(Bench(guarded, Uartbone(guarded, baud=115_200), default_map(), True, 115_200))
+    fault = watch.restarted()
+    assert (fault is not None) == told
+    assert fault is None or (fault.kind, fault.figures["uptime_after"]) == ("restarted", last)
+
+
+def test_one_lost_byte_fails_the_stage_that_repeats_the_read():
+    class Once(ModelPort):
+        answers = 0
+
+        def to_host(self, data: bytes) -> bytes:
+            self.answers += bool(data)
+            return data[1:] if self.answers == 14 else data
+
+    report = brought_up(Once(SIZE))
+    assert (report.failed_stage, report.failed.kind) == ("identity", "spoilt"), report.cause
+    assert report.failed.figures["reads_repeated"] == 1
+
+
+@pytest.mark.parametrize("good", [0.3, 0.7])
+def test_a_noisy_line_is_not_taken_for_a_wrong_baud(good):
+    class Noisy(ModelPort):
+        asked = 0
+
+        def to_host(self, data: bytes) -> bytes:
+            if not data:
+                return data
+            self.asked += 1
+            whole = self.asked > 1 and (self.asked * 0.618034) % 1 < good
+            return data if whole else data[1:]
+
+    report = brought_up(Noisy(SIZE))
+    assert (report.failed_stage, report.failed.kind) == ("bytes", "short"), report.cause
+    assert "came whole" in report.cause
