@@ -88,7 +88,7 @@ class _Draw:
     def __init__(
         self, geometry: Geometry, rng: np.random.Generator, number: int, clock: int
     ) -> None:
-        self.size, self.rng = geometry, rng
+        self.size, self.rng, self._first = geometry, rng, clock
         self._due: dict[int, tuple[int, int]] = {}  # clock: address, value
         if number == 0:
             for word in range(geometry.pattern_bytes // 4):
@@ -115,7 +115,8 @@ class _Draw:
         )
 
     def _put(self, clock: int, address: int, value: int) -> None:
-        """One write at this clock, or the first free one after it."""
+        """One write at this clock of the chunk, or the first free one after it."""
+        clock = max(clock, self._first)
         while clock in self._due:
             clock += 1
         self._due[clock] = (address, value & 0xFFFFFFFF)

@@ -51,7 +51,9 @@ def test_two_geometries_over_a_hundred_million_pixel_cycles():
 )
 def test_a_thousand_million_pixel_cycles(program, pixels):
     windows = WINDOWS if program.columns % program.lanes else WINDOWS - {"partly-filled tile"}
-    covered(lockstep.run(program, pixels=pixels), windows - {"one tile"} | {"whole"})
+    if program.columns <= program.lanes:
+        windows = windows - {"part"}  # any part of such a row is one tile
+    covered(lockstep.run(program, pixels=pixels), windows)
 
 
 @pytest.mark.slow
@@ -83,6 +85,10 @@ def test_a_program_is_a_function_of_its_seed():
     first, again = (SMALL.chunk(5, 100) for _ in range(2))
     assert first == again
     assert lockstep.Program(20, 40, 32, seed=2).chunk(5, 100) != first
+    for program, chunks in ((SMALL, 60), (lockstep.Program(1, 1, 32, seed=1), 300)):
+        for number in range(chunks):
+            chunk = program.chunk(number, 100)
+            assert all(100 <= write.clock < chunk.stop for write in chunk.writes)
     clocks = [write.clock for write in first.writes]
     assert clocks == sorted(set(clocks))
     assert all(100 <= clock < first.stop for clock in clocks)
