@@ -23,6 +23,7 @@ def test_streams_are_distinct_and_keep_their_numbers():
         "SKIPPED": 48, "READING": 49, "CONTINUOUS": 64,
         "VIBRATION": 80,
         "SCINTILLATION": 81,
+        "SERIAL_NOISE": 96,
     }  # fmt: skip
     assert all(0 <= number < 2**32 for number in numbers.values())
 

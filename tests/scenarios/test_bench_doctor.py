@@ -28,10 +28,14 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
     assert list(document) == ["device", "ceiling", "rows"]
     assert document["ceiling"]["value"] > 0
     names = ["static", "ramp", "noise", "noise-random", "noise-smooth", "noise-box"]
-    assert [(row["name"], row["tier"]) for row in document["rows"]] == [
+    *pixels, readout = document["rows"]
+    assert [(row["name"], row["tier"]) for row in pixels] == [
         (f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")
     ]
-    for row in document["rows"]:
+    assert (readout["name"], readout["unit"]) == ("sensor.readout", "bit/s")
+    assert readout["realtime"] == pytest.approx(readout["value"] / 40.96e9)
+    assert readout["plain_ratio"] > 0
+    for row in pixels:
         assert list(row) == [
             "name", "tier", "value", "unit", "realtime", "ceiling_ratio", "plain_ratio"
         ]  # fmt: skip

@@ -153,7 +153,7 @@ def scenario_or_line(name: str, assignments: list[str]) -> None:
         assert "\n" not in str(exc)
         assert " must be " in str(exc)
     else:
-        assert isinstance(scenario, Scenario | BoardScenario, LinkScenario)
+        assert isinstance(scenario, Scenario | BoardScenario | LinkScenario)
 
 
 KEYS = st.sampled_from(
