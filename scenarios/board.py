@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cosim import Block, InputError, Light, Summary, Viform
 from cosim.viform import unpack_planes
 from display import fit_words
+from rtl_model.registers import quantum
 from scenarios.result import Metric
 from scenarios.schema import Scenario
 from sensor import CameraSetting
@@ -154,7 +155,7 @@ class Boards:
         told = []
         if isinstance(camera, BoardCamera):
             height, width = camera.shape
-            q = 255 + 256 * camera.level
+            q = quantum(camera.level)
             told.append(
                 f"{camera.name} makes the spikes: {width} x {height} pixels, threshold {q} of its "
                 f"electrons, so a rate is off by at most {0.5 / q:.2g} spikes a cycle; it has no "

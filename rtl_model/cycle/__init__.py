@@ -3,7 +3,7 @@ clock. It brings numba with it."""
 
 from rtl_model.cycle.bridge import Bridge, Reply
 from rtl_model.cycle.capture import record
-from rtl_model.cycle.pixel import CHARGE_MAX, Pattern, ResetRule, increments, quantum, step
+from rtl_model.cycle.pixel import CHARGE_MAX, Pattern, ResetRule, increments, step
 from rtl_model.cycle.plain import PlainSensor
 from rtl_model.cycle.planes import Settings, planes
 from rtl_model.cycle.system import System
@@ -22,7 +22,6 @@ __all__ = [
     "Tiles",
     "increments",
     "planes",
-    "quantum",
     "record",
     "rows_of",
     "step",

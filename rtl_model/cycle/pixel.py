@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHARGE_MAX", "Pattern", "ResetRule", "increments", "quantum", "step"]
+__all__ = ["CHARGE_MAX", "Pattern", "ResetRule", "increments", "step"]
 
 CHARGE_MAX = 4095
 """Charge is kept in 12 bits and saturates."""
@@ -32,11 +32,6 @@ class Pattern(IntEnum):
     CONSTANT = 1
     RAMP = 2
     CHECKER = 3
-
-
-def quantum(level: int) -> int:
-    """Returns the electrons of threshold level 0 to 15."""
-    return 255 + 256 * level
 
 
 def increments(

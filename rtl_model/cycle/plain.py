@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rtl_model.cycle.pixel import increments, quantum, step
+from rtl_model.cycle.pixel import increments, step
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
-from rtl_model.registers import MEMORIES, REGISTERS, parameters, reset_value
+from rtl_model.registers import MEMORIES, REGISTERS, parameters, quantum, reset_value
 
 __all__ = ["PlainSensor"]
 

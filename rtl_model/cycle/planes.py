@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rtl_model.cycle.pixel import increments, quantum, step
+from rtl_model.cycle.pixel import increments, step
 from rtl_model.geometry import Geometry
+from rtl_model.registers import quantum
 
 __all__ = ["Settings", "planes"]
 

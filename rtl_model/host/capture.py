@@ -16,6 +16,7 @@ import numpy.typing as npt
 from cosim import InputError
 from rtl_model.host.board import Board, BoardInfo
 from rtl_model.host.faults import Cause, LineFault
+from rtl_model.registers import mask
 
 __all__ = ["SETTINGS", "Captured", "burst", "drain"]
 
@@ -32,7 +33,7 @@ SETTINGS = (
 )
 """Registers that a burst depends on; read before and after it."""
 
-_ARMED, _BUSY, _DONE = 1, 2, 4
+_ARMED, _DONE = (mask("capture_state", name) for name in ("armed", "done"))
 _STALLS = 8  # faults in a row without one more verified row, before it is given up
 _FRAME_BITS = 20
 _MARGIN = 3  # wait for so many times what the burst should take

@@ -18,14 +18,15 @@ from rtl_model.cycle import System, Tiles
 from rtl_model.lockstep.coverage import Coverage
 from rtl_model.lockstep.difference import Difference, first_difference
 from rtl_model.lockstep.program import ADDRESS, Chunk, Program
-from rtl_model.registers import REGISTERS
+from rtl_model.registers import REGISTERS, mask
 from rtl_model.verilated import VerilatedSystem, Waves, trace_format
 
 __all__ = ["Outcome", "run"]
 
 _ENDLESS = 1 << 62
-_MOVING = 3  # bits of capture_state: armed (a burst may begin between two reads) and busy
-_DONE = 4
+# armed: a burst may begin between two reads
+_MOVING = mask("capture_state", "armed") | mask("capture_state", "busy")
+_DONE = mask("capture_state", "done")
 _NAMES = {entry.address: entry.name for entry in REGISTERS}
 _CAPTURE = {ADDRESS[f"capture_{name}"] for name in ("state", "level", "pointer", "rows", "lost")}
 

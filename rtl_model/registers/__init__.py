@@ -8,7 +8,17 @@ from rtl_model.registers.parameters import (
     parameters,
     reset_value,
 )
-from rtl_model.registers.table import MAGIC, MEMORIES, REGISTERS, VERSION, Field, Memory, Register
+from rtl_model.registers.table import (
+    MAGIC,
+    MEMORIES,
+    REGISTERS,
+    VERSION,
+    Field,
+    Memory,
+    Register,
+    mask,
+    quantum,
+)
 
 __all__ = [
     "MAGIC",
@@ -22,6 +32,8 @@ __all__ = [
     "csr_csv",
     "faults",
     "identifier",
+    "mask",
     "parameters",
+    "quantum",
     "reset_value",
 ]

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-__all__ = ["MAGIC", "MEMORIES", "REGISTERS", "VERSION", "Field", "Memory", "Register"]
+__all__ = [
+    "MAGIC", "MEMORIES", "REGISTERS", "VERSION", "Field", "Memory", "Register", "mask", "quantum",
+]  # fmt: skip
 
 MAGIC = 0x53504B32
 """ASCII "SPK2": the first word of a Viform board."""
@@ -215,3 +217,15 @@ MEMORIES: tuple[Memory, ...] = (
         "rows are padded to whole tiles",
     ),
 )
+
+
+def mask(register: str, field: str) -> int:
+    """Bits that a field of a register has, in place. StopIteration where there is none such."""
+    entry = next(entry for entry in REGISTERS if entry.name == register)
+    found = next(each for each in entry.fields if each.name == field)
+    return (2 << found.high) - (1 << found.low)
+
+
+def quantum(level: int) -> int:
+    """Electrons of `sensor_threshold` at a level, 0 to 15."""
+    return 255 + 256 * level

@@ -11,13 +11,14 @@ import numpy.typing as npt
 
 from cosim import InputError
 from rtl_model.host import Cause, LineFault, capture
+from rtl_model.registers import mask
 from rtl_model.stand_in.place import StandIn
 from rtl_model.stand_in.stepping import Stepper
 
 __all__ = ["BoardDisplay", "Shown"]
 
-_DONE: Final = 4
-_RUNNING: Final = 1
+_DONE: Final = mask("capture_state", "done")
+_RUNNING: Final = mask("sink_state", "running")
 _POLLS: Final = 200
 
 Planes = npt.NDArray[np.bool_]

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from rtl_model.host import Board, BoardInfo, Cause, LineFault, capture
+from rtl_model.registers import mask, quantum
 from rtl_model.stand_in.place import StandIn
 from rtl_model.stand_in.stepping import Stepper
 
@@ -25,19 +26,15 @@ STEP_MOST: Final = 255
 FRAMES_MOST: Final = 1 << 20
 """Frames of a run: a captured row has 20 bits for their number."""
 RESETS: Final = {"residual": 0, "hard": 1, "subtract": 2}
-_DONE: Final = 4
+_DONE: Final = mask("capture_state", "done")
 _POLLS: Final = 200
 
 Planes = npt.NDArray[np.bool_]
 
 
-def _quantum(level: int) -> int:
-    return 255 + 256 * level
-
-
 def level_for(rate: float) -> int:
     """The threshold level at which `rate` spikes a tick, the most of a scene, is finest."""
-    fits = [k for k in range(LEVELS) if rate * _quantum(k) <= STEP_MOST]
+    fits = [k for k in range(LEVELS) if rate * quantum(k) <= STEP_MOST]
     return max(fits, default=0)
 
 
@@ -47,8 +44,8 @@ def steps_of(
     """Electrons of the board for `rate` spikes a tick, and the error of the rate that they have; a
     pixel of more than a spike a tick fires at every one either way."""
     wanted = np.minimum(rate, 1.0)
-    steps = np.minimum(np.rint(wanted * _quantum(level)), STEP_MOST)
-    return steps.astype(np.uint8), steps / _quantum(level) - wanted
+    steps = np.minimum(np.rint(wanted * quantum(level)), STEP_MOST)
+    return steps.astype(np.uint8), steps / quantum(level) - wanted
 
 
 class BoardSensor:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rtl_model.cycle import Settings, System, increments, planes, quantum, rows_of
+from rtl_model.cycle import Settings, System, increments, planes, rows_of
 from rtl_model.geometry import Geometry
-from rtl_model.registers import MEMORIES, REGISTERS
+from rtl_model.registers import MEMORIES, REGISTERS, quantum
 
 ADDRESS = {register.name: register.address for register in REGISTERS}
 PATTERN = next(memory.address for memory in MEMORIES if memory.name == "pattern_mem")
