@@ -27,11 +27,16 @@ ADDRESS = {register.name: register.address for register in REGISTERS}
 MAGIC_BYTES = MAGIC.to_bytes(4, "big")
 
 
+PATIENCE_S = 20.0
+"""An answer that must come is waited for through a busy machine and a first compilation."""
+
+
 class Host:
-    """One connection. patience: seconds it waits for an answer."""
+    """One connection. patience: seconds it waits for an answer that may well be short."""
 
     def __init__(self, port: str, baud: int, patience: float) -> None:
-        self._serial = serial.Serial(port, baud, timeout=patience, write_timeout=patience)
+        self._serial = serial.Serial(port, baud, write_timeout=PATIENCE_S)
+        self._patience = patience
 
     def send(self, *data: int) -> None:
         self._serial.write(bytes(data))
@@ -46,12 +51,14 @@ class Host:
         """Throws away what has come and was not read."""
         self._serial.reset_input_buffer()
 
-    def answer(self, count: int) -> bytes:
+    def answer(self, count: int, short: bool = False) -> bytes:
+        """short: fewer bytes may be all there are."""
+        self._serial.timeout = self._patience if short else PATIENCE_S
         return bytes(self._serial.read(count))
 
-    def ask(self, name: str, words: int = 1, command: int = 2) -> bytes:
+    def ask(self, name: str, words: int = 1, command: int = 2, short: bool = False) -> bytes:
         self.send(command, words & 255, *(ADDRESS[name] // 4).to_bytes(4, "big"))
-        return self.answer(4 * (words or 256))
+        return self.answer(4 * (words or 256), short)
 
     def read(self, name: str) -> int:
         data = self.ask(name)
@@ -70,6 +77,15 @@ class Host:
             if value & mask:
                 return value
         raise AssertionError(f"{name} stays {value:#x}")
+
+    def until_scanned(self, seconds: float = 20.0) -> int:
+        """Of a stopped sensor with no window: reads until its last frame is whole; the frames."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            frames = self.read("sensor_frames")
+            if self.read("sensor_rows_read") == frames * SMALL.rows:
+                return frames
+        raise AssertionError("a begun frame does not end")
 
 
 @contextmanager
