@@ -5,6 +5,7 @@ from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.effects import Bound, Effect, Summary
 from cosim.errors import InputError, Interrupted, ViformError
 from cosim.events import Events, events_of, viform_of
+from cosim.frames import Frame
 from cosim.intensities import Intensities, intensity_image, join_intensities, last_reports
 from cosim.lens import Lens
 from cosim.light import Box, Light, Piece, Plane
@@ -21,6 +22,7 @@ __all__ = [
     "Clock",
     "Effect",
     "Events",
+    "Frame",
     "InputError",
     "Intensities",
     "Interrupted",

@@ -36,3 +36,24 @@ class Stream(IntEnum):
     """Of the air between a link's ends."""
     SERIAL_NOISE = 96
     """Of a virtual board's serial line: which bits are inverted."""
+    IMAGER_SHOT = 112
+    """Conventional imagers: photoelectrons."""
+    IMAGER_DARK = 113
+    """Electrons that gather without light."""
+    IMAGER_READ = 114
+    """Noise of the analog chain."""
+    IMAGER_RESET = 115
+    IMAGER_GAIN = 116
+    """Of electron multiplication, whatever its kind."""
+    IMAGER_LOSS = 117
+    """Electrons that are lost on their way."""
+    IMAGER_CLOCKS = 118
+    """Electrons that clocks induce."""
+    IMAGER_IONS = 119
+    """Of ion events in a tube."""
+    IMAGER_SPREAD = 120
+    """Where electrons land."""
+    IMAGER_PATTERN = 121
+    """What stays from frame to frame; its seed is the device's."""
+    IMAGER_THERMAL = 122
+    """Of a cooler's sensor and surroundings."""

@@ -24,6 +24,9 @@ def test_streams_are_distinct_and_keep_their_numbers():
         "VIBRATION": 80,
         "SCINTILLATION": 81,
         "SERIAL_NOISE": 96,
+        "IMAGER_SHOT": 112, "IMAGER_DARK": 113, "IMAGER_READ": 114, "IMAGER_RESET": 115,
+        "IMAGER_GAIN": 116, "IMAGER_LOSS": 117, "IMAGER_CLOCKS": 118, "IMAGER_IONS": 119,
+        "IMAGER_SPREAD": 120, "IMAGER_PATTERN": 121, "IMAGER_THERMAL": 122,
     }  # fmt: skip
     assert all(0 <= number < 2**32 for number in numbers.values())
 

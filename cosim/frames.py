@@ -1,0 +1,46 @@
+"""`Frame`: what a conventional imager delivers, digital numbers with exposure and row times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Frame"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of a conventional imager.
+
+    values: (H, W) uint16, DN. bits: of a value; full scale is 2^bits - 1. number: of the frame,
+    from 0. begin: (H,) int64 ps, when each row's exposure began. end: (H,) int64 ps, when it ended.
+    ready: ps, when the frame's last pixel had left the imager. state: figures of its controllers
+    that belong to this frame (exposure multiplier, saturated pixels, gain step), by name.
+    """
+
+    values: npt.NDArray[np.uint16]
+    bits: int
+    number: int
+    begin: npt.NDArray[np.int64]
+    end: npt.NDArray[np.int64]
+    ready: int
+    state: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        rows = self.values.shape[0]
+        if self.begin.shape != (rows,) or self.end.shape != (rows,):
+            raise ValueError(f"times must be given for {rows} rows, not {self.begin.shape}")
+        if (self.end < self.begin).any():
+            raise ValueError("a row's exposure must not end before it begins")
+
+    @property
+    def exposure(self) -> int:
+        """Of the first row, ps."""
+        return int(self.end[0] - self.begin[0])
+
+    @property
+    def full_scale(self) -> int:
+        """Largest value there is, DN."""
+        return (1 << self.bits) - 1
