@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -72,7 +73,7 @@ class Course:
         total = np.zeros(np.broadcast(begin, end).shape)
         far = 2**62
         knots = [(-far, self.knots[0][1]), *self.knots, (far, self.knots[-1][1])]
-        for (t0, f0), (t1, f1) in zip(knots, knots[1:], strict=False):
+        for (t0, f0), (t1, f1) in pairwise(knots):
             a, b = np.maximum(begin, t0), np.minimum(end, t1)
             inside = b > a
             if t1 <= t0 or not inside.any():
