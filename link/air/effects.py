@@ -156,11 +156,11 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
     hz = camera.clock.hz
     # Two correlation times, of a resonance 1 / (damping 2 pi f).
     lasts = {"vibration": hz / (math.pi * DAMPING * aim.vibration_frequency)}
-    made = {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
+    changes = {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
     if law.index > 0:
         lasting = 2 * min(law.time, _STILL) * hz
-        made["scintillation"] = Change(math.sqrt(law.index), lasting, law, patches.count)
-    return made
+        changes["scintillation"] = Change(math.sqrt(law.index), lasting, law, patches.count)
+    return changes
 
 
 def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:
