@@ -9,7 +9,8 @@ import pytest
 from link.layout import Layout, pilots
 from link.mode import Mode
 from link.receiving.clocking import PilotSignal, clock_by_pilots
-from link.receiving.synthesis import Levels, Witnesses, fit_timing, nudge
+from link.receiving.phasing import fit_timing, nudge
+from link.receiving.synthesis import Levels, Witnesses
 from link.timing import Timing
 from link.verdict import Cause
 from tests.link.receiving.test_receiving import DATA, receive
@@ -81,7 +82,7 @@ def witnesses(first: float, cells: int = 30, ticks: int = 43) -> Witnesses:
 def test_a_period_that_the_spikes_leave_open_is_that_of_the_pilots() -> None:
     w = witnesses(12.0)
     told = Timing(12.0, 1.00001, 0.0, ROWS)
-    got, _, _ = fit_timing(w, told, 400.0)
+    got = fit_timing(w, told, 400.0).timing
     # a tenth of a tick over what the pilots were seen for, and three of those at most
     assert abs(got.period / told.period - 1) < 3 * 0.1 / 400
     # so little that no symbol of this transmission slips
