@@ -85,6 +85,10 @@ class Acquired:
     trained: tuple[int, int] | None
     evidence: Evidence
 
+    @property
+    def timing(self) -> Timing:
+        return self.pace.timing
+
 
 def _brightest(recording: Recording) -> tuple[int, int]:
     """Ticks of the words that have at least half of the most spikes."""

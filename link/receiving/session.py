@@ -123,7 +123,9 @@ class Session:
 
     def advance(self, recording: Recording) -> None:
         """Decodes the groups that a recording holds whole, and lets go of what is not needed."""
-        lit = lit_span(recording, self.layout, self.refined.homography)
+        lit = None
+        if not self.inbox.over:
+            lit = lit_span(recording, self.layout, self.refined.homography)
         if lit is None:
             recording.forget(recording.stop)
             return
@@ -153,6 +155,9 @@ class Session:
             soft *= np.float32(1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft)
             self._next += count
+            if self.inbox.over:
+                recording.forget(recording.stop)
+                return
             seen, right = (
                 a - b for a, b in zip((self.inbox.frames_seen, self.inbox.frames_right), before,
                                       strict=True)
@@ -239,6 +244,9 @@ class Session:
         for n in range(len(values)):
             number = (first - TRAINING) // group + n
             right = self.inbox.put(number, values[n], quality[n])
+            if self.inbox.over:
+                soft = soft[: n * group]
+                break
             tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
