@@ -7,7 +7,6 @@ image's drift and the symbols' timing are measured anew.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np

@@ -119,3 +119,17 @@ def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
     much = receive(toy, np.concatenate([planes[:140], planes[241:]]))
     assert much.verdict.cause is Cause.INTERRUPTED, much.verdict
     assert much.delivered is None and much.frames_right > 0
+
+
+def test_what_a_panel_shows_after_a_file_is_not_lost() -> None:
+    """It goes on with cells by chance: three more groups of 20 ticks."""
+    toy = small(DATA)
+    planes, stop = toy.planes(), 14 + toy.sent.planes
+    rng = np.random.Generator(np.random.Philox(key=12))
+    later = planes[stop - 60 : stop].copy()
+    middle = later[:, 40:-40, 40:-40]
+    middle ^= rng.random(middle.shape) < 0.4
+    got = receive(toy, np.concatenate([planes[:stop], later, planes[stop:]]))
+    assert got.delivered == (DATA, "a.bin")
+    assert got.frames_seen == toy.sent.outbox.frames == got.frames_right, got.verdict
+    assert f"{got.frames_right} frames of {got.frames_right}" in got.verdict.told
