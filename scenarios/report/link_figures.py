@@ -180,7 +180,7 @@ def cells_figure(
             drawn = right.scatter(
                 column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
             )
-            title = f"{row.size:,} cells with errors, larger than they are"
+            title = f"{row.size:,} cells with errors, drawn larger than they are"
         else:
             drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
         right.set_title(title, fontsize=10, color=INK)

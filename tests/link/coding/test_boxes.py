@@ -131,7 +131,7 @@ def test_frames_are_counted_to_the_end_of_the_file_that_is_whole(after):
 
 
 def test_frames_of_the_file_that_are_lost_once_it_is_whole_are_counted():
-    """As long as some of a block are right the transmission goes on, and its errors are its own."""
+    """As long as some of a block are right the transmission goes on, and errors are its own."""
     outbox = Outbox(full(SMALL, 3, spare=2), "x", SMALL, overhead=0.7, interleave=False)
     values = all_values(outbox)
     half = slice(0, SMALL.cells // 2)
