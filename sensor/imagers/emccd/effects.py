@@ -4,6 +4,9 @@ With x photoelectrons, smear share s, dark d and clock-induced c, m = x (1 + s) 
 reach the register. In electrons at the pixel the value's noise power is
 F^2 m + (read/g)^2 + (step/g)^2 / 12; what is left out takes its own term of it away. Relative
 errors of the mean are of the mean over the offset, at least one DN; pattern counts RMS over pixels.
+
+Noise bounds add up to less than what leaving several out does (1 - sqrt(1 - a) is convex), but
+never to less than half of it, and a plan gives bounds half the tolerance.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ Values = npt.NDArray[np.float64]
 @dataclass(frozen=True)
 class Terms:
     """What bounds need of the pixels. gain: mean. excess: F^2. dark: e- / s. smear: s, of all
-    rows' shifts. read: e- RMS at the output. step: e- of a DN there. Wells in e-."""
+    rows' shifts. read: e- RMS at the output. readout: s in storage. step: e- of a
+    DN at the output. Wells in e-."""
 
     gain: float
     excess: float
@@ -38,6 +42,7 @@ class Terms:
     clock_induced: float
     smear: float
     read: float
+    readout: float
     step: float
     image_well: float
     register_well: float
@@ -64,7 +69,7 @@ def _scene(terms: Terms, summary: Summary) -> _Scene:
     shortest, longest = given.exposure
     share = terms.smear / shortest if shortest > 0 else 0.0
     smear = high * share
-    dark = terms.dark * longest
+    dark = terms.dark * (longest + terms.readout)
     step = terms.step / terms.gain
     return _Scene(
         low, high, smear, dark, low + terms.clock_induced, high + smear + dark

@@ -60,7 +60,8 @@ class EmccdPixels:
     """The chip's physics. All fields have the chip's or the document's figures by default.
 
     gain: mean multiplication, 1 to 1000. kelvin: of the chip. tier: "exact" draws every stage
-    (40 us a pixel), "fast" one law for all. row_shift: s. pattern_seed: the device's. dark: e- /
+    (40 us a pixel), "fast" one law for all. row_shift: s. readout: s that a row waits in storage at
+    the longest; bounds read it. pattern_seed: the device's. dark: e- /
     (pixel s) at 20 degC. image_well, register_well: e-. read_noise: e- RMS at the output.
     """
 
@@ -69,6 +70,7 @@ class EmccdPixels:
     tier: Literal["fast", "exact"] = "fast"
     stages: int = chip.STAGES
     row_shift: float = chip.ROW_SHIFT
+    readout: float = chip.READOUT
     pattern_seed: int = 1
     quantum_efficiency: float = chip.QUANTUM_EFFICIENCY
     dark: float = DARK_AT_20C
@@ -101,6 +103,17 @@ class EmccdPixels:
         light = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
         return light * self.quantum_efficiency
 
+    def lux_seconds(self, electrons: float, seconds: float) -> float:
+        """Exposure to even light at which so many electrons, smear and dark ones included, reach
+        the register: the inverse of `mean_variance`'s mean."""
+        terms = self._terms()
+        photo = (electrons - terms.dark * seconds - terms.clock_induced) / (
+            1.0 + terms.smear / seconds
+        )
+        if photo < 0:
+            raise ValueError(f"{electrons:g} e- must be more: the dark alone makes as many")
+        return photo / self.responsivity
+
     @property
     def effective_read_noise(self) -> float:
         """e- RMS at the pixel: what the amplifier adds, over the gain."""
@@ -120,6 +133,7 @@ class EmccdPixels:
             clock_induced=self.clock_induced,
             smear=(self._lit_rows - 1) * self.row_shift,
             read=self.read_noise,
+            readout=self.readout,
             step=self.step,
             image_well=self.image_well,
             register_well=self.register_well,
