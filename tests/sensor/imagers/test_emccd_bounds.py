@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,18 @@ def test_bounds_are_not_idle() -> None:
     assert float(pixels.effects["read noise"].bound(summary).value) < 2e-3
 
 
+def test_bounds_cover_a_range_of_gains() -> None:
+    """Of frames whose gain a register sets: never less than at any gain within the range."""
+    light = 200 / EmccdPixels().responsivity
+    wide = replace(EmccdPixels().summary((light, light), (0.04, 0.04), 1), gain=(1.0, 500.0))
+    bounds = {n: float(e.bound(wide).value) for n, e in EmccdPixels().effects.items()}
+    for gain in (1.0, 1.7, 5.0, 11.3, 40.0, 500.0):
+        pixels = EmccdPixels(gain=gain)
+        own = pixels.summary((light, light), (0.04, 0.04), 1)
+        for name, effect in pixels.effects.items():
+            assert float(effect.bound(own).value) <= bounds[name] * (1 + 1e-12), (name, gain)
+
+
 def test_overflow_is_promised_where_it_comes() -> None:
     """Register overflow: nothing below the well, and more than what is found above it."""
     pixels = EmccdPixels(gain=200.0)
@@ -84,5 +98,7 @@ def test_overflow_is_promised_where_it_comes() -> None:
     bound = pixels.effects["register overflow"].bound(summary)
     assert bound.kind == "estimate"
     assert 0.01 < found <= 2 * float(bound.value)
+    # The one place that takes most: no more than a well, over the dark of it.
+    assert float(bound.value) < 4000 / 50 * 1.3
     low = pixels.summary((light.min(), light.min()), (0.04, 0.04), FRAMES)
     assert float(pixels.effects["register overflow"].bound(low).value) < 1e-9

@@ -231,7 +231,7 @@ def test_draws_do_not_change_with_what_is_left_out_nor_with_the_cut() -> None:
     rows = rows_of(5000 / pixels.responsivity, 32, seconds=100.0)
     both = values(pixels, rows, "shot noise", "dark current")
     one = values(pixels, rows, "shot noise")
-    assert (abs(both - one - pixels._terms().dark * 100 / pixels.step) <= 1).all()
+    assert (abs(both - one - dark_current(pixels.kelvin) * 100 / pixels.step) <= 1).all()
     upper = values(pixels, rows_of(5000 / pixels.responsivity, 16, seconds=100.0))
     assert (values(pixels, rows)[:16] == upper).all()
 
