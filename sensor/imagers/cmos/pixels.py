@@ -27,7 +27,7 @@ from sensor.imagers.pixel import Exposed, ImagerSummary, Values
 __all__ = ["AdaptivePixels"]
 
 _FULL = 100.0
-"""Wells of light beyond which a pixel is full whatever its noise; more is not drawn."""
+"""Wells of light, or dark, beyond which a pixel is full whatever its noise; more is not drawn."""
 _DSNU, _PRNU, _COLUMN = 0, 1, 2
 
 
@@ -66,6 +66,7 @@ class AdaptivePixels:
             dark: Values = np.broadcast_to((s.dark_now * rows.seconds)[:, None], electrons.shape)
             if "DSNU" in kept:
                 dark = dark * self._darkness[here]
+            dark = np.minimum(dark, _FULL * s.well)
             if "dark shot noise" in kept:
                 electrons = electrons + poisson(dark, numbers, rows.frame, seed, Stream.IMAGER_DARK)
             else:
