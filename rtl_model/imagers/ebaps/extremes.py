@@ -83,8 +83,8 @@ def dark_then_light(loop: Loop, dark: int = 2000) -> float:
 
 
 def swinging(loop: Loop, factor: float = 1e7, frames: int = 2000) -> float:
-    """Light between two levels, for 1, 2, 4, ... 256 frames at a time. Returns ns: worst distance from
-    the range, or by which an exposure moved further than one step between two frames."""
+    """Light between two levels, for 1, 2, 4, ... 256 frames at a time. Returns ns: worst distance
+    from the range, or by which an exposure moved further than one step between two frames."""
     rule = ExposureRule()
     runs = np.repeat(np.arange(9), 2 ** np.arange(9))
 

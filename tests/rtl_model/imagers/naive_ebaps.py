@@ -1,4 +1,4 @@
-"""Exposure loops and sums as one would first write them: what the checks of extremes must refuse."""
+"""Exposure loops and sums as one would first write them: what the checks must refuse."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import numpy.typing as npt
 from rtl_model.imagers.ebaps import DEFAULT_EXPOSURE, LATENCY, ExposureRule
 
 
-def unclipped(
-    rule: ExposureRule, brightness: Callable[[int, int], int], frames: int
-) -> list[int]:
+def unclipped(rule: ExposureRule, brightness: Callable[[int, int], int], frames: int) -> list[int]:
     """Forgets the range."""
-    standing, exposures = DEFAULT_EXPOSURE, []
+    standing = DEFAULT_EXPOSURE
+    exposures: list[int] = []
     for frame in range(frames):
         seen = frame - LATENCY
         if seen >= 0 and exposures[seen] == standing:
@@ -27,7 +26,8 @@ def proportional(
     rule: ExposureRule, brightness: Callable[[int, int], int], frames: int
 ) -> list[int]:
     """Divides what is wanted by what is seen: one leap, and no light is a division by zero."""
-    standing, exposures = float(DEFAULT_EXPOSURE), []
+    standing = float(DEFAULT_EXPOSURE)
+    exposures: list[int] = []
     for frame in range(frames):
         seen = frame - LATENCY
         if seen >= 0:

@@ -118,7 +118,10 @@ class TestPixels:
     @pytest.mark.parametrize("volts", [0.0, 700.0, 1500.0])
     @pytest.mark.parametrize("electrons", [0.0, 0.7, 6.0, 60.0])
     def test_mean_and_variance(self, volts: float, electrons: float) -> None:
-        pixels = EbapsPixels(SHAPE, volts=volts, silicon=WIDE)
+        # Ions come so often that a frame has enough of them for its variance to be normal.
+        tube = replace(Tube(), ions=1 / 30 if electrons else 0.0)
+        silicon = replace(WIDE, dn_per_electron=0.7, well=1e6)
+        pixels = EbapsPixels(SHAPE, volts=volts, silicon=silicon, tube=tube)
         kept = frozenset(pixels.effects) - PATTERNS
         light = lux_seconds(electrons)
         agrees(shoot(pixels, light, kept), *pixels.mean_variance(light, SECONDS))
@@ -134,19 +137,15 @@ class TestPixels:
         part = pixels.budget(light, SECONDS).parts().get(left_out)
         new_mean = mean - (part.mean * k if part else 0.0)
         new = variance - (part.variance * k * k if part else 0.0)
-        if left_out == "dark current":
-            new_mean = mean - part.mean * k  # type: ignore[union-attr]
         agrees(shoot(pixels, light, kept), new_mean, new)
         summary = pixels.summary((light, light), (SECONDS, SECONDS), 1)
         bound = pixels.effects[left_out].bound(summary)
-        change = max(
-            abs(new_mean - mean) / (mean - WIDE.black), abs(math.sqrt(new / variance) - 1)
-        )
+        change = max(abs(new_mean - mean) / (mean - WIDE.black), abs(math.sqrt(new / variance) - 1))
         assert float(bound.value) >= change * (1 - 1e-9)
         assert bound.kind == "proof"
 
     def test_ions_are_rare_and_large(self) -> None:
-        """Landed electrons x 1/600 events; each of 1 + k, k geometric of mean 10, in the mean."""
+        """An event in 600 electrons that land, each of a geometric number (from 0) of mean 10."""
         pixels = EbapsPixels(SHAPE, silicon=WIDE)
         only = shoot(pixels, lux_seconds(6.0), frozenset({"ion events"})) - WIDE.black
         gain = pixels.tube.gain(1500) * WIDE.dn_per_electron
@@ -170,7 +169,7 @@ class TestPixels:
         point = np.zeros(pixels.shape)
         point[64, 64] = lux_seconds(3000.0)  # 720 electrons in the whole of the halo's disc
         plain = shoot(pixels, point, frozenset()) - WIDE.black
-        assert (plain > 0).sum() == 1 and plain.max() == 65_535 - WIDE.black
+        assert (plain > 0).sum() == 1 and plain.max() == 2 * WIDE.well
         point /= 60.0
         whole = (shoot(pixels, point, frozenset()) - WIDE.black).sum()
         near = shoot(pixels, point, frozenset({"landing spread"})) - WIDE.black
