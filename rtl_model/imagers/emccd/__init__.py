@@ -1,5 +1,15 @@
-"""The frame-transfer EMCCD of seed 003 as a machine: timing, sequencer, registers."""
+"""Frame-transfer EMCCD of seed 003 as a whole machine: timing, sequencer, registers, cooling."""
 
+from rtl_model.imagers.emccd.cold_plant import Plant, Temperatures, Thermistor
+from rtl_model.imagers.emccd.cooling import (
+    Cooler,
+    CoolingFault,
+    CoolingRun,
+    Pid,
+    PidSettings,
+    run_cooling,
+)
+from rtl_model.imagers.emccd.imager import Emccd
 from rtl_model.imagers.emccd.machine import EmccdMachine, machine
 from rtl_model.imagers.emccd.plain import PlainSequencer
 from rtl_model.imagers.emccd.registers import DESIGN, PARAMETERS, REGISTERS, design
@@ -28,11 +38,20 @@ __all__ = [
     "REGISTERS",
     "SIGNALS",
     "SIZES",
+    "Cooler",
+    "CoolingFault",
+    "CoolingRun",
     "Cycle",
+    "Emccd",
     "EmccdMachine",
     "Phase",
+    "Pid",
+    "PidSettings",
     "PlainSequencer",
+    "Plant",
     "Settings",
+    "Temperatures",
+    "Thermistor",
     "Timing",
     "after_printed",
     "design",
@@ -41,6 +60,7 @@ __all__ = [
     "frame_rate",
     "frame_seconds",
     "machine",
+    "run_cooling",
     "signal_changes",
     "window_table",
 ]
