@@ -90,6 +90,11 @@ class TestTube:
         assert tube.excess_noise(1500) == pytest.approx(1 / (1 - tube.loss), rel=2e-3)
         assert tube.excess_noise(1500) > 1.25
         assert tube.excess_noise(0) == math.inf
+        # Of the pixels' own closed form, with neither silicon nor read noise.
+        budget = EbapsPixels().budget(1.0, 0.0)
+        relative = float(budget.tube_variance) / float(budget.tube_mean(budget.light)) ** 2
+        assert tube.excess_noise(1500, ions=True) == pytest.approx(budget.light * relative)
+        assert tube.excess_noise(1500, ions=True) > 1.3 * tube.excess_noise(1500)
 
     def test_landing_radius(self) -> None:
         assert Tube().landing_radius(1500) == pytest.approx(2.4e-6, rel=0.03)
