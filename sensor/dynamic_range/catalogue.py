@@ -76,14 +76,14 @@ SENSORS: Final = (
 )  # fmt: skip
 """What may stand before a converter."""
 
-_TYPICAL: Final = "signal-to-noise ratio of a sine of full scale usual for its bits, and power, "
+_TYPICAL: Final = "assumed: power, and a signal-to-noise ratio of a sine of full scale of "
 CONVERTERS: Final = (
     ConverterPart("8-bit", Converter(8, 2, 1e-3, 40e6), 0.05, None, "assumed"),
-    ConverterPart("12-bit", Converter(12, 2, 174e-6, 60e6), 0.2, None, _TYPICAL + "assumed: 70 dB"),
-    ConverterPart("14-bit", Converter(14, 2, 137e-6, 80e6), 0.35, None, _TYPICAL + "assumed: 74 dB"),
+    ConverterPart("12-bit", Converter(12, 2, 174e-6, 60e6), 0.2, None, _TYPICAL + "70 dB"),
+    ConverterPart("14-bit", Converter(14, 2, 137e-6, 80e6), 0.35, None, _TYPICAL + "74 dB"),
     ConverterPart(
         "16-bit", Converter(16, 2, 89e-6, 80e6), 0.8, None,
-        "16 bits at 80 MS/s as of the EBAPS board; " + _TYPICAL + "assumed: 78 dB",
+        "16 bits at 80 MS/s as of the EBAPS board; " + _TYPICAL + "78 dB",
     ),
 )  # fmt: skip
 """What may stand behind a sensor."""

@@ -71,8 +71,6 @@ class SensorNoise:
             "transfer": self.transfer * math.sqrt(hertz / self.hertz),
         }
 
-    def at(
-        self, celsius: float, hertz: float, seconds: float = 0.0, signal: float = 0.0
-    ) -> float:
+    def at(self, celsius: float, hertz: float, seconds: float = 0.0, signal: float = 0.0) -> float:
         """All of it, electrons RMS."""
         return math.hypot(*self.parts(celsius, hertz, seconds, signal).values())

@@ -13,10 +13,14 @@ from sensor.dynamic_range.converter import ConverterRule, converter_rule
 from sensor.dynamic_range.decibels import sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
 
-__all__ = ["Budget", "Choice", "Judged", "sweep"]
+__all__ = ["OUTPUT", "Budget", "Choice", "Judged", "sweep"]
 
 _TIE: Final = 6
 """Decimals of a dB to which two choices are alike; the cheaper goes first."""
+
+
+OUTPUT: Final = Mapping(2.2, 8)
+"""Eight bits and the gamma of displays."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Budget:
     least: float | None = None
     ambient: float = 25.0
     watts_per_kelvin: float = 0.05
-    mapping: Mapping = Mapping(2.2, 8)
+    mapping: Mapping = OUTPUT
 
     @property
     def size(self) -> int:
