@@ -111,15 +111,16 @@ def _steps(sheet: _Sheet, row: float, high: float) -> None:
     wide = 0.92 / STEPS
     for n in range(STEPS):
         tone = WHITE * 2 ** (-n / 2)
-        sheet.lay(sheet.box(row, 0.04 + (n + 0.5) * wide, high, wide), tone)
+        left = 0.04 + n * wide  # each reaches to the sheet's right, so that no seam shows
+        sheet.lay(sheet.box(row, (left + 0.96) / 2, high, 0.96 - left), tone)
 
 
 def draw(chart: str, shape: tuple[int, int]) -> Values:
-    """Reflectance of a chart on so many rows and columns, (H, W) within [0, 1]."""
+    """Reflectance of a chart on so many rows and columns, (H, W) float64 within [0, 1]."""
     sheet = _Sheet(shape, 0.0 if chart == "discs" else PAPER)
     if chart == "night":
-        _bars(sheet, 0.0, 0.34, 0.74)
-        _rings(sheet, 0.05, 0.74, 0.48)
+        _bars(sheet, 0.0, 0.29, 0.74)
+        _rings(sheet, 0.16, 0.755, 0.55)
         _steps(sheet, 0.89, 0.14)
     elif chart == "bars":
         _bars(sheet, 0.01, 0.5, 0.95)
