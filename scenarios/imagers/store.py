@@ -19,62 +19,64 @@ from cosim.frames import Frame
 __all__ = ["FRAMES", "FrameStore", "read_frame"]
 
 FRAMES = "frames.zarr"
+_TOGETHER = 1 << 26
+"""Bytes of frames that are written at once."""
 
 
 class FrameStore:
-    """Writes frames of at most (H, W) one after another. A store that is there is replaced."""
+    """Writes frames one after another, a few at a time: what is not yet written of a run that ends
+    early is on its tape. A store that is there is replaced."""
 
     def __init__(self, path: Path, bits: int) -> None:
         self._path, self._bits = path, bits
         self._group: Any = None
+        self._waiting: list[npt.NDArray[np.uint16]] = []
+        self._times: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]] = []
         self._state: list[dict[str, float]] = []
         self._pad: tuple[int, int] = (0, 0)
 
     def append(self, frame: Frame) -> None:
-        if self._group is None:
-            self._begin(frame)
         rows, width = frame.values.shape
-        if rows > self._pad[0] or width > self._pad[1]:
-            self._grow(max(rows, self._pad[0]), max(width, self._pad[1]))
-        n = len(self._state)
-        for name in ("values", "rows", "begin", "end", "ready"):
-            array = self._group[name]
-            array.resize((n + 1, *array.shape[1:]))
-        self._group["values"][n, :rows, :width] = frame.values
-        self._group["rows"][n] = rows
-        self._group["begin"][n, :rows], self._group["end"][n, :rows] = frame.begin, frame.end
-        self._group["ready"][n] = frame.ready
+        self._pad = max(rows, self._pad[0]), max(width, self._pad[1])
+        self._waiting.append(frame.values)
+        self._times.append((frame.begin, frame.end, frame.ready))
         self._state.append(dict(frame.state))
+        if sum(values.nbytes for values in self._waiting) > _TOGETHER:
+            self._write()
 
-    def _begin(self, frame: Frame) -> None:
-        rows, width = self._pad = frame.values.shape[0], frame.values.shape[1]
-        self._group = zarr.open_group(self._path, mode="w")
-        self._group.attrs.update({"bits": self._bits, "time": "ps"})
-
-        def array(name: str, shape: tuple[int, ...], chunk: tuple[int, ...], kind: str) -> None:
-            self._group.create_array(name, shape=(0, *shape), chunks=chunk, dtype=kind)
-
-        array("values", (rows, width), (1, rows, width), "uint16")
-        array("rows", (), (1024,), "int64")
-        array("ready", (), (1024,), "int64")
-        for name in ("begin", "end"):
-            array(name, (rows,), (16, rows), "int64")
-
-    def _grow(self, rows: int, width: int) -> None:
-        self._pad = rows, width
-        n = len(self._state)
-        self._group["values"].resize((n, rows, width))
-        for name in ("begin", "end"):
-            self._group[name].resize((n, rows))
+    def _write(self) -> None:
+        count, (rows, width) = len(self._state), self._pad
+        if self._group is None:
+            self._group = zarr.open_group(self._path, mode="w")
+            self._group.create_array(
+                "values", shape=(0, rows, width), chunks=(1, rows, width), dtype="uint16"
+            )
+        values = self._group["values"]
+        values.resize((count, rows, width))
+        block = np.zeros((len(self._waiting), rows, width), np.uint16)
+        for into, given in zip(block, self._waiting, strict=True):
+            into[: given.shape[0], : given.shape[1]] = given
+        values[count - len(block) :] = block
+        self._waiting = []
 
     def finish(self) -> None:
-        """The controllers' figures."""
-        if self._group is None:
+        """All that is left, with the times and the controllers' figures."""
+        if not self._state:
             return
+        if self._waiting or self._group is None:
+            self._write()
+        count, high = len(self._times), self._pad[0]
+        rows = np.array([len(begin) for begin, *_ in self._times], np.int64)
+        begin, end = np.zeros((2, count, high), np.int64)
+        for n, (one, two, _) in enumerate(self._times):
+            begin[n, : len(one)], end[n, : len(two)] = one, two
+        ready = np.array([each for *_, each in self._times], np.int64)
+        named = (("rows", rows), ("begin", begin), ("end", end), ("ready", ready))
+        for name, data in named:
+            self._group.create_array(name, data=data)
         names = sorted({name for state in self._state for name in state})
-        self._group.attrs["state"] = {
-            name: [state.get(name) for state in self._state] for name in names
-        }
+        figures = {name: [state.get(name) for state in self._state] for name in names}
+        self._group.attrs.update({"bits": self._bits, "time": "ps", "state": figures})
 
 
 def read_frame(path: Path, n: int) -> npt.NDArray[np.uint16]:
