@@ -1,6 +1,6 @@
 """Frame-transfer EMCCD of seed 003: multiplication register, gain, dark current, wells, pixels."""
 
-from sensor.imagers.emccd.dark import DARK_AT_293K, DSNU_SHARE, dark_current
+from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current
 from sensor.imagers.emccd.gain import (
     GAIN_RANGE,
     GAIN_STEPS,
@@ -25,7 +25,7 @@ from sensor.imagers.emccd.wells import (
 )
 
 __all__ = [
-    "DARK_AT_293K",
+    "DARK_AT_20C",
     "DSNU_SHARE",
     "GAIN_RANGE",
     "GAIN_STEPS",

@@ -53,7 +53,7 @@ STAGES: Final = 536
 PITCH: Final = 16e-6
 """m; data sheet."""
 QUANTUM_EFFICIENCY: Final = 0.93
-"""Document: up to 93 % in visible light, here taken at `WAVELENGTH`. (Data sheet: .90 at 630 nm.)"""
+"""Document: up to 93 % in visible light, here at `WAVELENGTH`. (Data sheet: .90 at 630 nm.)"""
 WAVELENGTH: Final = 555.0
 """nm: lux count as light of this wavelength, 4.09e15 photons / (s m2 lx)."""
 IMAGE_WELL: Final = 130e3

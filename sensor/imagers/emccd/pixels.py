@@ -20,7 +20,7 @@ from cosim.radiometry import photons_per_lux
 from cosim.streams import Stream
 from sensor.imagers.draws import normal, poisson
 from sensor.imagers.emccd import chip
-from sensor.imagers.emccd.dark import DARK_AT_293K, DSNU_SHARE, dark_current
+from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current
 from sensor.imagers.emccd.effects import Terms, emccd_effects
 from sensor.imagers.emccd.multiplication import branch, excess_noise_squared, multiply
 from sensor.imagers.emccd.wells import spill_columns, spill_lines
@@ -61,7 +61,7 @@ class EmccdPixels:
 
     gain: mean multiplication, 1 to 1000. kelvin: of the chip. tier: "exact" draws every stage
     (40 us a pixel), "fast" one law for all. row_shift: s. pattern_seed: the device's. dark: e- /
-    (pixel s) at 293 K. image_well, register_well: e-. read_noise: e- RMS at the output.
+    (pixel s) at 20 degC. image_well, register_well: e-. read_noise: e- RMS at the output.
     """
 
     gain: float = 1.0
@@ -71,7 +71,7 @@ class EmccdPixels:
     row_shift: float = chip.ROW_SHIFT
     pattern_seed: int = 1
     quantum_efficiency: float = chip.QUANTUM_EFFICIENCY
-    dark: float = DARK_AT_293K
+    dark: float = DARK_AT_20C
     dsnu: float = DSNU_SHARE
     prnu: float = chip.PRNU
     clock_induced: float = chip.CLOCK_INDUCED
