@@ -40,7 +40,7 @@ def run(folder, machine, given=None, **keys):
 
 
 def test_frames_are_on_disk_with_their_times(tmp_path):
-    result, folder = run(tmp_path / "a", LinearMachine())
+    _, folder = run(tmp_path / "a", LinearMachine())
     document = json.loads((folder / "result.json").read_text())
     assert document["outcome"] == "ok" and document["metrics"]["frames"]["value"] == 10
     assert document["metrics"]["frame_rate"]["value"] == pytest.approx(100)
@@ -117,7 +117,7 @@ def test_a_broken_promise_is_put_back(tmp_path):
         return imager
 
     machine.make = lying
-    result, folder = run(tmp_path / "a", machine)
+    result, _ = run(tmp_path / "a", machine)
     assert "PRNU" in result.kept and result.outcome == "ok"
     assert result.error.ci[1] <= 1e-2
 
