@@ -1,7 +1,7 @@
 """The cycle model: the board's registers, pixels, capture, sink and uartbone, bit-true and to the
 clock. It brings numba with it."""
 
-from rtl_model.cycle.bridge import Bridge, Reply
+from rtl_model.cycle.bridge import Behind, Bridge, Reply
 from rtl_model.cycle.capture import record
 from rtl_model.cycle.pixel import CHARGE_MAX, Pattern, ResetRule, increments, step
 from rtl_model.cycle.plain import PlainSensor
@@ -12,6 +12,7 @@ from rtl_model.cycle.tiles import TILE, Tiles, rows_of
 __all__ = [
     "CHARGE_MAX",
     "TILE",
+    "Behind",
     "Bridge",
     "Pattern",
     "PlainSensor",

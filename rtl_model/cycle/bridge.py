@@ -9,13 +9,14 @@ while an answer goes out are lost.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
+from rtl_model.cycle.line import LineCounters
 from rtl_model.cycle.system import System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Bridge", "Reply"]
+__all__ = ["Behind", "Bridge", "Reply"]
 
 _WRITES = {0x01: 4, 0x03: 0}  # command: step of the byte address
 _READS = {0x02: 4, 0x04: 0}
@@ -26,6 +27,32 @@ _UART_CLEAR = next(entry.address for entry in REGISTERS if entry.name == "uart_c
 # Clocks from a byte to the strobe on the bus that it leads to, and to the first byte of an answer,
 # as the Verilog (viform_uartbone.v) has them.
 _STROBE_OF_WRITE, _STROBE_OF_READ, _ANSWER = 1, 2, 5
+
+
+class Behind(Protocol):
+    """What may stand behind the bridge: registers on a bus, with a clock that time moves on.
+
+    line: counters of the line. geometry: of which the bridge takes clock and baud. clock: edges
+    passed since power-on.
+    """
+
+    @property
+    def line(self) -> LineCounters: ...
+
+    @property
+    def geometry(self) -> Geometry: ...
+
+    @property
+    def clock(self) -> int: ...
+
+    def advance(self, stop: int) -> None:
+        """Runs up to clock `stop`; does nothing where that has passed."""
+
+    def write(self, address: int, value: int) -> None:
+        """Writes 32 bits at a byte address at this clock; takes one."""
+
+    def read(self, address: int) -> int:
+        """Returns the 32 bits at a byte address as they stand at this clock; takes two."""
 
 
 class Reply(NamedTuple):
@@ -46,10 +73,10 @@ class Bridge:
         self,
         geometry: Geometry | None = None,
         *,
-        system: System | None = None,
+        system: Behind | None = None,
         byte_clocks: int | None = None,
     ) -> None:
-        self.system = System(geometry, keep=False) if system is None else system
+        self.system: Behind = System(geometry, keep=False) if system is None else system
         size = self.system.geometry
         self.byte_clocks = 10 * size.bit_clocks if byte_clocks is None else max(1, byte_clocks)
         self.watchdog_clocks = size.clock_hz // 10

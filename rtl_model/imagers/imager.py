@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from cosim.frames import Frame
-from sensor.imagers import PixelModel, Scenery
+if TYPE_CHECKING:  # at run time a host that only reads registers needs none of it
+    from cosim.frames import Frame
+    from sensor.imagers import PixelModel, Scenery
 
 __all__ = ["Imager"]
 

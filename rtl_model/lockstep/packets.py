@@ -53,7 +53,8 @@ def fuzz(packets: int, *, seed: int = 0, progress: Callable[[int], None] | None 
     Raises InputError where Verilator is missing.
     """
     with closing(make_simulator("bytes", FUZZED, Faults())) as verilog:
-        model = Bridge(system=System(FUZZED, build=build_crc(FUZZED), keep=False), byte_clocks=1)
+        system = System(FUZZED, build=build_crc(FUZZED), keep=False)
+        model = Bridge(system=system, byte_clocks=1)
         pair = _Pair(verilog, model)
         rng = np.random.default_rng((seed, 1))
         counters: tuple[int, ...] = ()
@@ -61,7 +62,7 @@ def fuzz(packets: int, *, seed: int = 0, progress: Callable[[int], None] | None 
         while done < packets and not pair.failure:
             _send(pair, rng)
             done += 1
-            if model.system.attending and rng.random() < 0.5:
+            if system.attending and rng.random() < 0.5:
                 pair.silence(_PATIENCE + 1)
                 for packet in _REST:
                     pair.send(packet)

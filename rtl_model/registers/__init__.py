@@ -1,7 +1,7 @@
 """The register map: one table, and what is made from it."""
 
 from rtl_model.registers.checks import faults
-from rtl_model.registers.csr_csv import csr_csv
+from rtl_model.registers.csr_csv import csr_csv, csr_text
 from rtl_model.registers.parameters import (
     PARAMETERS,
     identifier,
@@ -30,6 +30,7 @@ __all__ = [
     "Memory",
     "Register",
     "csr_csv",
+    "csr_text",
     "faults",
     "identifier",
     "mask",

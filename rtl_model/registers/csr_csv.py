@@ -8,45 +8,59 @@ read 0.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from rtl_model.geometry import Geometry
 from rtl_model.registers.parameters import parameters
-from rtl_model.registers.table import MEMORIES, REGISTERS
+from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
 
-__all__ = ["csr_csv"]
+__all__ = ["csr_csv", "csr_text"]
 
 _CSR_BYTES = 0x1000  # registers and identifier lie below
 
 
 def csr_csv(geometry: Geometry) -> str:
     """Returns the text of the `csr.csv` of a build, lines ending in a newline."""
-    values = parameters(geometry)
+    return csr_text(REGISTERS, MEMORIES, parameters(geometry), geometry.clock_hz)
+
+
+def csr_text(
+    registers: Sequence[Register],
+    memories: Sequence[Memory],
+    values: Mapping[str, int],
+    clock_hz: int,
+    constants: Mapping[str, int | str] | None = None,
+) -> str:
+    """Returns the `csr.csv` of any map. values: of the parameters that name memories' sizes.
+    constants: further ones, after LiteX's."""
     groups: dict[str, int] = {}
-    for register in REGISTERS:
+    for register in registers:
         group = register.name.split("_")[0]
         groups[group] = min(groups.get(group, register.address), register.address)
-    for memory in MEMORIES:
+    for memory in memories:
         if memory.address < _CSR_BYTES:
             groups[memory.name] = memory.address
-    constants: dict[str, int | str] = {
-        "config_clock_frequency": geometry.clock_hz,
+    told: dict[str, int | str] = {
+        "config_clock_frequency": clock_hz,
         "config_csr_data_width": 32,
         "config_csr_alignment": 32,
         "config_bus_standard": "WISHBONE",
         "config_bus_data_width": 32,
         "config_bus_address_width": 32,
         "config_bus_bursting": 0,
+        **(constants or {}),
     }
     rows = [f"csr_base,{name},0x{address:08x},," for name, address in groups.items()]
     rows += [
         f"csr_register,{register.name},0x{register.address:08x},1,"
         + ("ro" if register.mode == "ro" else "rw")
-        for register in REGISTERS
+        for register in registers
     ]
-    rows += [f"constant,{name},{value},," for name, value in constants.items()]
+    rows += [f"constant,{name},{value},," for name, value in told.items()]
     rows.append(f"memory_region,csr,0x{0:08x},{_CSR_BYTES},io")
     rows += [
         f"memory_region,{memory.name},0x{memory.address:08x},{values[memory.size]},io"
-        for memory in MEMORIES
+        for memory in memories
         if memory.address >= _CSR_BYTES
     ]
     return "\n".join(rows) + "\n"

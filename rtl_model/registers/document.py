@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
 from rtl_model.geometry import Geometry
 from rtl_model.registers.parameters import PARAMETERS, parameters
 from rtl_model.registers.table import MEMORIES, REGISTERS, Register
 
-__all__ = ["document"]
+__all__ = ["document", "register_tables"]
 
 _HEAD = """\
 # Registers of the board
@@ -36,22 +37,27 @@ def _row(register: Register) -> list[str]:
     return rows
 
 
-def document() -> str:
-    """Returns docs/registers.md as text."""
-    values = parameters(Geometry())
-    lines = [_HEAD]
-    groups = list(dict.fromkeys(register.name.split("_")[0] for register in REGISTERS))
-    for group in groups:
+def register_tables(registers: Sequence[Register], heading: str = "##") -> list[str]:
+    """Returns the lines of a Markdown table for each group of registers, each under a heading."""
+    lines: list[str] = []
+    for group in dict.fromkeys(register.name.split("_")[0] for register in registers):
         lines += [
-            f"## {group}",
+            f"{heading} {group}",
             "",
             "| address | name | mode | bits | reset | meaning |",
             "|---|---|---|---|---|---|",
         ]
-        for register in REGISTERS:
+        for register in registers:
             if register.name.split("_")[0] == group:
                 lines += _row(register)
         lines.append("")
+    return lines
+
+
+def document() -> str:
+    """Returns docs/registers.md as text."""
+    values = parameters(Geometry())
+    lines = [_HEAD, *register_tables(REGISTERS)]
     lines += [
         "## Memories",
         "",

@@ -1,6 +1,14 @@
 """The Verilog as it is written, compiled by Verilator to shared libraries that Python steps."""
 
-from rtl_model.verilated.build import PACKAGES, VERILOG, BuildFailed, build_crc, library, missing
+from rtl_model.verilated.build import (
+    PACKAGES,
+    VERILOG,
+    BuildFailed,
+    build_crc,
+    fst_library,
+    library,
+    missing,
+)
 from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
 
 __all__ = [
@@ -10,6 +18,7 @@ __all__ = [
     "VerilatedSystem",
     "Waves",
     "build_crc",
+    "fst_library",
     "library",
     "missing",
     "trace_format",

@@ -25,7 +25,10 @@ from cosim import InputError, ViformError
 from cosim.opencl import cache_folder
 from rtl_model.geometry import Geometry
 
-__all__ = ["PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc", "library", "missing"]
+__all__ = [
+    "PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc", "fst_library", "library",
+    "missing",
+]  # fmt: skip
 
 VERILOG = Path(__file__).parents[1] / "verilog"
 """Where the design's sources stand."""
@@ -82,21 +85,9 @@ def library(
 
     Raises InputError where a tool is missing, BuildFailed where the sources do not compile.
     """
-    lacking = missing()
-    if lacking:
-        raise InputError(
-            "the simulator of the Verilog",
-            "installed (verilator, g++)",
-            f"without {' and '.join(lacking)}",
-            f"install the system packages: apt-get install {' '.join(lacking)}",
-        )
-    if trace == "fst" and not _has_zlib():
-        raise InputError(
-            "the header zlib.h",
-            "installed, for waveforms as .fst",
-            "absent",
-            "install it (apt-get install zlib1g-dev), or write a .vcd",
-        )
+    _need_tools("the simulator of the Verilog")
+    if trace == "fst":
+        _need_zlib()
     folder = (VERILOG if sources is None else sources).resolve()
     parameters = geometry.verilog
     text = (folder / f"{top}.v").read_text(encoding="utf-8")
@@ -116,6 +107,49 @@ def library(
         if not made.is_file():
             _build(made, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
     return made
+
+
+def fst_library() -> Path:
+    """Returns the FST library that Verilator brings (gtkwave's fstapi), as a shared library, built
+    where it is not cached. InputError where a tool for it is missing."""
+    _need_tools("the writer of .fst")
+    _need_zlib()
+    folder = Path(_versions()[-1]) / "include" / "gtkwave"
+    units = [folder / name for name in ("fstapi.c", "fastlz.c", "lz4.c")]
+    flags = ["-O2", "-fPIC", "-w", "-shared", f"-I{folder}"]
+    flags += ['-DFST_CONFIG_INCLUDE="fst_config.h"']
+    key = hashlib.sha256(repr((flags, _versions())).encode())
+    for unit in units:
+        key.update(unit.read_bytes())
+    made = _cache() / f"fstapi-{key.hexdigest()[:24]}.so"
+    with _locked(made.with_suffix(".lock"), unless=made):
+        if not made.is_file():
+            with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as part:
+                command = ["gcc", *flags, *map(str, units), "-lz", "-lpthread", "-o", "made.so"]
+                _tool(command, Path(part))
+                os.replace(Path(part) / "made.so", made)
+    return made
+
+
+def _need_tools(what: str) -> None:
+    lacking = missing()
+    if lacking:
+        raise InputError(
+            what,
+            "installed (verilator, g++)",
+            f"without {' and '.join(lacking)}",
+            f"install the system packages: apt-get install {' '.join(lacking)}",
+        )
+
+
+def _need_zlib() -> None:
+    if not _has_zlib():
+        raise InputError(
+            "the header zlib.h",
+            "installed, for waveforms as .fst",
+            "absent",
+            "install it (apt-get install zlib1g-dev), or write a .vcd",
+        )
 
 
 def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path, t: Trace) -> None:

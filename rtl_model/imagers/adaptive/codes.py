@@ -1,0 +1,41 @@
+"""Counters' codes: Gray for what counts in work phases, Johnson for the ring that makes phases.
+
+Each step changes one bit (document 001, section 4). A Gray code that counts fewer states than its
+bits have closes on itself with one bit only when it is taken from the middle of the reflected code,
+which needs an even number of states: odd ones are refused.
+"""
+
+from __future__ import annotations
+
+__all__ = ["changed_bits", "gray", "gray_bits", "johnson", "ring"]
+
+
+def gray(number: int) -> int:
+    """Reflected Gray code."""
+    return number ^ (number >> 1)
+
+
+def gray_bits(states: int) -> int:
+    """Bits of a Gray counter of so many states."""
+    if states < 2 or states % 2:
+        raise ValueError(f"states of a Gray counter must be even, not {states}")
+    return (states - 1).bit_length()
+
+
+def ring(number: int, states: int) -> int:
+    """Code of a Gray counter that goes from `states` - 1 back to 0, one bit a step throughout."""
+    return gray(number % states + ((1 << gray_bits(states)) - states) // 2)
+
+
+def johnson(number: int, states: int) -> int:
+    """Code of a Johnson counter: ones are shifted in, then zeros. states: even; states/2 bits."""
+    if states < 2 or states % 2:
+        raise ValueError(f"states of a Johnson counter must be even, not {states}")
+    half, step = states // 2, number % states
+    ones = (1 << half) - 1
+    return (1 << step) - 1 if step <= half else ones & ~((1 << (step - half)) - 1)
+
+
+def changed_bits(before: int, after: int) -> int:
+    """Bits in which two codes differ."""
+    return (before ^ after).bit_count()

@@ -1,0 +1,124 @@
+"""The bus of an imager: its registers at their addresses, behind the spike board's own bridge.
+
+`line_of(machine)` gives what `rtl_model.host` speaks to: LiteX's uartbone at byte level, clock by
+clock of the imager's sequencer. A bus access is strobed at an edge: a write changes what later
+edges see, a read returns what stands there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from rtl_model.geometry import Geometry
+from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.registers import IDENTIFIER
+
+if TYPE_CHECKING:
+    from rtl_model.cycle import Bridge
+
+__all__ = ["ImagerBus", "Machine", "line_of"]
+
+_WORD = 0xFFFFFFFF
+
+
+class Machine(Protocol):
+    """A sequencer with registers, in clocks from power-on.
+
+    registers: its own; the bus adds what the head's need.
+    """
+
+    @property
+    def registers(self) -> RegisterFile: ...
+
+    def advance(self, clock: int) -> None:
+        """Runs all edges before `clock`; does nothing where that has passed."""
+
+    def reset(self, clock: int) -> None:
+        """Starts anew at edge `clock`; the registers have been reset."""
+
+
+class ImagerBus:
+    """A machine as `rtl_model.cycle.Bridge` takes it."""
+
+    def __init__(self, machine: Machine) -> None:
+        from rtl_model.cycle.line import LineCounters
+
+        self.machine = machine
+        self.line = LineCounters()
+        design = machine.registers.design
+        self._geometry = design.geometry
+        self._clock = 0
+        self._errors = 0
+        self._identifier = design.identifier.encode("ascii") + b"\0"
+        self._names = {entry.address: entry.name for entry in design.registers}
+        self._reset = next(e.address for e in design.registers if e.name == "ctrl_reset")
+        self._attach(machine.registers)
+
+    @property
+    def geometry(self) -> Geometry:
+        """Clock and baud are what the bridge takes of it."""
+        return self._geometry
+
+    @property
+    def clock(self) -> int:
+        """Edges passed since power-on."""
+        return self._clock
+
+    def advance(self, stop: int) -> None:
+        """Runs up to clock `stop`; does nothing where that has passed."""
+        if stop > self._clock:
+            self.machine.advance(stop)
+            self._clock = stop
+
+    def write(self, address: int, value: int) -> None:
+        """Writes 32 bits at a byte address at this clock; takes one."""
+        address, value = address & ~3, value & _WORD
+        name = self._names.get(address)
+        self.advance(self._clock + 1)
+        if address == self._reset and value & 1:
+            self._errors = 0
+            self.machine.registers.reset()
+            self.machine.reset(self._clock)
+        elif name is not None:
+            self.machine.registers.write(name, value)
+        elif self._character(address) is None:
+            self._errors += 1
+
+    def read(self, address: int) -> int:
+        """Returns the 32 bits at a byte address as they stand at this clock; takes two."""
+        value = self._value(address & ~3)
+        self.advance(self._clock + 2)
+        return value
+
+    def _value(self, address: int) -> int:
+        name = self._names.get(address)
+        if name is not None:
+            return self.machine.registers.read(name)
+        character = self._character(address)
+        if character is None:
+            self._errors += 1
+            return 0
+        return character
+
+    def _character(self, address: int) -> int | None:
+        place = (address - IDENTIFIER.address) // 4
+        return self._identifier[place] if 0 <= place < len(self._identifier) else None
+
+    def _attach(self, registers: RegisterFile) -> None:
+        """Gives the head's registers their insides."""
+        registers.on_read |= {
+            "ctrl_bus_errors": lambda: self._errors,
+            "ctrl_uptime": lambda: self._clock,
+        }
+        for name, entry in registers.table.items():
+            group, rest = name.split("_", 1)
+            if group == "uart" and entry.mode == "ro" and hasattr(self.line, rest):
+                registers.on_read[name] = lambda rest=rest: self.line.read(rest)  # type: ignore[misc]
+        registers.on_write["uart_clear"] = lambda value: self.line.clear() if value else None
+
+
+def line_of(machine: Machine, byte_clocks: int | None = None) -> Bridge:
+    """Returns the serial line of an imager at byte level. byte_clocks: as `cycle.Bridge` has it."""
+    from rtl_model.cycle import Bridge
+
+    return Bridge(system=ImagerBus(machine), byte_clocks=byte_clocks)

@@ -1,0 +1,176 @@
+"""What an EMCCD's cooler acts on: chip, Peltier element, heat sink, and the thermistor that is read.
+
+Chip:  C_c dT_c/dt = P + (T_a - T_c)/R_a - Q_c,  Q_c = a T_c I - I^2 R/2 - K (T_h - T_c)
+Sink:  C_h dT_h/dt = Q_h - (T_h - T_a)/R_h,      Q_h = a T_h I + I^2 R/2 - K (T_h - T_c)
+
+(Seebeck a, resistance R, conductance K: the standard model of a thermoelectric cooler.) A current
+over a T_c/R heats more than it pumps, and the hot sink brings that point nearer: `strongest` is the
+current that cools most. At constant current both lines are linear in the temperatures.
+
+The document prints only that a PID on the chip's thermistor holds -10 degC with the Peltier element
+of the package; every figure here is assumed, of the size of such packages.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sensor.imagers.emccd.chip import ZERO_CELSIUS
+
+__all__ = ["Plant", "Temperatures", "Thermistor"]
+
+Values = npt.NDArray[np.float64]
+
+_REFERENCE: Final = ZERO_CELSIUS + 25.0
+"""K at which a thermistor's resistance is stated."""
+
+
+class Temperatures(NamedTuple):
+    """Kelvin of the chip and of the heat sink."""
+
+    chip: float
+    sink: float
+
+
+@dataclass(frozen=True)
+class Plant:
+    """seebeck: V/K. resistance: ohm. conductance: W/K. chip_capacity, sink_capacity: J/K.
+    chip_power: W that the chip makes. chip_to_air, sink_to_air: K/W."""
+
+    seebeck: float = 0.020
+    resistance: float = 2.5
+    conductance: float = 0.073
+    chip_capacity: float = 15.0
+    sink_capacity: float = 150.0
+    chip_power: float = 0.5
+    chip_to_air: float = 40.0
+    sink_to_air: float = 0.8
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < math.inf and name != "chip_power":
+                raise ValueError(f"{name} must be positive, not {value:g}")
+
+    def _rates(
+        self, amps: float, ambient: float
+    ) -> tuple[float, float, float, float, float, float]:
+        """a_cc, a_cs, a_sc, a_ss, b_c, b_s of `linear`."""
+        pump, k = self.seebeck * amps, self.conductance
+        joule = amps * amps * self.resistance / 2.0
+        chip, sink = self.chip_capacity, self.sink_capacity
+        return (
+            -(1 / self.chip_to_air + pump + k) / chip,
+            k / chip,
+            k / sink,
+            (pump - k - 1 / self.sink_to_air) / sink,
+            (self.chip_power + ambient / self.chip_to_air + joule) / chip,
+            (joule + ambient / self.sink_to_air) / sink,
+        )
+
+    def linear(self, amps: float, ambient: float) -> tuple[Values, Values]:
+        """(2, 2) and (2,): dT/dt = A T + b for T = (chip, sink), at this current."""
+        rates = self._rates(amps, ambient)
+        return np.array(rates[:4]).reshape(2, 2), np.array(rates[4:])
+
+    def advance(
+        self, state: Temperatures, amps: float, ambient: float, seconds: float
+    ) -> Temperatures:
+        """Temperatures after `seconds` at constant current and ambient (K): one classical
+        Runge-Kutta step, whose error is about (seconds / 100 s)^5 for the default plant."""
+        a00, a01, a10, a11, b0, b1 = self._rates(amps, ambient)
+
+        def slope(x: float, y: float) -> tuple[float, float]:
+            return a00 * x + a01 * y + b0, a10 * x + a11 * y + b1
+
+        x, y = state
+        h = seconds
+        p0, q0 = slope(x, y)
+        p1, q1 = slope(x + h / 2 * p0, y + h / 2 * q0)
+        p2, q2 = slope(x + h / 2 * p1, y + h / 2 * q1)
+        p3, q3 = slope(x + h * p2, y + h * q2)
+        return Temperatures(
+            x + h / 6 * (p0 + 2 * p1 + 2 * p2 + p3), y + h / 6 * (q0 + 2 * q1 + 2 * q2 + q3)
+        )
+
+    def steady(self, amps: float, ambient: float) -> Temperatures:
+        """Where a constant current ends: -A^-1 b."""
+        a, b = self.linear(amps, ambient)
+        if not (np.linalg.eigvals(a).real < 0).all():
+            raise ValueError(f"{amps:g} A must be less: the sink runs away")
+        chip, sink = np.linalg.solve(a, -b)
+        return Temperatures(float(chip), float(sink))
+
+    def strongest(self, ambient: float, most: float) -> float:
+        """Current up to `most` A at which the chip ends coldest."""
+        from scipy.optimize import minimize_scalar
+
+        found = minimize_scalar(
+            lambda amps: self.steady(amps, ambient).chip, bounds=(0.0, most), method="bounded"
+        )
+        return float(found.x)
+
+    def holding(self, kelvin: float, ambient: float, most: float) -> float:
+        """Current that holds the chip at this temperature; ValueError where none up to the
+        strongest does."""
+        from scipy.optimize import brentq
+
+        top = self.strongest(ambient, most)
+        if self.steady(top, ambient).chip > kelvin or self.steady(0.0, ambient).chip < kelvin:
+            raise ValueError(f"ambient must let {kelvin:g} K be reached, not {ambient:g} K")
+        return float(brentq(lambda amps: self.steady(amps, ambient).chip - kelvin, 0.0, top))
+
+    def hottest_air(self, kelvin: float, most: float) -> float:
+        """Ambient K up to which the chip can be held at this temperature."""
+        from scipy.optimize import brentq
+
+        def over(ambient: float) -> float:
+            return self.steady(self.strongest(ambient, most), ambient).chip - kelvin
+
+        return float(brentq(over, kelvin, kelvin + 150.0))
+
+
+@dataclass(frozen=True)
+class Thermistor:
+    """R(T) = R_25 exp(B (1/T - 1/298.15 K)), in a divider below `above` ohm, read by a converter
+    of so many bits: the colder, the larger the code. All figures assumed (a usual NTC).
+
+    coldest, hottest: K; codes beyond theirs mean a broken or a shorted thermistor.
+    """
+
+    at_25c: float = 10_000.0
+    beta: float = 3950.0
+    above: float = 33_000.0
+    bits: int = 14
+    coldest: float = ZERO_CELSIUS - 60.0
+    hottest: float = ZERO_CELSIUS + 100.0
+
+    @property
+    def full(self) -> int:
+        """Largest code."""
+        return (1 << self.bits) - 1
+
+    def ohms(self, kelvin: float) -> float:
+        """Resistance at a temperature."""
+        return self.at_25c * math.exp(self.beta * (1.0 / kelvin - 1.0 / _REFERENCE))
+
+    def code(self, kelvin: float, noise: float = 0.0) -> int:
+        """What the converter reads; noise: in codes, before rounding."""
+        r = self.ohms(kelvin)
+        return min(max(round(self.full * r / (r + self.above) + noise), 0), self.full)
+
+    def kelvin(self, code: float) -> float:
+        """Temperature of a code, 0 < code < full."""
+        share = code / self.full
+        ohms = self.above * share / (1.0 - share)
+        return 1.0 / (math.log(ohms / self.at_25c) / self.beta + 1.0 / _REFERENCE)
+
+    def slope(self, kelvin: float) -> float:
+        """Codes a kelvin, negative."""
+        r = self.ohms(kelvin)
+        share = r / (r + self.above)
+        return -self.full * share * (1.0 - share) * self.beta / kelvin**2

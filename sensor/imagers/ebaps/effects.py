@@ -1,0 +1,127 @@
+"""The effects of an EBAPS: what leaving each out can change of a pixel's mean and noise.
+
+A bound is the larger of two: the mean's change over the mean above black (or one DN), the noise's
+over the noise (or 1/sqrt(12) DN). Patterns count with their RMS over pixels. Means and variances
+are linear in light and time, so a share is greatest at a corner of the box that the summary gives;
+where the scale clips (or a pattern's tail counts) the bound is an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from cosim.effects import Bound, Effect, Kind, Summary
+from cosim.streams import Stream
+from sensor.imagers.ebaps.budget import EMISSION, Budget
+from sensor.imagers.ebaps.costs import COSTS
+from sensor.imagers.pixel import ImagerSummary
+
+if TYPE_CHECKING:
+    from sensor.imagers.ebaps.pixels import EbapsPixels
+
+__all__ = ["ebaps_effects"]
+
+_TAIL = 6.0
+"""Standard deviations that must stay clear of either end of the scale."""
+
+
+def _noise(share: Any) -> Any:
+    """Relative change of the noise when this share of its variance goes (or comes).
+
+    1 - sqrt(1 - a), and .53 a at the least, so that a linear sum of such bounds stays one as long
+    as it is below a tenth: 1 - sqrt(1 - A) <= .53 A for A <= .2.
+    """
+    a = np.clip(share, 0.0, 1.0)
+    return np.maximum(1 - np.sqrt(1 - a), 0.53 * np.asarray(share, np.float64))
+
+
+def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
+    """All effects of this model, by name."""
+    tube, silicon = model.tube, model.silicon
+    k = silicon.dn_per_electron
+    base = Budget(tube, silicon, model.volts, model.kelvin, 0.0, 0.0)
+
+    def corners(scene: Summary) -> list[Budget]:
+        given = cast(ImagerSummary, scene)
+        lights = [np.asarray(x, np.float64) for x in (given.darkest, given.brightest)]
+        return [replace(base, light=p, seconds=t) for p, t in product(lights, given.exposure)]
+
+    def free_of_clipping(scene: Summary) -> bool:
+        low = min(float(np.min(b.mean - _TAIL * np.sqrt(b.variance))) for b in corners(scene))
+        high = max(float(np.max(b.mean + _TAIL * np.sqrt(b.variance))) for b in corners(scene))
+        top = min(model.full_scale, silicon.black + k * silicon.well)
+        return silicon.black + low > 0 and silicon.black + high < top
+
+    def shares(b: Budget, mean: Any, variance: Any) -> Any:
+        """Electrons and electrons^2 that go, as shares of what a pixel has."""
+        shift = np.abs(mean) * k / np.maximum(b.mean, 1.0)
+        return np.maximum(shift, _noise(variance * k * k / b.variance))
+
+    def part(name: str) -> Callable[[Summary], Bound]:
+        def bound(scene: Summary) -> Bound:
+            values = [shares(b, p.mean, p.variance) for b in corners(scene)
+                      for p in (b.parts()[name],)]  # fmt: skip
+            kind: Kind = "proof" if free_of_clipping(scene) else "estimate"
+            return Bound(np.maximum.reduce(values), kind)
+
+        return bound
+
+    def pattern(size: Callable[[Budget], tuple[Any, Any]]) -> Callable[[Summary], Bound]:
+        def bound(scene: Summary) -> Bound:
+            values = [shares(b, *size(b)) for b in corners(scene)]
+            return Bound(np.maximum.reduce(values), "estimate")
+
+        return bound
+
+    def response(spread: float) -> Callable[[Budget], tuple[Any, Any]]:
+        # A factor 1 + p of the electrons changes their variance by 2 p of it.
+        return lambda b: (spread * b.response, 2 * spread * (b.tube_variance + b.leaked))
+
+    def moved(share: float) -> Callable[[Summary], Bound]:
+        """Electrons that come down elsewhere: what a pixel gives and gets is at most this share of
+        the difference between the brightest and the darkest."""
+
+        def bound(scene: Summary) -> Bound:
+            contrast = np.asarray(scene.brightest, float) - np.asarray(scene.darkest, float)
+            more = replace(base, light=share * contrast, seconds=0.0)
+            gone = sum(p.mean for p in more.tube_part(more.light).values())
+            values = [shares(b, gone, more.tube_variance) for b in corners(scene)]
+            kind: Kind = "proof" if free_of_clipping(scene) else "estimate"
+            return Bound(np.maximum.reduce(values), kind)
+
+        return bound
+
+    middle = float(model.kernel[0]) ** 2
+    rows: tuple[tuple[str, str, Stream, Callable[[Summary], Bound]], ...] = (
+        ("shot noise", "Poisson photoelectrons", Stream.IMAGER_SHOT, part("shot noise")),
+        (EMISSION, "EBI 2.5e-7 lx, assumed", Stream.IMAGER_SHOT, part(EMISSION)),
+        ("electron loss", "F^2 = 1/(1 - eta_b)", Stream.IMAGER_LOSS, part("electron loss")),
+        ("gain spread", "Fano and collection", Stream.IMAGER_GAIN, part("gain spread")),
+        ("landing spread", "r = 2 d sqrt(E_t/V)", Stream.IMAGER_SPREAD, moved(1 - middle)),
+        ("halo", "back scattering within 2 d", Stream.IMAGER_SPREAD, moved(tube.halo)),
+        ("ion events", "about 1 in 600 electrons", Stream.IMAGER_IONS, part("ion events")),
+        ("direct light", "leakage, assumed", Stream.NONE, part("direct light")),
+        ("dark current", "I0 2^((T - T0)/T_d)", Stream.NONE, part("dark current")),
+        ("silicon shot noise", "Poisson", Stream.IMAGER_DARK, part("silicon shot noise")),
+        ("DSNU", "EMVA 1288", Stream.IMAGER_PATTERN,
+         pattern(lambda b: (silicon.dsnu * b.dark, silicon.dsnu * b.dark))),
+        ("offset FPN", "EMVA 1288", Stream.IMAGER_PATTERN,
+         pattern(lambda b: (silicon.offset_spread, 0.0))),
+        ("PRNU", "EMVA 1288", Stream.IMAGER_PATTERN, pattern(response(silicon.prnu))),
+        ("stripes", "stripes that dark frames leave: document 002, figure 11",
+         Stream.IMAGER_PATTERN, pattern(response(silicon.stripes))),
+        ("read noise", "analog chain", Stream.IMAGER_READ, part("read noise")),
+    )  # fmt: skip
+
+    def costs(name: str) -> Callable[[Summary], float]:
+        return lambda scene: COSTS[name]
+
+    return {
+        name: Effect(name, source, stream, "", str, bound, costs(name))
+        for name, source, stream, bound in rows
+    }

@@ -1,0 +1,137 @@
+"""The silicon half of an EBAPS: dark current, analog chain, converter, fixed pattern.
+
+None of this is printed for the chip (its table is lost): every figure is assumed, of the size that
+such pixels have. The analog gain was chosen so that the brightness loop finds its target where the
+document shows an image: under a lens f/1.4 (T = 0.9), a chart of mean reflectance 0.5 under
+3e-3 lx at -1500 V puts 7.8 photoelectrons into a pixel in 32.768 ms, which are 1.5e3 electrons in
+the silicon; 20 DN an electron make that 3.1e4 DN, so 24 800 DN come at 27 ms.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.streams import Stream
+from sensor.imagers.draws import gamma, normal
+
+__all__ = ["Pattern", "Silicon"]
+
+Values = npt.NDArray[np.float64]
+_DARK, _OFFSET, _RESPONSE, _COLUMNS, _ROWS, _STRIPES = range(6)
+"""Kinds of fixed pattern: the `frame` of their draws."""
+
+
+@dataclass(frozen=True)
+class Silicon:
+    """pitch: m. direct: electrons / (s m2 lx) of silicon under 2856 K light (back-thinned, 3.3e16).
+    leakage: share of the light that passes the photocathode and reaches it.
+
+    dark: electrons a second at `dark_kelvin`, doubling every `doubling` kelvin. read_noise:
+    electrons. dn_per_electron: analog gain. black: DN without signal. well: electrons.
+
+    Fixed pattern, standard deviations: dsnu of the dark current (relative, gamma distributed),
+    offset, column_offset and row_offset in electrons, prnu and stripes (rows) of the response. A
+    stripe of the response is what dark frames cannot take away: the document still sees horizontal
+    stripes after their subtraction.
+    """
+
+    pitch: float = 10.8e-6
+    direct: float = 3.3e16
+    leakage: float = 1e-4
+    dark: float = 2000.0
+    dark_kelvin: float = 300.0
+    doubling: float = 6.5
+    read_noise: float = 30.0
+    dn_per_electron: float = 20.0
+    black: float = 3000.0
+    well: float = 30_000.0
+    dsnu: float = 0.3
+    offset: float = 8.0
+    column_offset: float = 5.0
+    row_offset: float = 3.0
+    prnu: float = 0.02
+    stripes: float = 0.015
+
+    def __post_init__(self) -> None:
+        sizes = (self.pitch, self.dark_kelvin, self.doubling, self.dn_per_electron, self.well)
+        if not all(0 < size < math.inf for size in sizes):
+            raise ValueError("pitch, temperatures, gain and well must be above 0")
+        rest = (
+            self.direct, self.leakage, self.dark, self.read_noise, self.black, self.dsnu,
+            self.offset, self.column_offset, self.row_offset, self.prnu, self.stripes,
+        )  # fmt: skip
+        if not all(0 <= each < math.inf for each in rest):
+            raise ValueError("noise, dark current and pattern must not be negative")
+
+    @property
+    def area(self) -> float:
+        """m2 of a pixel, all of it sensitive."""
+        return self.pitch**2
+
+    def dark_rate(self, kelvin: float) -> float:
+        """Electrons a second: I0 2^((T - T0)/T_d)."""
+        return float(self.dark * 2 ** ((kelvin - self.dark_kelvin) / self.doubling))
+
+    @property
+    def offset_spread(self) -> float:
+        """Of all offsets together, electrons."""
+        return math.hypot(self.offset, self.column_offset, self.row_offset)
+
+    @property
+    def response_spread(self) -> float:
+        """Of the response, relative."""
+        return math.hypot(self.prnu, self.stripes)
+
+
+@dataclass(eq=False)
+class Pattern:
+    """What stays from frame to frame on one device; drawn once, then kept."""
+
+    silicon: Silicon
+    shape: tuple[int, int]
+    seed: int
+    _made: dict[str, Values] = field(default_factory=dict)
+
+    def _draw(self, kind: int, shape: tuple[int, int]) -> Values:
+        numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+        return normal(numbers, kind, self.seed, Stream.IMAGER_PATTERN)
+
+    def dark(self) -> Values:
+        """(H, W) factor of the dark current: gamma of mean 1 and deviation dsnu."""
+        if "dark" not in self._made:
+            numbers = np.arange(self.shape[0] * self.shape[1]).reshape(self.shape)
+            if self.silicon.dsnu > 0:
+                k = self.silicon.dsnu**-2
+                self._made["dark"] = gamma(k, numbers, _DARK, self.seed, Stream.IMAGER_PATTERN) / k
+            else:
+                self._made["dark"] = np.ones(self.shape)
+        return self._made["dark"]
+
+    def offset(self) -> Values:
+        """(H, W) electrons: of pixels, columns and rows."""
+        if "offset" not in self._made:
+            s, (height, width) = self.silicon, self.shape
+            self._made["offset"] = (
+                s.offset * self._draw(_OFFSET, self.shape)
+                + s.column_offset * self._draw(_COLUMNS, (1, width))
+                + s.row_offset * self._draw(_ROWS, (height, 1))
+            )
+        return self._made["offset"]
+
+    def response(self) -> Values:
+        """(H, W) factor of pixels, never negative; mean 1."""
+        if "response" not in self._made:
+            draw = 1 + self.silicon.prnu * self._draw(_RESPONSE, self.shape)
+            self._made["response"] = np.maximum(draw, 0.0)
+        return self._made["response"]
+
+    def stripes(self) -> Values:
+        """(H, 1) factor of rows, never negative; mean 1."""
+        if "stripes" not in self._made:
+            draw = 1 + self.silicon.stripes * self._draw(_STRIPES, (self.shape[0], 1))
+            self._made["stripes"] = np.maximum(draw, 0.0)
+        return self._made["stripes"]

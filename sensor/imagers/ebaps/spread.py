@@ -1,0 +1,95 @@
+"""Where photoelectrons come down, as a spread of their mean numbers.
+
+A photoelectron takes all of its charge to one pixel, and each lands by itself: counts that are
+Poisson before are Poisson and independent after (thinning and superposition), so spreading the
+means leaves out no correlation of the noise. Not modelled: charge that diffuses from one pixel to
+the next inside the silicon, which would correlate neighbours.
+
+Beyond the given rows and the sides of the array the light of the outermost pixel goes on: a frame
+that is cut into bands differs near the cuts from one that is not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+__all__ = ["landing", "halo"]
+
+Values = npt.NDArray[np.float64]
+_STEP = 4
+"""Rows from one sum over the halo's disc to the next."""
+
+
+@njit(cache=True, nogil=True)
+def _landing(means, kernel, out):  # type: ignore[no-untyped-def]
+    height, width = means.shape
+    line = np.empty(width)
+    for y in range(height):
+        for x in range(width):
+            line[x] = kernel[0] * means[y, x]
+        for k in range(1, kernel.size):
+            up, down = max(y - k, 0), min(y + k, height - 1)
+            for x in range(width):
+                line[x] += kernel[k] * (means[up, x] + means[down, x])
+        for x in range(width):
+            total = kernel[0] * line[x]
+            for k in range(1, kernel.size):
+                total += kernel[k] * (line[max(x - k, 0)] + line[min(x + k, width - 1)])
+            out[y, x] = total
+
+
+@njit(cache=True, nogil=True)
+def _disc(means, half, out):  # type: ignore[no-untyped-def]
+    """half: of the disc's rows, from its middle outward: pixels to either side."""
+    height, width = means.shape
+    reach = half.size - 1
+    side = half[0]
+    padded = width + 2 * side + 1
+    sums = np.zeros((height, padded))
+    for y in range(height):
+        total = 0.0
+        for x in range(padded - 1):
+            total += means[y, min(max(x - side, 0), width - 1)]
+            sums[y, x + 1] = total
+    count = 0
+    for k in range(-reach, reach + 1):
+        count += 2 * half[abs(k)] + 1
+    below = 0
+    for y in range(height):
+        # A disc many pixels wide changes little from row to row: every fourth is summed, those
+        # between lie on a line.
+        if y % _STEP and y != height - 1:
+            continue
+        for x in range(width):
+            out[y, x] = 0.0
+        for k in range(-reach, reach + 1):
+            row, w = sums[min(max(y + k, 0), height - 1)], half[abs(k)]
+            for x in range(width):
+                out[y, x] += row[x + side + w + 1] - row[x + side - w]
+        for x in range(width):
+            out[y, x] /= count
+        for between in range(below + 1, y):
+            part = (between - below) / (y - below)
+            for x in range(width):
+                out[between, x] = out[below, x] + part * (out[y, x] - out[below, x])
+        below = y
+
+
+def landing(means: Values, kernel: Values) -> Values:
+    """(rows, W) means spread along both axes by a kernel given from its middle outward."""
+    out = np.empty_like(means)
+    _landing(np.ascontiguousarray(means), kernel, out)
+    return out
+
+
+def halo(means: Values, radius: float) -> Values:
+    """(rows, W) means spread evenly over the pixels of a disc. radius: pixels."""
+    reach = max(int(radius), 0)
+    half = np.array([int(math.sqrt(radius**2 - k * k)) for k in range(reach + 1)], np.int64)
+    out = np.empty_like(means)
+    _disc(np.ascontiguousarray(means), half, out)
+    return out

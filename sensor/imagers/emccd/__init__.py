@@ -1,0 +1,48 @@
+"""Frame-transfer EMCCD of seed 003: multiplication register, gain, dark current, wells, pixels."""
+
+from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current
+from sensor.imagers.emccd.gain import (
+    GAIN_RANGE,
+    GAIN_STEPS,
+    SUMMARY_PEAK,
+    TEXT_PEAK,
+    HighVoltage,
+    document_gain,
+)
+from sensor.imagers.emccd.multiplication import (
+    branch,
+    excess_noise_squared,
+    fast_shape,
+    multiply,
+    stage_probability,
+)
+from sensor.imagers.emccd.pixels import EmccdExposed, EmccdPixels
+from sensor.imagers.emccd.wells import (
+    columns_filled,
+    electrons_to_fill,
+    spill_columns,
+    spill_lines,
+)
+
+__all__ = [
+    "DARK_AT_20C",
+    "DSNU_SHARE",
+    "GAIN_RANGE",
+    "GAIN_STEPS",
+    "SUMMARY_PEAK",
+    "TEXT_PEAK",
+    "EmccdExposed",
+    "EmccdPixels",
+    "HighVoltage",
+    "branch",
+    "columns_filled",
+    "dark_current",
+    "document_gain",
+    "electrons_to_fill",
+    "excess_noise_squared",
+    "fast_shape",
+    "multiply",
+    "spill_columns",
+    "spill_lines",
+    "stage_probability",
+]

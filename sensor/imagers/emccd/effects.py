@@ -1,0 +1,178 @@
+"""The effects of an EMCCD's pixels: what leaving each out moves, mean or noise, whichever is more.
+
+With x photoelectrons, smear share s, dark d and clock-induced c, m = x (1 + s) + d + c electrons
+reach the register. In electrons at the pixel the value's noise power is
+F^2 m + (read/g)^2 + (step/g)^2 / 12; what is left out takes its own term of it away. Relative
+errors of the mean are of the mean over the offset, at least one DN; pattern counts RMS over pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.effects import Bound, Effect, Kind, Summary
+from cosim.streams import Stream
+from sensor.imagers.emccd.costs import COSTS
+from sensor.imagers.pixel import ImagerSummary
+
+__all__ = ["Terms", "emccd_effects"]
+
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What bounds need of the pixels. gain: mean. excess: F^2. dark: e- / s. smear: s, of all
+    rows' shifts. read: e- RMS at the output. step: e- of a DN there. Wells in e-."""
+
+    gain: float
+    excess: float
+    dark: float
+    dsnu: float
+    prnu: float
+    clock_induced: float
+    smear: float
+    read: float
+    step: float
+    image_well: float
+    register_well: float
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """A summary in electrons at the pixel. low, high: x at its least and most. Least and most of
+    everything together: least, most."""
+
+    low: Values
+    high: Values
+    smear: Values
+    dark: float
+    least: Values
+    most: Values
+    floor: float
+    quiet: float
+
+
+def _scene(terms: Terms, summary: Summary) -> _Scene:
+    given = cast(ImagerSummary, summary)
+    low, high = (np.asarray(v, np.float64) for v in (given.darkest, given.brightest))
+    shortest, longest = given.exposure
+    share = terms.smear / shortest if shortest > 0 else 0.0
+    smear = high * share
+    dark = terms.dark * longest
+    step = terms.step / terms.gain
+    return _Scene(
+        low, high, smear, dark, low + terms.clock_induced, high + smear + dark
+        + terms.clock_induced, step, (terms.read / terms.gain) ** 2 + step**2 / 12,
+    )  # fmt: skip
+
+
+def _mean(scene: _Scene, electrons: Any) -> Values:
+    """Electrons as a share of the least mean."""
+    return np.asarray(electrons, np.float64) / np.maximum(scene.least, scene.floor)
+
+
+def _noise(lost: Any, whole: Any) -> Values:
+    """1 - sqrt(1 - lost power / whole power)."""
+    share = np.clip(np.asarray(lost, np.float64) / whole, 0.0, 1.0)
+    return 1.0 - np.sqrt(1.0 - share)
+
+
+def _tail(mean: Any, variance: Any, well: float) -> Values:
+    """Mean of what is over a well, of a gamma law of this mean and variance."""
+    from scipy.special import gammaincc
+
+    mean = np.maximum(np.asarray(mean, np.float64), 1e-30)
+    shape = mean * mean / np.maximum(variance, 1e-30)
+    scale = mean / shape
+    z = well / scale
+    return np.maximum(mean * gammaincc(shape + 1, z) - well * gammaincc(shape, z), 0.0)
+
+
+def emccd_effects(terms: Terms) -> dict[str, Effect]:
+    """All effects by name. Bounds hold where the wells do not overflow ("proof"); an overflow's
+    own, and all where wells do, are estimates."""
+
+    def calm(scene: _Scene) -> Kind:
+        """Whether ten standard deviations stay below both wells."""
+        top = scene.most + 10 * np.sqrt(terms.excess * scene.most + scene.quiet)
+        fits = (top < terms.image_well) & (top * terms.gain < terms.register_well)
+        return "proof" if bool(np.all(fits)) else "estimate"
+
+    def effect(
+        name: str, source: str, stream: Stream, value: Callable[[_Scene], Any], sure: bool = True
+    ) -> Effect:
+        def bound(summary: Summary) -> Bound:
+            scene = _scene(terms, summary)
+            return Bound(value(scene), calm(scene) if sure else "estimate")
+
+        return Effect(name, source, stream, "", str, bound, lambda _: COSTS[name], group=name)
+
+    f2 = terms.excess
+
+    def added(electrons: Callable[[_Scene], Any]) -> Callable[[_Scene], Values]:
+        """Electrons that are no longer there: mean, and their share of the noise."""
+
+        def value(scene: _Scene) -> Values:
+            extra = np.asarray(electrons(scene), np.float64)
+            noise = _noise(f2 * extra, f2 * (scene.least + extra) + scene.quiet)
+            return np.maximum(_mean(scene, extra), noise)
+
+        return value
+
+    def shot(scene: _Scene) -> Values:
+        x = scene.high + scene.smear
+        return _noise(x, f2 * (x + terms.clock_induced) + scene.quiet)
+
+    def dark_shot(scene: _Scene) -> Values:
+        d = scene.dark
+        return _noise(d, f2 * (scene.least + d) + scene.quiet)
+
+    def multiplication(scene: _Scene) -> Values:
+        return _noise((f2 - 1) * scene.most, f2 * scene.most + scene.quiet)
+
+    def read(scene: _Scene) -> Values:
+        return _noise((terms.read / terms.gain) ** 2, f2 * scene.least + scene.quiet)
+
+    def prnu(scene: _Scene) -> Values:
+        # Relative to a pixel's own light; smear of the column's other rows has their pattern.
+        return terms.prnu * (1.0 + _mean(scene, scene.smear))
+
+    def dsnu(scene: _Scene) -> Values:
+        return _mean(scene, scene.dark * terms.dsnu)
+
+    def image_over(scene: _Scene) -> Values:
+        return _mean(scene, _tail(scene.most, scene.most, terms.image_well))
+
+    def register_over(scene: _Scene) -> Values:
+        g = terms.gain
+        over = _tail(g * scene.most, g * g * f2 * scene.most, terms.register_well)
+        return _mean(scene, over / g)
+
+    sheet = "E2V CCD97 data sheet"
+    rows = (
+        effect("shot noise", "Poisson", Stream.IMAGER_SHOT, shot),
+        effect("PRNU", "EMVA 1288 release 4.0", Stream.IMAGER_PATTERN, prnu),
+        effect(
+            "smear", "rows x row shift / exposure", Stream.NONE, added(lambda s: s.smear)
+        ),
+        effect("dark current", sheet, Stream.NONE, added(lambda s: s.dark)),
+        effect("dark shot noise", "Poisson", Stream.IMAGER_DARK, dark_shot),
+        effect("DSNU", sheet, Stream.IMAGER_PATTERN, dsnu),
+        effect("image well overflow", sheet, Stream.NONE, image_over, sure=False),
+        effect(
+            "clock-induced charge", "reported .002 to .01 e- a pixel and frame",
+            Stream.IMAGER_CLOCKS, added(lambda _: terms.clock_induced),
+        ),
+        effect(
+            "multiplication noise", "Robbins and Hadwen 2003", Stream.IMAGER_GAIN, multiplication
+        ),
+        effect("register overflow", "seed 003, figure 4c", Stream.NONE, register_over, sure=False),
+        effect("read noise", sheet, Stream.IMAGER_READ, read),
+    )  # fmt: skip
+    return {e.name: e for e in rows}

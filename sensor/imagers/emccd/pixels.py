@@ -1,0 +1,258 @@
+"""`EmccdPixels`: from light on the image area to 16-bit numbers, through storage and gain register.
+
+Light of a row is photoelectrons' mean; Poisson draws make electrons; smear, dark current and
+clock-induced charge join; the image well spills along its column; every packet is multiplied; the
+register's well spills along the line; the amplifier adds its noise and the converter rounds to
+whole DN. Lux count as monochromatic light of 555 nm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.effects import Effect
+from cosim.radiometry import photons_per_lux
+from cosim.streams import Stream
+from sensor.imagers.draws import normal, poisson
+from sensor.imagers.emccd import chip
+from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current
+from sensor.imagers.emccd.effects import Terms, emccd_effects
+from sensor.imagers.emccd.multiplication import branch, excess_noise_squared, multiply
+from sensor.imagers.emccd.wells import spill_columns, spill_lines
+from sensor.imagers.pixel import Exposed, ImagerSummary
+
+__all__ = ["EmccdExposed", "EmccdPixels"]
+
+Values = npt.NDArray[np.float64]
+
+_DSNU_KIND, _PRNU_KIND = 0, 1
+"""Counters of the fixed pattern's draws."""
+
+
+@lru_cache(maxsize=4)
+def _pattern(first: int, count: int, kind: int, seed: int) -> Values:
+    """Normal numbers of pixels first, first + 1, ...: the same in every frame, so drawn once."""
+    numbers = np.arange(first, first + count, dtype=np.int64)
+    return normal(numbers, kind, seed, Stream.IMAGER_PATTERN)
+
+
+@dataclass(frozen=True, eq=False)
+class EmccdExposed(Exposed):
+    """Rows of the whole image area, of which a window is read. None takes the model's own.
+
+    read: (first, count) among the rows given; all when None. gain: mean, at work for this frame.
+    kelvin: of the chip. row_shift: s of one row in a frame transfer.
+    """
+
+    read: tuple[int, int] | None = None
+    gain: float | None = None
+    kelvin: float | None = None
+    row_shift: float | None = None
+
+
+@dataclass(frozen=True)
+class EmccdPixels:
+    """The chip's physics. All fields have the chip's or the document's figures by default.
+
+    gain: mean multiplication, 1 to 1000. kelvin: of the chip. tier: "exact" draws every stage
+    (40 us a pixel), "fast" one law for all. row_shift: s. pattern_seed: the device's. dark: e- /
+    (pixel s) at 20 degC. image_well, register_well: e-. read_noise: e- RMS at the output.
+    """
+
+    gain: float = 1.0
+    kelvin: float = chip.WORKING_KELVIN
+    tier: Literal["fast", "exact"] = "fast"
+    stages: int = chip.STAGES
+    row_shift: float = chip.ROW_SHIFT
+    pattern_seed: int = 1
+    quantum_efficiency: float = chip.QUANTUM_EFFICIENCY
+    dark: float = DARK_AT_20C
+    dsnu: float = DSNU_SHARE
+    prnu: float = chip.PRNU
+    clock_induced: float = chip.CLOCK_INDUCED
+    image_well: float = chip.IMAGE_WELL
+    register_well: float = chip.REGISTER_WELL
+    read_noise: float = chip.READ_NOISE
+    offset: float = chip.OFFSET
+    shape: tuple[int, int] = (chip.ROWS, chip.COLUMNS)
+    bits: int = chip.ADC_BITS
+    effects: dict[str, Effect] = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.gain >= 1:
+            raise ValueError(f"gain must be 1 or more, not {self.gain:g}")
+        if self.tier not in ("fast", "exact"):
+            raise ValueError(f"tier must be fast or exact, not {self.tier}")
+        object.__setattr__(self, "effects", emccd_effects(self._terms()))
+
+    @property
+    def step(self) -> float:
+        """Electrons of one DN at the output: the register's well meets full scale."""
+        return self.register_well / ((1 << self.bits) - 1 - self.offset)
+
+    @property
+    def responsivity(self) -> float:
+        """Photoelectrons in one lux second, 9.7e5."""
+        light = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
+        return light * self.quantum_efficiency
+
+    @property
+    def effective_read_noise(self) -> float:
+        """e- RMS at the pixel: what the amplifier adds, over the gain."""
+        return self.read_noise / self.gain
+
+    @property
+    def _lit_rows(self) -> int:
+        return self.shape[0] - 2 * chip.DARK_ROWS
+
+    def _terms(self) -> Terms:
+        return Terms(
+            gain=self.gain,
+            excess=excess_noise_squared(self.gain, self.stages),
+            dark=dark_current(self.kelvin, self.dark),
+            dsnu=self.dsnu,
+            prnu=self.prnu,
+            clock_induced=self.clock_induced,
+            smear=(self._lit_rows - 1) * self.row_shift,
+            read=self.read_noise,
+            step=self.step,
+            image_well=self.image_well,
+            register_well=self.register_well,
+        )
+
+    def _lit(self, rows: Exposed) -> npt.NDArray[np.bool_]:
+        """Which of the rows' pixels see light: all but the dark reference."""
+        height, width = self.shape
+        y = rows.first + np.arange(rows.lux_seconds.shape[0])
+        x = np.arange(width)
+        down = (y >= chip.DARK_ROWS) & (y < height - chip.DARK_ROWS)
+        across = (x >= chip.DARK_COLUMNS) & (x < width - chip.DARK_COLUMNS)
+        return down[:, None] & across
+
+    def _smear(self, photo: Values, rows: Exposed, row_shift: float) -> Values:
+        """Light that packets gather on their way: in the first transfer from the rows behind, in
+        the second from those before, so from every row but their own for one row shift. Rows that
+        are not given count as the mean of those that are."""
+        seconds = rows.seconds[:, None]
+        rate = np.divide(photo, seconds, out=np.zeros_like(photo), where=seconds > 0)
+        given = max(int(self._lit(rows).any(axis=1).sum()), 1)
+        total = rate.sum(axis=0) * (self._lit_rows / given)
+        return np.maximum(total - rate, 0.0) * row_shift
+
+    def _electrons(
+        self, rows: Exposed, numbers: npt.NDArray[np.int64], seed: int, kept: frozenset[str],
+        kelvin: float, row_shift: float,
+    ) -> Values:  # fmt: skip
+        """In the image wells and the storage below them, before multiplication."""
+        photo = np.where(self._lit(rows), rows.lux_seconds * self.responsivity, 0.0)
+        if "PRNU" in kept:
+            pattern = _pattern(int(numbers[0, 0]), numbers.size, _PRNU_KIND, self.pattern_seed)
+            pattern = pattern.reshape(photo.shape)
+            photo *= np.maximum(1.0 + self.prnu * pattern, 0.0)
+        if "smear" in kept:
+            photo += self._smear(photo, rows, row_shift)
+        if "shot noise" in kept:
+            photo = poisson(photo, numbers, rows.frame, seed, Stream.IMAGER_SHOT).astype(float)
+        if "dark current" in kept:
+            seconds = (rows.seconds + rows.waiting)[:, None]
+            dark = np.broadcast_to(dark_current(kelvin, self.dark) * seconds, photo.shape)
+            if "DSNU" in kept:
+                pattern = _pattern(int(numbers[0, 0]), numbers.size, _DSNU_KIND, self.pattern_seed)
+                pattern = pattern.reshape(photo.shape)
+                dark = dark * np.maximum(1.0 + self.dsnu * pattern, 0.0)
+            if "dark shot noise" in kept:
+                dark = poisson(dark, numbers, rows.frame, seed, Stream.IMAGER_DARK).astype(float)
+            photo += dark
+        if "image well overflow" in kept:
+            spill_columns(photo, self.image_well)
+        else:
+            np.minimum(photo, self.image_well, out=photo)
+        if "clock-induced charge" in kept:
+            mean = self.clock_induced
+            photo += poisson(mean, numbers, rows.frame, seed, Stream.IMAGER_CLOCKS)
+        return photo
+
+    def _multiplied(
+        self, held: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int,
+        kept: frozenset[str], gain: float,
+    ) -> Values:  # fmt: skip
+        if "multiplication noise" not in kept:
+            return held * gain
+        if self.tier == "fast":
+            return multiply(held, gain, numbers, frame, seed, self.stages)
+        # Fractions of an electron, which only light without shot noise has, get the mean gain.
+        whole = np.floor(held)
+        made = branch(whole, gain, numbers, frame, seed, self.stages)
+        return made + (held - whole) * gain
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
+        """(rows, W) DN; of an `EmccdExposed`, the rows of its window.
+
+        The rows given are neighbours on the chip and, where they overflow, share charge; those
+        read leave one after another by a register that was clear before the first.
+        """
+        height, width = rows.lux_seconds.shape
+        if width != self.shape[1] or rows.first < 0 or rows.first + height > self.shape[0]:
+            raise ValueError(f"rows must lie within {self.shape}, not {height} from {rows.first}")
+        special = rows if isinstance(rows, EmccdExposed) else None
+
+        def own(given: float | None, default: float) -> float:
+            return default if given is None else given
+
+        gain = own(special.gain if special else None, self.gain)
+        kelvin = own(special.kelvin if special else None, self.kelvin)
+        row_shift = own(special.row_shift if special else None, self.row_shift)
+        numbers = np.arange(rows.first * width, (rows.first + height) * width, dtype=np.int64)
+        numbers = numbers.reshape(height, width)
+        charge = self._electrons(rows, numbers, seed, kept, kelvin, row_shift)
+        if special and special.read is not None:
+            first, count = special.read
+            if first < 0 or count < 1 or first + count > height:
+                raise ValueError(f"window must lie within {height} rows, not {special.read}")
+            charge, numbers = charge[first : first + count], numbers[first : first + count]
+        charge = self._multiplied(charge, numbers, rows.frame, seed, kept, gain)
+        if "register overflow" in kept:
+            spill_lines(charge, self.register_well)
+        else:
+            np.minimum(charge, self.register_well, out=charge)
+        if "read noise" in kept:
+            charge += self.read_noise * normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
+        values = np.rint(charge / self.step + self.offset)
+        return np.clip(values, 0, (1 << self.bits) - 1).astype(np.uint16)
+
+    def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
+        """See `PixelModel`: with smear of an even picture, and read at once after its exposure.
+
+        m = E[electrons]; variance (F^2 g^2 m + read^2)/step^2 + 1/12.
+        """
+        terms = self._terms()
+        share = terms.smear / seconds if seconds > 0 else 0.0
+        electrons = lux_seconds * self.responsivity * (1.0 + share)
+        electrons += terms.dark * seconds + self.clock_induced
+        power = terms.excess * terms.gain**2 * electrons + self.read_noise**2
+        return (
+            self.offset + electrons * terms.gain / self.step,
+            power / self.step**2 + 1.0 / 12.0,
+        )
+
+    def summary(
+        self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
+    ) -> ImagerSummary:
+        """See `PixelModel`."""
+        low, high = (value * self.responsivity for value in lux_seconds)
+        return ImagerSummary(
+            darkest=low,
+            brightest=high,
+            threshold=self.image_well,
+            window=frames,
+            cycles=frames,
+            exposure=seconds,
+            kelvin=self.kelvin,
+            gain=(self.gain, self.gain),
+            step=self.step,
+        )
