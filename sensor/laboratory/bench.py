@@ -16,9 +16,14 @@ import numpy.typing as npt
 from cosim.radiometry import photons_per_lux
 from sensor.imagers import Exposed, PixelModel
 
-__all__ = ["Bench", "Stack", "take_levels"]
+__all__ = ["LEAST_VARIANCE", "Bench", "Stack", "take_levels"]
 
 Values = npt.NDArray[np.float64]
+
+
+LEAST_VARIANCE = 0.24
+"""DN^2 in the dark below which rounding hides the noise (EMVA 1288): 0.4^2 and 1/12."""
+DEAF = "these pixels must answer to light, and do not up to 1e15 photons"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +48,20 @@ class Stack:
 class Bench:
     """pixels: to be measured. area: of a pixel, square metres, that gathers light: quantum
     efficiency is stated relative to it. seconds: exposure time. dark_seconds: exposure times in the
-    dark, at least two. rows: that are read, from `first` on. levels: of light up to 70 % of
-    saturation. frames: at each. stack: frames in the dark and at half of saturation, where spatial
+    dark, at least two. rows: that are read, from `first` on. columns: of them that count, first and
+    number; all when None. levels: of light over the range
+    of the fit. frames: at each. stack: frames in the dark and at half of saturation, where spatial
     variances are taken. seed: of the temporal noise. kept: effects, all when None. start: number of
     the first frame.
+
+    linear: share of saturation up to which slopes are fitted, 0.7 in EMVA 1288. Where few electrons
+    fill the scale (an EBAPS at high voltage: some ten) the upper tail of their law is cut long
+    before the mean is full, and the share must be less.
+
+    bias: photons that also shine in the "dark". A camera without black level cuts what lies below
+    zero, and one of few bits rounds its noise away; light that lifts the value off zero and gives
+    it noise of its own heals both, and its known share is taken off again. None: as much as is
+    needed. 0 is EMVA 1288.
     """
 
     pixels: PixelModel
@@ -61,12 +76,17 @@ class Bench:
     seed: int = 1
     kept: frozenset[str] | None = None
     start: int = 0
+    columns: tuple[int, int] | None = None
+    bias: float | None = 0.0
+    linear: float = 0.7
     _taken: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         height, width = self.pixels.shape
-        if not 1 <= self.rows <= height - self.first or self.rows * width < 1000:
-            raise ValueError("a bench must read 1000 pixels or more, of rows that there are")
+        begin, count = self.columns or (0, width)
+        inside = 1 <= self.rows <= height - self.first and 0 <= begin <= width - count
+        if not inside or self.rows * count < 1000:
+            raise ValueError("a bench must read 1000 pixels or more, of those that there are")
         if len(set(self.dark_seconds)) < 2 or self.levels < 3 or min(self.frames, self.stack) < 2:
             raise ValueError("a bench needs 2 dark exposures, 3 levels and stacks of 2 frames")
         if not (self.area > 0 and self.seconds > 0):
@@ -83,7 +103,8 @@ class Bench:
         lux_seconds = photons / (self.area * photons_per_lux(555))
         light = np.full((self.rows, width), lux_seconds)
         every = frozenset(self.pixels.effects) if self.kept is None else self.kept
-        total = np.zeros((self.rows, width), np.int64)
+        begin, count = self.columns or (0, width)
+        total = np.zeros((self.rows, count), np.int64)
         squares = np.zeros_like(total)
         for _ in range(frames):
             exposed = Exposed(
@@ -91,11 +112,31 @@ class Bench:
                 self.start + self._taken,
             )  # fmt: skip
             self._taken += 1
-            values = self.pixels.convert(exposed, self.seed, every).astype(np.int64)
+            values = self.pixels.convert(exposed, self.seed, every)[:, begin : begin + count]
+            values = values.astype(np.int64)
             total += values
             squares += values**2
         variance = (squares - total**2 / frames) / (frames - 1)
         return Stack(photons, seconds, total / frames, variance, frames)
+
+    def dark(self, seconds: float) -> Stack:
+        """A long stack under the bias alone."""
+        if self.bias is None:
+            self.bias = self._find_bias()
+        return self.take(self.bias, seconds, self.stack)
+
+    def _find_bias(self) -> float:
+        """The least of 0, 1, 2, 4, ... photons under which hardly a value is 0 and noise spans
+        half a DN, before rounding."""
+        photons = 0.0
+        while photons < 1e15:
+            stack = self.take(photons, self.seconds, 8)
+            spread = float(stack.variance.mean())
+            low = float((stack.mean - 4 * np.sqrt(stack.variance) < 1).mean())
+            if low < 0.01 and spread > LEAST_VARIANCE + 1 / 12:
+                return photons
+            photons = max(1.0, 2 * photons)
+        raise ValueError(DEAF)
 
     def find_saturation(self) -> float:
         """Photons at which the mean comes within 2 % of where it stops growing."""
@@ -108,7 +149,7 @@ class Bench:
                 break
             photons, last = 4 * photons, value
         else:
-            raise ValueError("these pixels must answer to light, and do not up to 1e15 photons")
+            raise ValueError(DEAF)
         low, high, goal = photons / 64, photons, dark + 0.98 * (value - dark)
         for _ in range(9):
             middle = (low + high) / 2
@@ -124,7 +165,9 @@ _FINE = np.linspace(0.78, 1.12, 18)
 
 
 def take_levels(bench: Bench) -> Iterator[Stack]:
-    """Stacks under rising light: evenly to 70 % of saturation, then finely past it."""
+    """Stacks under rising light: evenly over the fit's range, then finely past saturation."""
     full = bench.find_saturation()
-    for share in (*(np.arange(1, bench.levels + 1) * 0.7 / bench.levels), *_FINE):
-        yield bench.take(float(share * full), bench.seconds, bench.frames)
+    bias = bench.bias or 0.0
+    straight = bias + np.arange(1, bench.levels + 1) * (bench.linear * full - bias) / bench.levels
+    for photons in (*straight, *(_FINE * full)):
+        yield bench.take(float(photons), bench.seconds, bench.frames)

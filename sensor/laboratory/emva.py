@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensor.dynamic_range import decibels
-from sensor.laboratory.bench import Bench, Stack
+from sensor.laboratory.bench import LEAST_VARIANCE, Bench, Stack
 from sensor.laboratory.estimate import Estimate, deviations
 from sensor.laboratory.transfer import PhotonTransfer, measure_transfer
 
@@ -28,9 +28,6 @@ LEVEL = 0.99
 """Of the confidence limits."""
 QUANTISATION = 1 / 12
 """DN^2 of rounding to whole DN."""
-LEAST_VARIANCE = 0.24
-"""DN^2 in the dark below which rounding hides the noise and its estimate is only an upper limit
-(EMVA 1288)."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ def _root(symbol: str, what: str, unit: str, squared: Estimate, scale: float = 1
 
 def _dark_current(bench: Bench) -> tuple[Estimate, Estimate]:
     """Slopes of mean and variance in the dark over exposure time: DN/s and DN^2/s."""
-    stacks = [bench.take(0, t, bench.stack) for t in bench.dark_seconds]
+    stacks = [bench.dark(t) for t in bench.dark_seconds]
     t = np.array(bench.dark_seconds)
     share = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
 
@@ -91,7 +88,7 @@ def _linearity(transfer: PhotonTransfer) -> Measured:
     hold for any correlation of the levels."""
     dark, end = transfer.dark, transfer.saturated_photons
     used = [s for s in transfer.levels if 0.05 * end <= s.photons <= 0.95 * end]
-    x = np.array([s.photons for s in used])
+    x = np.array([s.photons for s in used]) - dark.photons
     y = [Estimate.mean(s.mean - dark.mean) for s in used]
     weight = 1 / np.array([v.value for v in y]) ** 2
     middle = (weight * x).sum() / weight.sum()
@@ -114,13 +111,19 @@ def _linearity(transfer: PhotonTransfer) -> Measured:
     )
 
 
-def _patterns(half: Stack, dark: Stack, gain: Estimate) -> tuple[Measured, Measured]:
-    """DSNU and PRNU."""
+def _patterns(
+    half: Stack, dark: Stack, gain: Estimate, response: Estimate
+) -> tuple[Measured, Measured]:
+    """DSNU and PRNU. Under a bias, PRNU's share of it is in both stacks."""
     in_dark, in_light = Estimate.mean(dark.spatial), Estimate.mean(half.spatial)
-    signal = Estimate.mean(half.mean - dark.mean)
-    dsnu = _root("DSNU", "dark signal non-uniformity", "e", in_dark / (gain * gain))
-    prnu = (in_light - in_dark) / (signal * signal)
-    return dsnu, _root("PRNU", "photo response non-uniformity", "%", prnu, 100)
+    bias = response * dark.photons
+    signal = Estimate.mean(half.mean - dark.mean) + bias
+    prnu = (in_light - in_dark) / (signal * signal - bias * bias)
+    dsnu = (in_dark - prnu * bias * bias) / (gain * gain)
+    return (
+        _root("DSNU", "dark signal non-uniformity", "e", dsnu),
+        _root("PRNU", "photo response non-uniformity", "%", prnu, 100),
+    )
 
 
 def measure_camera(bench: Bench) -> Report:
@@ -129,9 +132,15 @@ def measure_camera(bench: Bench) -> Report:
     least_photons, snr_max, dynamic_range, linearity_error."""
     transfer = measure_transfer(bench)
     gain, response, dark = transfer.gain, transfer.responsivity, transfer.dark
-    noise = Estimate.mean(dark.variance)
+    measured = Estimate.mean(dark.variance)
+    # What the bias adds of shot noise is K times its signal.
+    noise = measured - gain * response * dark.photons
     notes = []
-    if noise.value < LEAST_VARIANCE:
+    if dark.photons:
+        notes.append(
+            f"a bias of {dark.photons:.4g} photons shone in the dark; its share is taken off"
+        )
+    elif noise.value < LEAST_VARIANCE:
         notes.append(
             f"noise in the dark is {noise.value:.2g} DN^2, below {LEAST_VARIANCE}: rounding hides "
             "it, and dark noise and least signal are upper limits"
@@ -140,9 +149,11 @@ def measure_camera(bench: Bench) -> Report:
     efficiency = response / gain
     rise, spread = _dark_current(bench)
     half = bench.take(transfer.saturated_photons / 2, bench.seconds, bench.stack)
-    dsnu, prnu = _patterns(half, dark, gain)
+    dsnu, prnu = _patterns(half, dark, gain, response)
     # sigma_d/K + 1/2 electrons, in photons; sigma_d with rounding in it.
-    root = noise.through(math.sqrt(noise.value), 0.5 / math.sqrt(noise.value))
+    # Rounding alone is 1/12, so nothing less can be meant.
+    deviation = math.sqrt(max(noise.value, QUANTISATION))
+    root = noise.through(deviation, 0.5 / deviation)
     least = (root / gain + 0.5) / efficiency
     full, (low, high) = transfer.saturated_photons, transfer.saturated_between
     few, many = efficiency.limits(LEVEL)

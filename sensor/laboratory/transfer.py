@@ -12,15 +12,11 @@ from sensor.laboratory.estimate import Estimate
 
 __all__ = ["PhotonTransfer", "measure_transfer", "slope_through_zero"]
 
-LINEAR = 0.7
-"""Share of saturation up to which slopes are fitted (EMVA 1288)."""
-
-
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """dark: the stack without light. levels: stacks under rising light, to past saturation.
+    """dark: the stack without light but for the bench's bias. levels: stacks under rising light, to past saturation.
     saturation: number of the level with the most variance. gain: K, DN an electron. responsivity:
-    DN a photon. bits: of a value."""
+    DN a photon. bits: of a value. linear: share of saturation that slopes are fitted to."""
 
     dark: Stack
     levels: tuple[Stack, ...]
@@ -28,6 +24,7 @@ class PhotonTransfer:
     gain: Estimate
     responsivity: Estimate
     bits: int
+    linear: float
 
     @property
     def saturated_photons(self) -> float:
@@ -43,7 +40,7 @@ class PhotonTransfer:
     @property
     def fitted(self) -> tuple[Stack, ...]:
         """Levels that slopes are fitted to."""
-        end = LINEAR * self.saturated_photons
+        end = self.linear * self.saturated_photons
         return tuple(level for level in self.levels if level.photons <= end)
 
     def curve(self) -> dict[str, list[float]]:
@@ -73,16 +70,16 @@ def slope_through_zero(x: list[Estimate], y: list[Estimate], weight: list[float]
 def measure_transfer(bench: Bench) -> PhotonTransfer:
     """Takes the frames and fits both slopes, each level weighted by the inverse of its variance:
     variances of variances go with their square, means with the variance itself."""
-    dark = bench.take(0, bench.seconds, bench.stack)
+    dark = bench.dark(bench.seconds)
     levels = tuple(take_levels(bench))
     noise = [float(s.variance.mean()) for s in levels]
     # Not the last level: its neighbour tells that the variance has turned.
     peak = int(np.argmax(noise[1:-1])) + 1
-    end = LINEAR * levels[peak].photons
+    end = bench.linear * levels[peak].photons
     used = [n for n, level in enumerate(levels) if level.photons <= end]
     mean = [Estimate.mean(levels[n].mean - dark.mean) for n in used]
     variance = [Estimate.mean(levels[n].variance - dark.variance) for n in used]
-    photons = [Estimate(levels[n].photons, np.zeros_like(dark.mean)) for n in used]
+    photons = [Estimate(levels[n].photons - dark.photons, np.zeros_like(dark.mean)) for n in used]
     gain = slope_through_zero(mean, variance, [1 / noise[n] ** 2 for n in used])
     response = slope_through_zero(photons, mean, [1 / noise[n] for n in used])
-    return PhotonTransfer(dark, levels, peak, gain, response, bench.pixels.bits)
+    return PhotonTransfer(dark, levels, peak, gain, response, bench.pixels.bits, bench.linear)

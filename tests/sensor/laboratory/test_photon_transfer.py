@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from cosim.radiometry import photons_per_lux
 from cosim.streams import Stream
 from sensor.imagers import Exposed, negative_binomial, poisson
 from sensor.laboratory import Bench, Estimate, LinearPixels, Report, measure_camera
@@ -100,7 +101,7 @@ def test_saturation_is_where_the_clipped_variance_turns() -> None:
     report = measure_camera(bench(pixels, pixels.area))
     photons = np.linspace(0.5, 1.3, 4000) * 1023 / 0.25 / 0.6
     mean, variance = np.array(
-        [pixels.mean_variance(p / pixels.area / 4.0920e15, SECONDS) for p in photons]
+        [pixels.mean_variance(p / pixels.area / photons_per_lux(555), SECONDS) for p in photons]
     ).T
     sigma = np.sqrt(variance)
     a = (1023 - mean) / sigma  # the part of a normal law below the clip
@@ -144,7 +145,7 @@ class Multiplied:
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> Any:
         numbers = np.arange(rows.lux_seconds.size, dtype=np.int64).reshape(rows.lux_seconds.shape)
-        light = rows.lux_seconds * self.area * 4.0920e15 * 0.8
+        light = rows.lux_seconds * self.area * photons_per_lux(555) * 0.8
         n = poisson(light + 20, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
         more = negative_binomial(n, self.times - 1, numbers, rows.frame, seed, Stream.IMAGER_GAIN)
         return np.minimum(np.rint(self.gain * (n + more)), 2**14 - 1).astype(np.uint16)
