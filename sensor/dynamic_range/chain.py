@@ -131,8 +131,10 @@ class Chain:
     def document(self) -> float:
         """The document's figure, dB."""
         before = self.sensitivity * self.noise + self.circuit
+        # Without noise before the converter alpha has no value; the formula has.
+        before = max(before, 1e-9 * self.converter.total_noise)
         return document_dynamic_range(
-            self.full_well * self.sensitivity, self.sensitivity, self.noise, self.circuit,
+            self.full_well * self.sensitivity, 1.0, 0.0, before,
             self.analog, self.digital, self.converter.total_noise / before,
         )  # fmt: skip
 

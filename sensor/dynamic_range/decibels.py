@@ -19,5 +19,5 @@ def as_ratio(db: float) -> float:
 
 def sensor_dynamic_range(saturation: float, noise: float) -> float:
     """A sensor's dynamic range, dB: saturation over noise, both in electrons (Wang et al., patent
-    of 2017, its first formula). 40 000 e over 25 e are 64.08 dB."""
-    return decibels(saturation / noise)
+    of 2017, its first formula). 40 000 e over 25 e are 64.08 dB; without noise it has no end."""
+    return decibels(saturation / noise) if noise > 0 else math.inf

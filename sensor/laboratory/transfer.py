@@ -12,11 +12,13 @@ from sensor.laboratory.estimate import Estimate
 
 __all__ = ["PhotonTransfer", "measure_transfer", "slope_through_zero"]
 
+
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """dark: the stack without light but for the bench's bias. levels: stacks under rising light, to past saturation.
-    saturation: number of the level with the most variance. gain: K, DN an electron. responsivity:
-    DN a photon. bits: of a value. linear: share of saturation that slopes are fitted to."""
+    """dark: the stack without light but for the bench's bias. levels: stacks under rising light, to
+    past saturation. saturation: number of the level with the most variance. gain: K, DN an
+    electron. responsivity: DN a photon. bits: of a value. linear: share of saturation that slopes
+    are fitted to."""
 
     dark: Stack
     levels: tuple[Stack, ...]
