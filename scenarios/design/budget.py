@@ -155,7 +155,7 @@ def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile
         raise first_fault(exc, BudgetFile, mend) from None
 
 
-Part = TypeVar("Part", SensorPart, ConverterPart)
+Part = TypeVar("Part", bound=SensorPart | ConverterPart)
 
 
 def _chosen(

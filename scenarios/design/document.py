@@ -60,8 +60,8 @@ def budget_document(
     """{title, rows, best, best_without_rule, constraints, swept, parts, units}. rows: every choice,
     the best first; best: the first that is within all limits, or null. best_without_rule: the best
     of those that the converter rule alone rules out, where it is better, else null: the derived
-    range has the converter's noise in it and needs no rule. measure: draw the best one's values, which
-    gives it `measured` {db, ci}, limits of 99 %."""
+    range has the converter's noise in it and needs no rule. measure: draw the best one's values,
+    which gives it `measured` {db, ci}, limits of 99 %."""
     judged = sweep(budget)
     rows = [_row(one, budget.rule) for one in judged]
     best = dict(rows[0]) if rows and rows[0]["allowed"] else None
@@ -91,6 +91,7 @@ def budget_document(
             "circuit_noise": list(budget.circuits), "analog_gain": list(budget.analogs),
             "digital_gain": list(budget.digitals),
         },
-        "parts": {p.name: p.source for p in (*budget.sensors, *budget.converters)},
+        "parts": {p.name: p.source for p in budget.sensors}
+        | {p.name: p.source for p in budget.converters},
         "units": UNITS,
     }  # fmt: skip

@@ -13,7 +13,7 @@ an EBAPS are to be read so.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -56,6 +56,10 @@ class Report:
 
     def __getitem__(self, name: str) -> Measured:
         return self.figures[name]
+
+    def rows(self) -> list[dict[str, str | float]]:
+        """For a table or a document: {name, symbol, what, unit, value, low, high}."""
+        return [{"name": name, **asdict(figure)} for name, figure in self.figures.items()]
 
 
 def _plain(symbol: str, what: str, unit: str, found: Estimate) -> Measured:

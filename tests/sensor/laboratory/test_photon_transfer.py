@@ -116,6 +116,8 @@ def test_saturation_is_where_the_clipped_variance_turns() -> None:
     decibel = 20 * math.log10(true / truths(pixels)["least_photons"])
     assert report["dynamic_range"].holds(decibel)
     electrons = report["saturation_electrons"]
+    row = next(r for r in report.rows() if r["name"] == "saturation_photons")
+    assert row["symbol"] == "mu_p.sat" and row["low"] < row["value"] < row["high"]
     assert electrons.value == pytest.approx(report["quantum_efficiency"].value * sat.value)
 
 
