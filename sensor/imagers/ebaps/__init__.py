@@ -1,4 +1,4 @@
-"""EBAPS: photocathode, electron bombardment and the silicon behind, from light to 16-bit numbers."""
+"""EBAPS: photocathode, electron bombardment and the silicon behind it, from light to numbers."""
 
 from sensor.imagers.ebaps.brightness import brightness, brightness_constant, wanted_exposure
 from sensor.imagers.ebaps.contrast import (

@@ -12,7 +12,7 @@ from typing import Any
 from sensor.imagers.ebaps.silicon import Silicon
 from sensor.imagers.ebaps.tube import Tube
 
-__all__ = ["EMISSION", "Budget", "Part", "QUANTUM"]
+__all__ = ["EMISSION", "QUANTUM", "Budget", "Part"]
 
 QUANTUM = 1 / 12
 """Variance of rounding to whole DN, DN^2."""

@@ -18,7 +18,7 @@ all of it. Clipping of the scale is left out, so the figure holds while the loop
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from cosim.lens import Lens
@@ -43,7 +43,7 @@ class Chart:
     bright: float = 0.8
     dark: float = 0.2
     width: float = 6.0
-    lens: Lens = Lens(1.4)
+    lens: Lens = field(default_factory=lambda: Lens(1.4))
 
     @property
     def plane(self) -> tuple[float, float]:
@@ -69,8 +69,7 @@ def _left(pixels: EbapsPixels, chart: Chart) -> float:
     edges = 1.0
     for length in (chart.width, ASPECT * chart.width):
         edges *= max(0.0, 1 - 2 * across / length)
-    stays = edges * (1 - pixels.tube.halo)
-    return stays
+    return edges * (1 - pixels.tube.halo)
 
 
 def contrast_to_noise(pixels: EbapsPixels, chart: Chart, seconds: float, darks: int = 4) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["landing", "halo"]
+__all__ = ["halo", "landing"]
 
 Values = npt.NDArray[np.float64]
 _STEP = 4

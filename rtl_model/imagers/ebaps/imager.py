@@ -1,0 +1,185 @@
+"""The whole EBAPS imager: pixels behind the sequencer, frames through the board's memory."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError
+from cosim.frames import Frame
+from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
+from rtl_model.imagers.ebaps.regions import LIVE, FrameMemory, PlainMemory
+from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
+from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.imagers.trace import Record, Signal, write_trace
+from sensor.imagers import Exposed, Scenery
+from sensor.imagers.ebaps import EbapsPixels
+
+__all__ = ["SIGNALS", "TRACED", "Ebaps"]
+
+Image = npt.NDArray[np.uint16]
+SIGNALS = (Signal("vsync"), Signal("read"), Signal("key"), Signal("exposure_ns", 26))
+"""Of a trace: VSYNC, rows being read, KEY as the frame took it, exposure as it took it."""
+TRACED = 8
+"""Frames in a trace."""
+
+
+class Ebaps:
+    """See `Imager`. pixels: of any size up to the timing's; smaller ones are the array's upper left
+    corner, at its row times, and the mean is theirs alone. memory: where frames are stored.
+
+    A dark frame (KEY = 1) is delivered as it was read; a live one with the mean of four darks taken
+    away once four are stored. A frame's `state` has, besides its exposure and voltage, the mean,
+    `raw_mean`, and what the loop says of it.
+    """
+
+    name = "ebaps"
+
+    def __init__(
+        self, pixels: EbapsPixels | None = None, *, memory: FrameMemory | None = None,
+        timing: Timing | None = None,
+    ) -> None:  # fmt: skip
+        self.pixels = EbapsPixels() if pixels is None else pixels
+        self.timing = Timing() if timing is None else timing
+        height, width = self.pixels.shape
+        if height > self.timing.rows or width > self.timing.columns:
+            raise ValueError(f"pixels must fit {self.timing.rows} x {self.timing.columns}")
+        self.memory: FrameMemory = PlainMemory() if memory is None else memory
+        self.sequencer = Sequencer(self._expose, self.timing)
+        self.now = 0
+        self._writes: list[tuple[int, int, str, int]] = []
+        self._order = 0
+        self._at: dict[int, EbapsPixels] = {}
+        self._shown: Image | None = None
+        self._raw_mean = 0.0
+        self._film: tuple[Scenery, int, frozenset[str]] | None = None
+
+    def write(self, register: str, value: int, at: int | None = None) -> None:
+        """See `Imager`. Bits beyond a register's width are dropped, as on the bus."""
+        entry = self.sequencer.registers.table.get(register)
+        if entry is None or entry.mode == "ro":
+            names = [e.name for e in self.sequencer.registers.design.own if e.mode != "ro"]
+            raise InputError(
+                "an EBAPS register", "one that can be written", repr(register),
+                f"write {', '.join(names)}",
+            )  # fmt: skip
+        when = self.now if at is None else at
+        if when < self.now:
+            raise InputError(
+                f"a write to {register}", f"at {self.now} ps or later", f"{when} ps",
+                "write it before that time is simulated",
+            )  # fmt: skip
+        if when == self.now:
+            self._until(when)
+            self.sequencer.registers.write(register, value)
+            return
+        self._order += 1
+        heapq.heappush(self._writes, (when, self._order, register, value))
+
+    def read(self, register: str) -> int:
+        """See `Imager`."""
+        if register not in self.sequencer.registers.table:
+            names = ", ".join(e.name for e in self.sequencer.registers.design.own)
+            raise InputError("an EBAPS register", "one it has", repr(register), f"read {names}")
+        return self.sequencer.registers.read(register)
+
+    def store_darks(self, at: int | None = None) -> None:
+        """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
+        when = self.now if at is None else at
+        self.write("ebaps_key", 1, when)
+        period = self.timing.ps(self.timing.vsync(DARKS))
+        self.write("ebaps_key", 0, when + period)
+
+    def film(
+        self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
+        trace: Path | None = None,
+    ) -> Iterator[Frame]:  # fmt: skip
+        """See `Imager`. The trace shows the first `TRACED` frames that are delivered."""
+        self._film = (scene, seed, kept)
+        records: list[Record] = []
+        traced = 0
+        while True:
+            clock = self.sequencer.next_event()
+            instant = self.timing.ps(clock)
+            if instant > until:
+                break
+            self._until(instant)
+            self.now = max(self.now, instant)
+            shot = self.sequencer.step()
+            if shot is None:
+                continue
+            if trace is not None and traced < TRACED:
+                records += self._records(shot)
+                traced += 1
+            yield self._frame(shot, instant)
+        self._until(until)
+        self.now = max(self.now, until)
+        if trace is not None:
+            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r.ps), top="ebaps")
+
+    def _until(self, instant: int) -> None:
+        """Writes that are due by then; one at the instant of a VSYNC comes before it."""
+        while self._writes and self._writes[0][0] <= instant:
+            _, _, register, value = heapq.heappop(self._writes)
+            self.sequencer.registers.write(register, value)
+
+    def _model(self, volts: int) -> EbapsPixels:
+        if volts not in self._at:
+            self._at[volts] = self.pixels.at(volts=float(volts))
+        return self._at[volts]
+
+    def _expose(self, shot: Shot) -> Read:
+        """Pixels of a frame whose last row has been read, through the memory."""
+        assert self._film is not None
+        scene, seed, kept = self._film
+        height, width = self.pixels.shape
+        begin, end = self.timing.row_times(shot.number, shot.exposure, height)
+        dark = np.zeros((height, width))
+        light = dark if shot.closed else scene.lux_seconds(0, begin, end)
+        seconds = (end - begin) / 1e12
+        exposed = Exposed(light, seconds, np.zeros(height), 0, shot.number)
+        values = self._model(shot.volts).convert(exposed, seed, kept)
+        self.memory.store(shot.region, values)
+        raw = int(values.sum(dtype=np.int64))
+        self._raw_mean = raw / values.size
+        shown = values
+        if not shot.key and self.sequencer.subtracts():
+            darks = [self.memory.read(n) for n in range(DARKS)]
+            shown = subtract(self.memory.read(LIVE), mean_of_four(darks), self.sequencer.pedestal())
+        self._shown = shown
+        return Read(raw, int(shown.sum(dtype=np.int64)), values.size)
+
+    def _frame(self, shot: Shot, instant: int) -> Frame:
+        assert self._shown is not None
+        begin, end = self.timing.row_times(shot.number, shot.exposure, self.pixels.shape[0])
+        sequencer = self.sequencer
+        status = sequencer.status
+        state = {
+            "exposure_ns": float(shot.exposure),
+            "mean": float(self._shown.mean(dtype=np.float64)),
+            "raw_mean": self._raw_mean,
+            "settled": float(status & 1),
+            "too_dark": float(status >> 1 & 1),
+            "too_bright": float(status >> 2 & 1),
+            "key": float(shot.key),
+            "high_voltage": float(shot.volts),
+            "dark_exposure_ns": float(sequencer.dark_exposure),
+            "next_exposure_ns": float(sequencer.registers.read("ebaps_exposure")),
+        }
+        return Frame(self._shown, self.pixels.bits, shot.number, begin, end, instant, state)
+
+    def _records(self, shot: Shot) -> list[Record]:
+        t, n = self.timing, shot.number
+        rise, fall = t.ps(t.rise(n, shot.exposure)), t.ps(t.vsync(n + 1))
+        return [
+            Record(t.ps(t.vsync(n)), "exposure_ns", shot.exposure),
+            Record(t.ps(t.vsync(n)), "key", int(shot.key)),
+            Record(rise, "vsync", 1),
+            Record(fall, "vsync", 0),
+            Record(fall, "read", 1),
+            Record(t.ps(t.ready(n)), "read", 0),
+        ]

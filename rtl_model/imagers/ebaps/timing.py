@@ -1,0 +1,89 @@
+"""When rows of an EBAPS are exposed and read, in clocks of 40 MHz, pixels aside.
+
+VSYNC falls every thirtieth of a second, on the pixel clock's nearest edge before it. It rises
+again as long before its next fall as the exposure is to last: its duty is the exposure. At its rise
+the rows begin to be reset, one every 1280 clocks, and at its fall they begin to be read at the same
+pace: a rolling shutter. So frame k exposes in period k, is read in period k + 1, and its mean is
+known 32.768 ms into it: 0.57 ms before frame k + 2 begins, but after frame k + 1 has begun (unless
+its exposure were below 0.57 ms, and 1 ms is the shortest). What frame k says can change frame k + 2
+at the earliest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS
+
+__all__ = ["CLOCK_HZ", "FRAME_RATE", "Timing"]
+
+CLOCK_HZ = 40_000_000
+"""Pixel clock, Hz: document 002, section 3.1 (the chip may go up to 80 MHz)."""
+FRAME_RATE = 30
+"""Frames a second: document 002, abstract and section 1."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """columns, rows: read in a frame. clock_hz: of the pixel clock. rate: frames a second."""
+
+    columns: int = 1280
+    rows: int = 1024
+    clock_hz: int = CLOCK_HZ
+    rate: int = FRAME_RATE
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows, self.clock_hz, self.rate) <= 0:
+            raise ValueError("columns, rows, clock and rate must be above 0")
+        if self.columns * self.rows * self.rate > self.clock_hz:
+            raise ValueError("a frame must be read within its period")
+
+    @property
+    def readout_clocks(self) -> int:
+        """Of all rows, without blanking."""
+        return self.columns * self.rows
+
+    @property
+    def longest_exposure(self) -> int:
+        """T_max = m n / f, ns, rounded down: 32 768 000 as printed."""
+        return self.readout_clocks * 10**9 // self.clock_hz
+
+    @property
+    def blanking(self) -> float:
+        """Share of a period in which nothing is read: 1.7 % at 30 frames/s and 40 MHz."""
+        return 1 - self.readout_clocks * self.rate / self.clock_hz
+
+    def vsync(self, frame: int) -> int:
+        """Clock at which VSYNC falls and period `frame` begins."""
+        return frame * self.clock_hz // self.rate
+
+    def exposure_clocks(self, nanoseconds: int) -> int:
+        """Whole clocks of an exposure, rounded down, no longer than the period allows."""
+        clocks = nanoseconds * self.clock_hz // 10**9
+        return min(max(clocks, 0), self.clock_hz // self.rate)
+
+    def rise(self, frame: int, exposure: int) -> int:
+        """Clock at which VSYNC rises in a period: the first row's exposure begins. exposure: ns."""
+        return self.vsync(frame + 1) - self.exposure_clocks(exposure)
+
+    def ready(self, frame: int) -> int:
+        """Clock at which a frame's last pixel has been read."""
+        return self.vsync(frame + 1) + self.readout_clocks
+
+    def ps(self, clock: int) -> int:
+        """Instant of a clock's edge."""
+        return clock * PS // self.clock_hz
+
+    def row_times(
+        self, frame: int, exposure: int, rows: int
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """(rows,) ps each: begin and end of the exposure of a frame's first rows."""
+        steps = range(0, rows * self.columns, self.columns)
+        begin, end = self.rise(frame, exposure), self.vsync(frame + 1)
+        return (
+            np.array([self.ps(begin + s) for s in steps], np.int64),
+            np.array([self.ps(end + s) for s in steps], np.int64),
+        )
