@@ -21,4 +21,4 @@ def machine_of(scenario: ImagerScenario) -> Machine:
         return EbapsMachine(section)
     from scenarios.imagers.emccd import EmccdMachine
 
-    return EmccdMachine(section)
+    return EmccdMachine(section, scenario.duration)

@@ -85,6 +85,9 @@ class EbapsSection(Section):
     darks: bool = Field(
         default=True, description="the mean of four dark frames at the live exposure is subtracted"
     )
+    pedestal: Annotated[int, Field(ge=0, le=65535)] = Field(
+        default=0, description="DN added to the difference, which is cut at 0"
+    )
     temperature: Temperature = 27.0
     device_seed: Device = 1
     writes: Writes = ()
@@ -123,8 +126,8 @@ class EmccdSection(Section):
         for wrong, must in (
             (self.gain is not None and self.gain_step is not None, "with gain or gain_step alone"),
             (self.first_row + self.rows > 512, "with a window within its 512 rows"),
-            (self.sync == "external" and pulses != 1, "with either pulses or pulse_rate"),
-            (self.sync == "internal" and pulses, "without pulses where sync is internal"),
+            (self.sync == "external" and not pulses, "with pulses or pulse_rate to wait for"),
+            (pulses > 1, "with either pulses or pulse_rate"),
             (list(self.pulses) != sorted(self.pulses), "with pulses in order of time"),
         ):
             if wrong:
