@@ -1,5 +1,6 @@
 """The adaptive-exposure CMOS sensor: statistics, decision, double reset counters, registers."""
 
+from rtl_model.imagers.adaptive.controller import Controller
 from rtl_model.imagers.adaptive.decision import (
     HALF_SCALE,
     LONGEST,
@@ -12,7 +13,32 @@ from rtl_model.imagers.adaptive.decision import (
     shortened,
 )
 from rtl_model.imagers.adaptive.imager import AdaptiveExposure
-from rtl_model.imagers.adaptive.registers import REGISTERS, parameters
+from rtl_model.imagers.adaptive.latency import Latency, latency
+from rtl_model.imagers.adaptive.loop import (
+    Rule,
+    Seen,
+    follow,
+    from_judged,
+    from_register,
+    light_for,
+    recovery,
+    search_path,
+    settled,
+    shortest_exposure,
+    unlimited,
+    worst_search,
+)
+from rtl_model.imagers.adaptive.registers import DEFAULT_LONGEST, DESIGN, REGISTERS, design_of
+from rtl_model.imagers.adaptive.response import (
+    Point,
+    brightest_lux,
+    combined_response,
+    darkest_lux,
+    exponential_deviation,
+    half_scale_lux,
+    light_range_db,
+    longest_exposure,
+)
 from rtl_model.imagers.adaptive.sequencer import (
     Sequencer,
     actual_exposures,
@@ -30,6 +56,8 @@ from rtl_model.imagers.adaptive.timing import (
 
 __all__ = [
     "CLOCK_HZ",
+    "DEFAULT_LONGEST",
+    "DESIGN",
     "FRAME_RATE",
     "HALF_SCALE",
     "LONGEST",
@@ -38,19 +66,42 @@ __all__ = [
     "PRINTED_MULTIPLIER_BITS",
     "REGISTERS",
     "AdaptiveExposure",
+    "Controller",
     "Decision",
     "FrameTiming",
+    "Latency",
+    "Point",
+    "Rule",
     "Search",
+    "Seen",
     "Sequencer",
     "Statistics",
     "Timing",
     "Window",
     "actual_exposures",
+    "brightest_lux",
+    "combined_response",
+    "darkest_lux",
     "decide",
+    "design_of",
     "disturbed",
+    "exponential_deviation",
+    "follow",
     "frames_of",
+    "from_judged",
+    "from_register",
     "gather",
+    "half_scale_lux",
+    "latency",
     "lengthening",
-    "parameters",
+    "light_for",
+    "light_range_db",
+    "longest_exposure",
+    "recovery",
+    "search_path",
+    "settled",
     "shortened",
+    "shortest_exposure",
+    "unlimited",
+    "worst_search",
 ]

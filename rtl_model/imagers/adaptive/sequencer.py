@@ -19,11 +19,11 @@ __all__ = ["Sequencer", "actual_exposures", "disturbed", "frames_of"]
 
 
 class Sequencer:
-    """Clock 0 is power-on; frame 0's hold begins there. step() makes the next frame."""
+    """step() makes the next frame. origin: clock of power-on, where frame 0's hold begins."""
 
-    def __init__(self, timing: Timing) -> None:
+    def __init__(self, timing: Timing, origin: int = 0) -> None:
         self.timing = timing
-        self._number, self._vout, self._counter = 0, 0, 1
+        self._number, self._vout, self._counter = 0, origin, 1
         self._exposure: int | None = None
 
     def step(self, exposure: int) -> FrameTiming:

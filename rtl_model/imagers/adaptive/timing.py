@@ -61,8 +61,9 @@ class Timing:
                 raise ValueError(
                     f"{name} must be work cycles of {self.cycle} clocks, not {getattr(self, name)}"
                 )
-        if self.out_cycles + 1 >= self.line // self.cycle or self.turn >= self.line:
-            raise ValueError(f"line must hold {self.out_cycles + 2} work cycles, not {self.line}")
+        needed = self.turn + (self.out_cycles + 2) * self.cycle
+        if self.line < needed:
+            raise ValueError(f"line must be {needed} clocks or more, not {self.line}")
         if self.frame < self.rows * self.line + self.cycle:
             raise ValueError(f"frame must hold {self.rows} lines and a cycle, not {self.frame}")
 
@@ -76,9 +77,9 @@ class Timing:
         line = (frame - 1) // max(rows, 1)
         if line & (line - 1) == 0:
             line -= 1
-        if line < 4:
-            raise ValueError(f"frame_rate must leave {rows} lines 4 us each, not {frame_rate:g}")
-        lanes = -(-columns // ((line - 3) * (cycle // 2)))
+        if line < 5:
+            raise ValueError(f"frame_rate must leave {rows} lines 5 us each, not {frame_rate:g}")
+        lanes = -(-columns // ((line - 4) * (cycle // 2)))
         return cls(rows, columns, line * cycle, frame * cycle, cycle, lanes=lanes)
 
     @property
@@ -87,15 +88,21 @@ class Timing:
         return self.cycle // 2
 
     @property
+    def out_steps(self) -> int:
+        """Steps of the column counter in a row: made even, for its Gray code."""
+        steps = -(-self.columns // self.lanes)
+        return steps + steps % 2
+
+    @property
     def out_cycles(self) -> int:
-        """Work cycles in which a row's pixels leave."""
-        return -(-self.columns // (self.work * self.lanes))
+        """Work cycles in which a row's pixels leave, after its own readout (`turn`)."""
+        return -(-self.out_steps // self.work)
 
     @property
     def deciding(self) -> int:
         """Clocks from Vout to the end of the exposure selection: after the last row's pixels have
         left, one work cycle."""
-        return (self.rows - 1) * self.line + (self.out_cycles + 1) * self.cycle
+        return (self.rows - 1) * self.line + self.turn + (self.out_cycles + 1) * self.cycle
 
     def period(self, exposure: int) -> int:
         """Clocks from one Vout to the next when the rows are exposed so many clocks for it."""
