@@ -5,9 +5,9 @@ Nothing here knows what stands behind a port: a board, its Verilog in a simulato
 
 from rtl_model.host import capture, pattern, prbs
 from rtl_model.host.baud import TOLERANCE_PERCENT, BaudReport, find_baud
-from rtl_model.host.board import Board, BoardInfo
+from rtl_model.host.board import Board, BoardInfo, ImagerInfo, recognised
 from rtl_model.host.capture import Captured
-from rtl_model.host.csr import CsrMap, CsrRegister, MemoryRegion, default_map, read_csr
+from rtl_model.host.csr import CsrMap, CsrRegister, MemoryRegion, default_map, imager_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import Recorder
 from rtl_model.host.ports import Port, SerialPort, open_port, ports_here
@@ -25,6 +25,7 @@ __all__ = [
     "Cause",
     "CsrMap",
     "CsrRegister",
+    "ImagerInfo",
     "LineFault",
     "MemoryRegion",
     "Port",
@@ -36,9 +37,11 @@ __all__ = [
     "capture",
     "default_map",
     "find_baud",
+    "imager_map",
     "open_port",
     "pattern",
     "ports_here",
     "prbs",
     "read_csr",
+    "recognised",
 ]

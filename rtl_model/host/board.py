@@ -8,14 +8,16 @@ from typing import NamedTuple
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.host.csr import CsrMap, CsrRegister, default_map
+from rtl_model.host.csr import CsrMap, CsrRegister, default_map, imager_map
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.uartbone import Uartbone
-from rtl_model.registers import MAGIC, REGISTERS, VERSION
+from rtl_model.imagers.catalogue import by_number
+from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
+from rtl_model.registers import MAGIC, VERSION
 
-__all__ = ["Board", "BoardInfo"]
+__all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]
 
-_TABLE = {register.name: register for register in REGISTERS}
+_HEAD = {register.name: register.address for register in HEAD}
 _IDENTIFIER_WORDS = 256  # longest that LiteX makes
 _IDENTIFIER_BLOCK = 16
 _CLAMPED = {"capture_pointer"}  # reads otherwise than written where that lay beyond the end
@@ -44,11 +46,37 @@ class BoardInfo(NamedTuple):
         )  # fmt: skip
 
 
+class ImagerInfo(NamedTuple):
+    """What a conventional imager of ours says of itself."""
+
+    imager: str
+    rows: int
+    columns: int
+    clock_hz: int
+    version: int
+    build: int
+    baud: int
+
+
+def recognised(bone: Uartbone) -> CsrMap:
+    """Returns the map of what answers, told by its first register: an imager of ours, else our own
+    board's, whatever it is. LineFault NOT_OURS for an imager that this program does not know."""
+    if bone.read_twice(_HEAD["ctrl_magic"])[0] != IMAGER_MAGIC:
+        return default_map()
+    number = bone.read_twice(_HEAD["ctrl_imager"])[0]
+    name = by_number(number)
+    if name is None:
+        raise LineFault(
+            Cause.NOT_OURS, f"the board is imager {number}, which this program does not know"
+        )
+    return imager_map(name)
+
+
 class Board:
     """Registers behind a bone.
 
     csr: the design's map; None is that of our own board.
-    verify: whether writes are checked by the counters; None: where the map has them.
+    verify: whether writes are checked by the counters; None: where the design is ours.
     """
 
     def __init__(
@@ -56,14 +84,14 @@ class Board:
     ) -> None:
         self.bone = bone
         self.csr = default_map() if csr is None else csr
-        self.verify = self.csr.ours if verify is None else verify
+        self.verify = bool(self.csr.table) if verify is None else verify
         self._written: tuple[int, int] | None = None  # count and CRC-32 of words written
 
     def read(self, name: str) -> int:
         """Returns a register as one reading gives it. Sent again after a fault only where reading
         has no effect, which is known of our own registers alone."""
         register = self.csr.register(name)
-        known = _TABLE.get(name) if self.csr.ours else None
+        known = self.csr.table.get(name)
         harmless = known is not None and not known.read_effect
         return self._join(self._words(register, harmless))
 
@@ -71,7 +99,8 @@ class Board:
         """Returns a register that stands still, read until two readings in a row are the same.
         InputError for one that changes by being read."""
         register = self.csr.register(name)
-        if self.csr.ours and name in _TABLE and _TABLE[name].read_effect:
+        known = self.csr.table.get(name)
+        if known is not None and known.read_effect:
             raise InputError(
                 "a register read twice", "one that reading leaves alone", name, "read it once"
             )
@@ -87,7 +116,7 @@ class Board:
         InputError for a register that is only read or a value that does not fit.
         """
         register = self.csr.register(name)
-        known = _TABLE.get(name) if self.csr.ours else None
+        known = self.csr.table.get(name)
         width = known.width if known is not None else register.words * self.csr.data_width
         mode = known.mode if known is not None else register.mode
         if mode == "ro":
@@ -150,7 +179,7 @@ class Board:
         base, text = self.csr.base("identifier_mem"), ""
         while len(text) < _IDENTIFIER_WORDS:
             # Beyond the NUL our board counts an error of the bus, so there it goes word by word.
-            block = 1 if text and self.csr.ours else _IDENTIFIER_BLOCK
+            block = 1 if text and self.csr.table else _IDENTIFIER_BLOCK
             for value in self.bone.read_twice(base + 4 * len(text), block):
                 if value & 0xFF == 0:
                     return text
@@ -172,20 +201,40 @@ class Board:
                 f"the board's register map is version {version >> 16}.{version & 0xFFFF}, "
                 f"this program knows {VERSION >> 16}",
             )
-        size = self.read_twice("ctrl_geometry")
-        clock_hz = self.read_twice("ctrl_clock_hz")
-        bit = max(1, self.read_twice("uart_bit_clocks"))
+        rows, columns, clock_hz, baud = self._head()
         return BoardInfo(
-            rows=size >> 16,
-            columns=size & 0xFFFF,
+            rows=rows,
+            columns=columns,
             lanes=self.read_twice("ctrl_lanes"),
             clock_hz=clock_hz,
             version=version,
             build=self.read_twice("ctrl_build"),
             capture_words=self.read_twice("capture_size"),
             sink_words=self.read_twice("sink_size"),
-            baud=(clock_hz + bit // 2) // bit,
+            baud=baud,
         )
+
+    def imager_info(self) -> ImagerInfo:
+        """Returns what the imager is whose map this board has. LineFault NOT_OURS where another
+        design, or another version of ours, is behind the line."""
+        magic, version = self.read_twice("ctrl_magic"), self.read_twice("ctrl_version")
+        name = by_number(self.read_twice("ctrl_imager")) if magic == IMAGER_MAGIC else None
+        if name is None or name != self.csr.imager or version >> 16 != IMAGER_VERSION >> 16:
+            raise LineFault(
+                Cause.NOT_OURS,
+                f"what answers is {name or f'{magic:#010x}'}, version {version >> 16}, "
+                f"not {self.csr.imager}, version {IMAGER_VERSION >> 16}",
+            )
+        rows, columns, clock_hz, baud = self._head()
+        build = self.read_twice("ctrl_build")
+        return ImagerInfo(name, rows, columns, clock_hz, version, build, baud)
+
+    def _head(self) -> tuple[int, int, int, int]:
+        """Rows, columns, Hz of the clock, baud that the board takes itself to have."""
+        size = self.read_twice("ctrl_geometry")
+        clock_hz = self.read_twice("ctrl_clock_hz")
+        bit = max(1, self.read_twice("uart_bit_clocks"))
+        return size >> 16, size & 0xFFFF, clock_hz, (clock_hz + bit // 2) // bit
 
     def _words(self, register: CsrRegister, harmless: bool) -> list[int]:
         if self.csr.stride == 4:

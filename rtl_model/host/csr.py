@@ -8,18 +8,25 @@ comment, other rows are ignored. A register of several words has its most signif
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.registers import REGISTERS, csr_csv
+from rtl_model.imagers.catalogue import IMAGERS, design
+from rtl_model.imagers.registers import CONSTANT
+from rtl_model.registers import REGISTERS, Register, csr_csv
 
-__all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "read_csr"]
+__all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "imager_map", "read_csr"]
 
 _MODES = ("ro", "rw", "wo")
 _TOP = 1 << 32
 _WORDS_MAX = 1 << 10  # of a register; LiteX's longest are some tens
+
+
+_NOTHING: Mapping[str, Register] = MappingProxyType({})
 
 
 class CsrRegister(NamedTuple):
@@ -41,7 +48,8 @@ class MemoryRegion(NamedTuple):
 class CsrMap(NamedTuple):
     """What a `csr.csv` says. `data_width` bits of a register stand in each of its words (LiteX's
     config_csr_data_width, 8 or 32), which are `stride` bytes apart; `ours`: every register of our
-    own table is there."""
+    own board's table is there; `imager`: the kind of imager of ours that it is. `table`: what is
+    known of each register beyond the file, where the design is one of ours."""
 
     registers: dict[str, CsrRegister]
     constants: dict[str, int | str]
@@ -50,6 +58,8 @@ class CsrMap(NamedTuple):
     data_width: int
     stride: int
     ours: bool
+    imager: str | None = None
+    table: Mapping[str, Register] = _NOTHING
 
     def register(self, name: str) -> CsrRegister:
         """Returns a register, or InputError that names what is like it."""
@@ -80,6 +90,11 @@ class CsrMap(NamedTuple):
 def default_map(geometry: Geometry | None = None) -> CsrMap:
     """Returns the map of our own board; sizes of memories are those of `geometry`."""
     return _parse("our own table", csr_csv(geometry or Geometry()))
+
+
+def imager_map(name: str) -> CsrMap:
+    """Returns the map of a conventional imager by its kind's name; InputError for none."""
+    return _parse("our own table", design(name).csr_csv())
 
 
 def read_csr(path: Path) -> CsrMap:
@@ -142,7 +157,15 @@ def _parse(name: str, text: str) -> CsrMap:
             f"config_csr_alignment of {name}", "32 or 64", repr(alignment), "mend the file"
         )
     ours = {entry.name for entry in REGISTERS} <= registers.keys()
-    return CsrMap(registers, constants, bases, memories, int(width), int(alignment) // 8, ours)
+    table = {entry.name: entry for entry in REGISTERS} if ours else {}
+    imager = constants.get(CONSTANT)
+    if not ours and isinstance(imager, str) and imager in IMAGERS:
+        table = {entry.name: entry for entry in design(imager).registers}
+    fitting = bool(table) and table.keys() <= registers.keys()
+    return CsrMap(
+        registers, constants, bases, memories, int(width), int(alignment) // 8, ours,
+        str(imager) if fitting and not ours else None, table if fitting else _NOTHING,
+    )  # fmt: skip
 
 
 def _row(place: str, line: str) -> list[str]:

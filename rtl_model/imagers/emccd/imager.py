@@ -33,8 +33,8 @@ _SYNC = Signal("sync_in")
 
 class Emccd:
     """An `Imager`. pixels: its chip. timing: of its sequencer. high_voltage: gain of each step.
-    pulses: instants of external sync, ps, each seen at the first edge not before it. cooler: the
-    chip's temperature at each frame; the pixels' own when None.
+    pulses: instants of external sync, ps, each seen at the first edge not before it. cooler: gives
+    the chip's temperature at each frame, from where it stands; the pixels' own when None.
 
     Register names may leave out the `emccd_`.
     """
@@ -56,6 +56,8 @@ class Emccd:
             raise ValueError(f"timing must be for {self.pixels.shape} pixels, not {self.timing}")
         self.high_voltage = high_voltage or HighVoltage(stages=self.pixels.stages)
         self.cooler = cooler
+        # A cooler that has run before goes on from there.
+        self._cooled = 0 if cooler is None else cooler.samples * cooler.settings.sample
         self._clock = self.timing.clock
         self._pulses = [self._edge(ps) for ps in pulses]
         self._waiting: list[tuple[int, int, str, int]] = []  # (edge, order, register, value)
@@ -70,8 +72,8 @@ class Emccd:
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
         """See `Imager`. It is strobed at the first edge not before `at`; a cycle that begins at a
-        later edge takes it. InputError for no such register, one that is only read, a value that
-        does not fit, a time that has passed."""
+        later edge takes it. What is written at 0 stands before the first edge. InputError for no
+        such register, one that is only read, a value that does not fit, a time that has passed."""
         name = self._name(register)
         entry = self.machine.registers.table[name]
         if entry.mode == "ro":
@@ -88,7 +90,7 @@ class Emccd:
                 register, f"written at {self._now} ps or later", f"at {when} ps",
                 "time does not go back",
             )  # fmt: skip
-        edge = max(self._edge(when), self.machine.clock - 1)
+        edge = max(self._edge(when), self.machine.clock - 1) if when else -1
         insort(self._waiting, (edge, self._written, name, value))
         self._written += 1
         self._strobe(self.machine.clock)
@@ -159,7 +161,7 @@ class Emccd:
         ready = self._clock.edge(cycle.ready)
         kelvin = self.pixels.kelvin
         if self.cooler is not None:
-            self.cooler.advance(ready)
+            self.cooler.advance(self._cooled + ready)
             kelvin = self.cooler.kelvin
         gain = self.high_voltage.gain(settings.gain_step, kelvin)
         exposed = EmccdExposed(

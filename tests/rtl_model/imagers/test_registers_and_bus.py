@@ -38,11 +38,9 @@ class Toy:
         return self.next
 
     def advance(self, clock):
-        for edge in range(self.clock, clock):
-            if edge % 100 == 0:
-                self.registers.take("frame")
-            if edge % 1000 == 0:
-                self.registers.take("cycle")
+        for when, every in (("frame", 100), ("cycle", 1000)):
+            if (self.clock - 1) // every != (clock - 1) // every and clock > self.clock:
+                self.registers.take(when)
         self.clock = max(clock, self.clock)
 
     def reset(self, clock):
