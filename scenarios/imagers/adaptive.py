@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -67,12 +68,12 @@ class AdaptiveMachine:
     def make(self) -> AdaptiveExposure:
         s = self.section
         imager = AdaptiveExposure(AdaptivePixels(self.shape, self.setting), self.timing)
-        imager.write("exposure_search", int(SEARCHES[s.search]))
-        imager.write("exposure_longest", s.longest)
-        imager.write("exposure_user", s.multiplier)
-        imager.write("exposure_automatic", int(s.adapt))
+        imager.write("adaptive_search", int(SEARCHES[s.search]))
+        imager.write("adaptive_longest", s.longest)
+        imager.write("adaptive_user", s.multiplier)
+        imager.write("adaptive_automatic", int(s.adapt))
         if s.threshold is not None:
-            imager.write("window_threshold", s.threshold)
+            imager.write("adaptive_threshold", s.threshold)
         if s.window is not None:
             row, column, rows, columns = s.window
             if row + rows > s.rows or column + columns > s.columns:
@@ -80,10 +81,11 @@ class AdaptiveMachine:
                     "imager.window", f"within {s.rows} x {s.columns} pixels", str(list(s.window)),
                     "give first row, first column, rows and columns",
                 )  # fmt: skip
-            imager.write("window_rows", (row + rows - 1) << 16 | row)
-            imager.write("window_columns", (column + columns - 1) << 16 | column)
+            imager.write("adaptive_rows", (row + rows - 1) << 16 | row)
+            imager.write("adaptive_columns", (column + columns - 1) << 16 | column)
         for seconds, register, value in s.writes:
-            imager.write(register, value, seconds_to_ps(seconds))
+            name = register if register.startswith("adaptive_") else f"adaptive_{register}"
+            imager.write(name, value, seconds_to_ps(seconds))
         return imager
 
     def models(self, pixels: PixelModel) -> Sequence[PixelModel]:
@@ -119,7 +121,9 @@ class AdaptiveMachine:
             lux = view.scenery.lux
             dark = float(lux.min()) / max(float(lux.max()), 1e-300)
         if not s.adapt:
-            return Expected((min(light) * dark, max(light)), (min(seconds), max(seconds)), len(spans))
+            return Expected(
+                (min(light) * dark, max(light)), (min(seconds), max(seconds)), len(spans)
+            )
         least, most = unit / timing.clock.hz, (unit << s.longest) / timing.clock.hz
         return Expected(
             (min(light) * dark / MARGIN, max(light) * MARGIN),
@@ -192,7 +196,7 @@ def changes(taken: Sequence[Taken], view: View) -> list[Change]:
         return []
     knots = view.scenery.course.knots
     jumps = [(0, 0.0, view.scenery.course.at(0))]
-    for (t0, f0), (t1, f1) in zip(knots, knots[1:], strict=False):
+    for (t0, f0), (t1, f1) in pairwise(knots):
         if t1 == t0 and f1 != f0 and t0 > 0:
             jumps.append((t0, f0, f1))
     found = []
