@@ -103,9 +103,10 @@ def _changes(run: ImagerRun) -> str:
         return ""
     return (
         "<p>Jumps of the light, and the first frame whose exposure is right for it, counted from "
-        "frame N, which was exposing when it came. Where light falls within what the converter "
-        "still tells, that is N + 3 at the latest; where it rises into saturation the search takes "
-        "as many decisions as it needs, two frames each.</p>"
+        "frame N, which was exposing when it came. A new exposure is recorded in frame N + 3 at "
+        "the latest; what one decision does not settle takes two more frames each: a search after "
+        "light that rose into saturation, or light that fell so far that the largest value is the "
+        "noise of some pixel, which is then lengthened by too little.</p>"
         + table(["at", "light", "right in frame", "and read after"], rows)
     )
 
