@@ -23,6 +23,13 @@ from rtl_model.imagers.ebaps.exposure import (
     Linear,
     follow,
 )
+from rtl_model.imagers.ebaps.extremes import (
+    accumulated,
+    dark_then_light,
+    light_steps,
+    shipped_loop,
+    swinging,
+)
 from rtl_model.imagers.ebaps.machine import machine
 from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, FrameMemory, PlainMemory, region_bytes
 from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
@@ -67,9 +74,12 @@ __all__ = [
     "Sequencer",
     "Shot",
     "Timing",
+    "accumulated",
     "clipped_mean",
+    "dark_then_light",
     "follow",
     "last_hunting",
+    "light_steps",
     "machine",
     "mean_of_four",
     "region_bytes",
@@ -78,9 +88,11 @@ __all__ = [
     "settle",
     "settling_exposure",
     "settling_share",
+    "shipped_loop",
     "spans",
     "stale_variance",
     "subtract",
+    "swinging",
 ]
 
 

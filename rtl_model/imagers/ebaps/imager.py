@@ -119,7 +119,7 @@ class Ebaps:
         self._until(until)
         self.now = max(self.now, until)
         if trace is not None:
-            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r.ps), top="ebaps")
+            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r[0]), top="ebaps")
 
     def _until(self, instant: int) -> None:
         """Writes that are due by then; one at the instant of a VSYNC comes before it."""
