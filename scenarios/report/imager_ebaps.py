@@ -130,9 +130,7 @@ def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
     seconds = run.filmed.imager.sequencer.dark_exposure * 1e-9
     pixels = machine.pixels
     rows, columns = pixels.shape
-    nothing = Exposed(
-        np.zeros((rows, columns)), np.full(rows, seconds), np.zeros(rows), 0, 1 << 25
-    )
+    nothing = Exposed(np.zeros((rows, columns)), np.full(rows, seconds), np.zeros(rows), 0, 1 << 25)
     fresh = pixels.convert(nothing, run.run.scenario.seed, run.run.kept).astype(float)
     left = fresh - darks
     one = float(pixels.mean_variance(0.0, seconds)[1])
