@@ -48,10 +48,11 @@ def virtual_board(
     faults: list[str] | None = None,
     geometry: Geometry | None = None,
     link: Path | None = None,
+    imager: str | None = None,
 ) -> VirtualBoard:
     """A virtual board, not yet begun; without a geometry the table's own, at a clock that the
-    simulator keeps up with. link: to make for its port. InputError for a level, a fault or a baud
-    that cannot be."""
+    simulator keeps up with. link: to make for its port. imager: in its place. InputError for a
+    level, a fault or a baud that cannot be."""
     from cosim import InputError
     from rtl_model.geometry import Geometry
     from rtl_model.virtual import VirtualBoard, nominal_clock
@@ -61,7 +62,7 @@ def virtual_board(
     if size.bit_clocks < 4:
         must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
         raise InputError("--baud", must, str(baud), "lower it")
-    return VirtualBoard(size, level=known, faults=faults or (), link=link)
+    return VirtualBoard(size, level=known, faults=faults or (), link=link, imager=imager)
 
 
 @contextmanager

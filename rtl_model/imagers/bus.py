@@ -38,15 +38,16 @@ class Machine(Protocol):
 
 
 class ImagerBus:
-    """A machine as `rtl_model.cycle.Bridge` takes it."""
+    """A machine as `rtl_model.cycle.Bridge` takes it. geometry: clock and baud of its line; those
+    of the design when None."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, geometry: Geometry | None = None) -> None:
         from rtl_model.cycle.line import LineCounters
 
         self.machine = machine
         self.line = LineCounters()
         design = machine.registers.design
-        self._geometry = design.geometry
+        self._geometry = geometry or design.geometry
         self._clock = 0
         self._errors = 0
         self._identifier = design.identifier.encode("ascii") + b"\0"
@@ -109,6 +110,7 @@ class ImagerBus:
         registers.on_read |= {
             "ctrl_bus_errors": lambda: self._errors,
             "ctrl_uptime": lambda: self._clock,
+            "uart_bit_clocks": lambda: self._geometry.bit_clocks,
         }
         for name, entry in registers.table.items():
             group, rest = name.split("_", 1)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["IMAGERS", "by_number", "design", "machine"]
 
-IMAGERS = {"emccd": 3}
+IMAGERS = {"adaptive-exposure": 1, "ebaps": 2, "emccd": 3}
 """Kinds of imagers by name, and what `ctrl_imager` reads of each."""
 
 
@@ -26,20 +26,40 @@ def by_number(number: int) -> str | None:
 
 def design(name: str) -> Design:
     """Returns the registers of a kind of imager as it is by default; InputError for none such."""
-    _known(name)
-    from rtl_model.imagers import emccd
+    match name:
+        case "adaptive-exposure":
+            from rtl_model.imagers.adaptive.registers import DESIGN as ADAPTIVE
 
-    return emccd.DESIGN
+            return ADAPTIVE
+        case "ebaps":
+            from rtl_model.imagers.ebaps.registers import DESIGN as EBAPS
+
+            return EBAPS
+        case "emccd":
+            from rtl_model.imagers.emccd.registers import DESIGN as EMCCD
+
+            return EMCCD
+    raise _none_such(name)
 
 
 def machine(name: str) -> Machine:
-    """Returns an imager after power-on, by default without light."""
-    _known(name)
-    from rtl_model.imagers import emccd
+    """Returns an imager's sequencer after power-on, with its registers and steady light of its own
+    choice, but no pixels; InputError for none such."""
+    match name:
+        case "adaptive-exposure":
+            from rtl_model.imagers.adaptive.machine import machine as adaptive
 
-    return emccd.machine()
+            return adaptive()
+        case "ebaps":
+            from rtl_model.imagers.ebaps.machine import machine as ebaps
+
+            return ebaps()
+        case "emccd":
+            from rtl_model.imagers.emccd.machine import machine as emccd
+
+            return emccd()
+    raise _none_such(name)
 
 
-def _known(name: str) -> None:
-    if name not in IMAGERS:
-        raise InputError("an imager", "one of " + ", ".join(IMAGERS), repr(name), "name one")
+def _none_such(name: str) -> InputError:
+    return InputError("an imager", "one of " + ", ".join(IMAGERS), repr(name), "name one")

@@ -63,6 +63,8 @@ class VirtualBoard:
     level: "bytes" or "pins" run the Verilog, "model" the cycle model, at byte level.
     faults: texts as `virtual.faults` explains, or parsed.
     link: symlink to the port.
+    imager: kind of a conventional imager that stands in the board's place, at level "model";
+        geometry then says its clock and baud.
 
     Attributes:
         speed: clocks that a second of simulation holds, nominal or more or less.
@@ -77,9 +79,11 @@ class VirtualBoard:
         level: Level = "bytes",
         faults: Sequence[str] | Faults = (),
         link: Path | None = None,
+        imager: str | None = None,
     ) -> None:
         self.geometry = Geometry() if geometry is None else geometry
         self.level = level
+        self.imager = imager
         self.faults = faults if isinstance(faults, Faults) else parse(faults, self.geometry)
         if level not in LEVELS:
             raise InputError("the board's level", ", ".join(LEVELS), repr(level), "choose one")
@@ -87,6 +91,12 @@ class VirtualBoard:
             raise InputError(
                 "a fault of baud or noise", "on a board of level pins", level, "add --level pins"
             )
+        if imager is not None and (level != "model" or self.faults.of_design):
+            raise InputError(
+                "a virtual imager", "of level model, with faults of its line alone",
+                f"of level {level}" if level != "model" else "with a fault of a design",
+                "leave out --level, and faults such as stuck and foreign",
+            )  # fmt: skip
         self._link = link
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
@@ -116,7 +126,7 @@ class VirtualBoard:
 
     def start(self) -> VirtualBoard:
         """Opens the port and serves it until `stop`."""
-        simulator = make_simulator(self.level, self.geometry, self.faults)
+        simulator = make_simulator(self.level, self.geometry, self.faults, self.imager)
         try:
             self.speed = _measure(simulator)
             simulator.power_cycle()

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 import ctypes
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from rtl_model.geometry import Geometry
 from rtl_model.virtual.faults import Faults
 from rtl_model.virtual.noise import noise
+
+if TYPE_CHECKING:
+    from rtl_model.cycle import Behind
 
 __all__ = ["ROOM", "Level", "Simulator", "make_simulator"]
 
@@ -54,26 +58,35 @@ class Simulator(Protocol):
         ...
 
 
-def make_simulator(level: Level, geometry: Geometry, faults: Faults) -> Simulator:
-    """Returns a board of `level`. The Verilog is compiled where it was not before: InputError
-    where the tools for it are missing."""
-    return _Model(geometry, faults) if level == "model" else _Verilog(level, geometry, faults)
+def make_simulator(
+    level: Level, geometry: Geometry, faults: Faults, imager: str | None = None
+) -> Simulator:
+    """Returns a board of `level`, or an imager by its kind's name. The Verilog is compiled where it
+    was not before: InputError where the tools for it are missing."""
+    if imager is not None:
+        from rtl_model.imagers import ImagerBus, machine
+
+        return _Model(lambda: ImagerBus(machine(imager), geometry))
+    if level == "model":
+        from rtl_model.virtual.planted import FaultySystem
+
+        return _Model(lambda: FaultySystem(geometry, faults, keep=False))
+    return _Verilog(level, geometry, faults)
 
 
 class _Model:
-    """The cycle model's bridge: its line takes a clock a byte."""
+    """A cycle model behind its bridge, whose line takes a clock a byte. make: gives one that has
+    just been switched on."""
 
-    def __init__(self, geometry: Geometry, faults: Faults) -> None:
-        self._geometry, self._faults = geometry, faults
+    def __init__(self, make: Callable[[], Behind]) -> None:
+        self._make = make
         self.backlog = 0
         self.power_cycle()
 
     def power_cycle(self) -> None:
         from rtl_model.cycle import Bridge
-        from rtl_model.virtual.planted import FaultySystem
 
-        system = FaultySystem(self._geometry, self._faults, keep=False)
-        self._bridge = Bridge(system=system, byte_clocks=1)
+        self._bridge = Bridge(system=self._make(), byte_clocks=1)
         self.clock = 0
 
     def step(self, data: bytes, clocks: int) -> bytes:

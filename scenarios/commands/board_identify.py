@@ -16,10 +16,11 @@ def board_identify(
     time_scale: TimeScale = None,
     json: Json = False,
 ) -> None:
-    """Say what a board is: ours with its size and build, or another LiteX design by its csr.csv."""
+    """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
+    design by its csr.csv."""
     from rtl_model.host import Cause, LineFault
 
-    with connected(port, baud, csr, log, time_scale, json) as line:
+    with connected(port, baud, csr, log, time_scale, json, recognise=True) as line:
         board = line.board
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None
@@ -27,7 +28,7 @@ def board_identify(
             "ok": True, "port": line.opened.url, "baud": baud, "identifier": identifier,
         }  # fmt: skip
         try:
-            info = board.info()
+            info = board.imager_info() if board.csr.imager else board.info()
         except LineFault as fault:
             if fault.cause is not Cause.NOT_OURS or csr is None:
                 raise

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenarios.board_port import Opened, csr_of, opened
+from scenarios.board_port import VIRTUAL, Opened, csr_of, opened
 from scenarios.commands.output import print_document
 
 if TYPE_CHECKING:
@@ -58,11 +58,14 @@ def connected(
     log: Path | None,
     time_scale: float | None,
     json: bool,
+    *,
+    recognise: bool = False,
     **virtual: Any,
 ) -> Iterator[Line]:
-    """A board to speak to. A fault of the line ends the command with exit 1 and its cause: a line
-    on standard error, or the document."""
-    from rtl_model.host import Board, LineFault, Recorder, Uartbone, open_port
+    """A board to speak to. recognise: where no csr.csv is given, the board's first register says
+    whether it is an imager of ours. A fault of the line ends the command with exit 1 and its cause:
+    a line on standard error, or the document."""
+    from rtl_model.host import Board, LineFault, Recorder, Uartbone, open_port, recognised
 
     known = csr_of(csr)
     with ExitStack() as stack:
@@ -72,6 +75,8 @@ def connected(
             stack.callback(raw.close)
             recorder = None if log is None else stack.enter_context(Recorder(log, raw))
             bone = Uartbone(raw, baud=baud, time_scale=place.time_scale, log=recorder)
+            if recognise and known is None and port != VIRTUAL:
+                known = recognised(bone)
             yield Line(Board(bone, known), place)
         except LineFault as fault:
             raise failed_line(fault, json) from None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenarios.board_port import csr_of
+from scenarios.board_port import VIRTUAL, csr_of
 from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected
 from scenarios.commands.output import Json, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.host import CsrMap
 
 __all__ = ["assignment", "board_regs"]
 
@@ -30,35 +33,28 @@ def board_regs(
     time_scale: TimeScale = None,
     json: Json = False,
 ) -> None:
-    """List, read and write registers of a board, or of any LiteX design by its csr.csv."""
+    """List, read and write registers of a board, of an imager of ours, or of any LiteX design by
+    its csr.csv."""
     from rtl_model.host import default_map
-    from rtl_model.registers import REGISTERS
 
-    known = csr_of(csr) or default_map()
-    table = {entry.name: entry for entry in REGISTERS} if known.ours else {}
-    for name in names or ():
-        known.register(name)
     writes = [assignment(text) for text in assignments or ()]
-    for name, _ in writes:
-        known.register(name)
-    chosen = list(names or (() if writes else known.registers))
-    rows: list[dict[str, Any]] = [
-        {"name": name, "address": known.registers[name].address,
-         "mode": table[name].mode if name in table else known.registers[name].mode,
-         "text": table[name].text if name in table else ""}
-        for name in chosen or [name for name, _ in writes]
-    ]  # fmt: skip
+    known = csr_of(csr)
+    if known is None and (listing or port == VIRTUAL):
+        known = default_map()
+    if known is not None:  # what is wrong is said before a board is spoken to
+        rows = _rows(known, names, writes)
     if not listing:
-        with connected(port, baud, csr, log, time_scale, json) as line:
+        with connected(port, baud, csr, log, time_scale, json, recognise=True) as line:
             board = line.board
+            rows = _rows(board.csr, names, writes)
             for name, number in writes:
                 board.write(name, number)
             for row in rows:
-                entry = table.get(str(row["name"]))
+                entry = board.csr.table.get(row["name"])
                 # Without names nothing is read that reading changes.
                 effect = entry is not None and entry.read_effect and not names
                 unread = row["mode"] == "wo" or effect
-                row["value"] = None if unread else board.read(str(row["name"]))
+                row["value"] = None if unread else board.read(row["name"])
                 row["fields"] = {} if unread or entry is None else _fields(entry, row["value"])
     if json:
         print_document({"ok": True, "registers": rows})
@@ -73,6 +69,22 @@ def board_regs(
             f"{row['address']:#07x} {row['mode']} {row['name']:<22} {told:<11}"
             f"{more or row['text']}".rstrip()
         )
+
+
+def _rows(
+    known: CsrMap, names: list[str] | None, writes: list[tuple[str, int]]
+) -> list[dict[str, Any]]:
+    """What is told of each register that was asked for; InputError for one that is not there."""
+    for name in [*(names or ()), *(name for name, _ in writes)]:
+        known.register(name)
+    chosen = list(names or ([name for name, _ in writes] if writes else known.registers))
+    table = known.table
+    return [
+        {"name": name, "address": known.registers[name].address,
+         "mode": table[name].mode if name in table else known.registers[name].mode,
+         "text": table[name].text if name in table else ""}
+        for name in chosen
+    ]  # fmt: skip
 
 
 def assignment(text: str) -> tuple[str, int]:

@@ -21,9 +21,19 @@ __all__ = ["board_virtual"]
 
 def board_virtual(
     link: Annotated[Path | None, typer.Option(help="a symlink to make for the port")] = None,
+    imager: Annotated[
+        str | None,
+        typer.Option(
+            help="a conventional imager in the board's place: adaptive-exposure, ebaps or emccd, "
+            "with the size and clock of its own, at level model"
+        ),
+    ] = None,
     level: Annotated[
-        str, typer.Option(help="bytes, pins (baud and noise exist), or model (no Verilator)")
-    ] = "bytes",
+        str | None,
+        typer.Option(
+            help="bytes (the default), pins (baud and noise exist), or model (no Verilator)"
+        ),
+    ] = None,
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -31,9 +41,15 @@ def board_virtual(
             "power-cycle@N, silent, slow=MS, baud=PERCENT, noise=SHARE, stuck=ROW,COLUMN, foreign"
         ),
     ] = None,
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32,
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32,
-    lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
+    rows: Annotated[
+        int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")
+    ] = None,
+    columns: Annotated[
+        int | None, typer.Option(min=1, max=4096, help="of pixels, 32 when absent")
+    ] = None,
+    lanes: Annotated[
+        int | None, typer.Option(help="pixels a clock computes, 32 (when absent) or 64")
+    ] = None,
     clock: Annotated[
         int | None,
         typer.Option(
@@ -46,24 +62,41 @@ def board_virtual(
     csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
     json: Json = False,
 ) -> None:
-    """Start a board behind a pty and serve it until Ctrl-C."""
+    """Start a board, or an imager's registers, behind a pty and serve it until Ctrl-C."""
     from cosim import InputError
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
     from rtl_model.registers import csr_csv
     from rtl_model.virtual import nominal_clock
 
-    if lanes not in (32, 64):
+    if lanes not in (None, 32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
-    clock = clock or nominal_clock(known_level(level), baud)
-    geometry = Geometry(rows, columns, lanes, clock, baud)
-    made = virtual_board(baud=baud, level=level, faults=fault, geometry=geometry, link=link)
+    text = ""
+    if imager is not None:
+        from rtl_model.imagers import design
+
+        if any(given is not None for given in (rows, columns, lanes, clock)):
+            raise InputError(
+                "--rows, --columns, --lanes and --clock", "left out with --imager", "given",
+                "an imager has its own",
+            )  # fmt: skip
+        level = level or "model"
+        kind = design(imager)
+        geometry = kind.geometry._replace(baud=baud)
+        text = kind.csr_csv()
+    else:
+        level = level or "bytes"
+        clock = clock or nominal_clock(known_level(level), baud)
+        geometry = Geometry(rows or 32, columns or 32, lanes or 32, clock, baud)
+    made = virtual_board(
+        baud=baud, level=level, faults=fault, geometry=geometry, link=link, imager=imager
+    )
     if level != "model" and not json:
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
     with suppress(KeyboardInterrupt), made as board:
         if csr is not None:
             with whole(csr) as part:
-                part.write_text(csr_csv(geometry), encoding="utf-8")
+                part.write_text(text or csr_csv(geometry), encoding="utf-8")
         if json:
             print_document(_document(board, geometry, csr))
         else:
@@ -76,6 +109,7 @@ def _document(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> dict
     return {
         "port": board.port,
         "level": board.level,
+        "imager": board.imager,
         "geometry": geometry._asdict(),
         "csr": None if csr is None else str(csr),
         "clocks_per_second": round(board.clocks_per_second),
@@ -84,15 +118,17 @@ def _document(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> dict
 
 
 def _text(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> str:
+    lanes = f"{geometry.lanes} lanes, " if board.imager is None else ""
     lines = [
         f"port       {board.port}, {geometry.baud} baud",
-        f"board      {geometry.rows} rows x {geometry.columns} columns, {geometry.lanes} lanes, "
+        f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
         f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
         f"speed      {board.clocks_per_second / 1e6:.3g} million clocks a second; a host should "
         f"wait {board.time_scale:.1f} times as long",
     ]
     if csr is not None:
         lines.append(f"csr        {csr}")
-    lines.append(f"try        viform board bringup --port {board.port} --baud {geometry.baud}")
+    command = "bringup" if board.imager is None else "regs"
+    lines.append(f"try        viform board {command} --port {board.port} --baud {geometry.baud}")
     lines.append("end        Ctrl-C")
     return "\n".join(lines)

@@ -91,8 +91,11 @@ class Ebaps:
         """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
         when = self.now if at is None else at
         self.write("ebaps_key", 1, when)
-        period = self.timing.ps(self.timing.vsync(DARKS))
-        self.write("ebaps_key", 0, when + period)
+        first = self.sequencer.upcoming
+        while self.timing.ps(self.timing.vsync(first)) < when:
+            first += 1
+        last = self.timing.ps(self.timing.vsync(first + DARKS - 1))
+        self.write("ebaps_key", 0, last + 1)
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],

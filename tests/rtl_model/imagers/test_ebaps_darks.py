@@ -26,7 +26,7 @@ SHAPE = (128, 160)
 N = SHAPE[0] * SHAPE[1]
 ALPHA = 1e-6
 # A large dark current: its pattern is far above the noise, and the noise is close to normal.
-WARM = replace(Silicon(), dark=20_000.0)
+WARM = replace(Silicon(), dark=40_000.0)
 PIXELS = EbapsPixels(SHAPE, volts=0.0, silicon=WARM)
 KEPT = frozenset(PIXELS.effects)
 TEMPORAL = frozenset({"silicon shot noise", "read noise"})

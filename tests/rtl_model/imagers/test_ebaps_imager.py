@@ -99,9 +99,10 @@ class TestExposure:
 
 
 class TestDarks:
-    def test_key_stores_four_and_the_loop_stands_still(self) -> None:
+    @pytest.mark.parametrize("seconds", [0.2, 0.21])  # at a VSYNC, and between two
+    def test_key_stores_four_and_the_loop_stands_still(self, seconds: float) -> None:
         camera = imager()
-        frames = filmed(camera, still(NIGHT), 0.2)
+        frames = filmed(camera, still(NIGHT), seconds)
         exposure = frames[-1].state["next_exposure_ns"]
         camera.store_darks()
         frames = filmed(camera, still(NIGHT), 0.6)
@@ -142,7 +143,7 @@ class TestDarks:
         camera = imager(loop=0, shutter=0)
         camera.store_darks()
         frames = filmed(camera, still(NIGHT), 0.4, QUIET)
-        assert max(f.state["mean"] for f in frames[5:]) < 10
+        assert max(f.state["mean"] for f in frames[5:]) < 100  # of 15 000: noise, clipped at zero
 
     def test_stale_darks_are_told(self) -> None:
         camera = imager(loop=0)
@@ -158,7 +159,7 @@ class TestDarks:
 class TestWhole:
     def test_thirty_frames_a_second_rolling(self) -> None:
         frames = filmed(imager(loop=0), still(NIGHT), 1.1)
-        assert len(frames) == 31  # the first is ready 66.1 ms after power-on
+        assert len(frames) == 32  # the first is ready 66.1 ms after power-on
         t = Timing()
         for f in frames:
             assert (np.diff(f.begin) == 32 * 10**6).all() and (np.diff(f.end) == 32 * 10**6).all()
@@ -224,14 +225,17 @@ class TestRegisters:
         assert "ebaps_exposure" in DESIGN.csr_csv() and "taken with the next" in DESIGN.document()
 
     def test_the_sequencer_alone_settles(self) -> None:
-        """Without pixels, behind the bus: the loop climbs to 20.224 ms, the first point inside."""
+        """Without pixels, behind the bus: the loop climbs to 19.584 ms, the first point inside."""
         alone = machine()
         bus = line_of(alone)
         assert bus is not None
         alone.advance(40_000_000)
-        assert alone.registers.read("ebaps_exposure") == 20_224_000
+        assert alone.registers.read("ebaps_exposure") == 19_584_000
         assert 24_000 <= alone.registers.read("ebaps_mean") <= 25_600
         assert alone.registers.read("ebaps_status") & 1
         alone.reset(40_000_000)
-        alone.advance(40_000_000 + 2_666_666 - 22_613)
+        ready = Timing().ready(0)
+        alone.advance(40_000_000 + ready)
+        assert alone.registers.read("ebaps_frames") == 0
+        alone.advance(40_000_000 + ready + 1)
         assert alone.registers.read("ebaps_frames") == 1

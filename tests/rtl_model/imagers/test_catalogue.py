@@ -1,0 +1,178 @@
+"""All imagers behind their line: sound tables, documents that are the tables, the host's view, a
+virtual one behind a pty."""
+
+import json
+import random
+import re
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim import InputError
+from rtl_model.host import Board, Cause, LineFault, Uartbone, imager_map, read_csr, recognised
+from rtl_model.imagers import IMAGERS, ImagerBus, design, line_of, machine
+from rtl_model.imagers.catalogue import by_number
+from rtl_model.imagers.document import document
+from rtl_model.imagers.emccd import window_table
+from rtl_model.registers import faults
+from rtl_model.virtual import VirtualBoard
+from tests.rtl_model.host.conftest import ModelPort
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_the_documents_are_made_of_the_tables():
+    assert (ROOT / "docs" / "imager-registers.md").read_text(encoding="utf-8") == document()
+    text = (ROOT / "docs" / "emccd.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| ([\d.]+) \|$", text, re.MULTILINE)
+    assert [(int(size), rate) for size, rate in rows] == [
+        (size, f"{rate:.2f}") for size, rate in window_table()
+    ]
+
+
+@pytest.mark.parametrize("name", IMAGERS)
+def test_every_table_is_sound(name):
+    made = design(name)
+    assert (made.name, made.number) == (name, IMAGERS[name])
+    assert by_number(made.number) == name
+    assert faults(made.registers, made.memories, made.values) == []
+    assert {type(entry.reset) for entry in made.own} == {int}
+
+
+@pytest.mark.parametrize("name", IMAGERS)
+def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
+    """Every register that is only read, at random clocks; and again after a reset."""
+    rng = random.Random(4)
+    bus, whole = ImagerBus(machine(name)), None
+    own = [entry for entry in design(name).own if entry.mode == "ro" and not entry.read_effect]
+    hz = design(name).clock_hz
+    clock, seen = 0, set()
+    for part in range(24):
+        clock += rng.choice((1, 2, 50, hz // 1000, hz // 50, hz // 10))
+        bus.advance(clock)
+        if part % 6 == 5:
+            whole = ImagerBus(machine(name))
+            whole.advance(clock)
+            values = [whole.machine.registers.read(entry.name) for entry in own]
+            assert values == [bus.machine.registers.read(entry.name) for entry in own], clock
+            seen.add(tuple(values))
+    assert len(seen) > 1
+    reset = next(entry.address for entry in design(name).registers if entry.name == "ctrl_reset")
+    bus.write(reset, 1)
+    fresh = ImagerBus(machine(name))
+    for step in (1, hz // 7, hz // 3):
+        bus.advance(bus.clock + step)
+        fresh.advance(fresh.clock + step)
+        for entry in own:
+            if not entry.name.endswith("_clock"):  # an instant since power-on
+                assert bus.machine.registers.read(entry.name) == fresh.machine.registers.read(
+                    entry.name
+                ), entry.name
+
+
+@pytest.mark.parametrize("name", IMAGERS)
+def test_the_host_knows_it_by_its_first_register(name, tmp_path):
+    made = design(name)
+    port = ModelPort(made.geometry, bridge=line_of(machine(name)))
+    bone = Uartbone(port, baud=made.baud)
+    known = recognised(bone)
+    assert known == imager_map(name)
+    assert known.imager == name
+    path = tmp_path / "csr.csv"
+    path.write_text(made.csr_csv())
+    assert read_csr(path) == known
+    board = Board(bone, known)
+    info = board.imager_info()
+    assert (info.imager, info.rows, info.columns, info.clock_hz) == (
+        name, *made.shape, made.clock_hz,
+    )  # fmt: skip
+    assert info.baud == pytest.approx(made.baud, rel=0.51 / made.geometry.bit_clocks)
+    assert board.identifier() == made.identifier
+    for entry in made.registers:
+        if entry.mode != "wo" and not entry.read_effect:
+            assert board.read(entry.name) < 1 << entry.width
+    board.write("ctrl_scratch", 0xA5A5A5A5)
+    assert board.read("ctrl_scratch") == 0xA5A5A5A5
+    assert board.read("ctrl_bus_errors") == 0
+    with pytest.raises(LineFault) as caught:
+        Board(bone).info()
+    assert caught.value.cause is Cause.NOT_OURS
+    other = next(each for each in IMAGERS if each != name)
+    with pytest.raises(LineFault, match=name):
+        Board(bone, imager_map(other)).imager_info()
+
+
+def test_the_spike_board_is_still_itself():
+    port = ModelPort()
+    known = recognised(Uartbone(port))
+    assert known.ours
+    assert known.imager is None
+    with pytest.raises(LineFault, match="not emccd"):
+        Board(Uartbone(port), imager_map("emccd")).imager_info()
+
+
+def test_no_such_imager_is_one_line():
+    for ask in (design, machine, imager_map):
+        with pytest.raises(InputError, match="one of adaptive-exposure, ebaps, emccd"):
+            ask("vidicon")
+    assert by_number(0) is None
+
+
+def run(monkeypatch, capsys, *options):
+    """(exit code, standard output, standard error) of `viform board ...`."""
+    from scenarios.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["viform", "board", *options])
+    handler = signal.getsignal(signal.SIGTERM)
+    code = 0
+    try:
+        main()
+    except SystemExit as ended:
+        code = ended.code
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    said = capsys.readouterr()
+    return code or 0, said.out, said.err
+
+
+def test_identify_and_regs_work_on_a_virtual_one(monkeypatch, capsys):
+    """Behind a pty, with nothing but its port given."""
+    geometry = design("emccd").geometry
+    with VirtualBoard(geometry, level="model", imager="emccd") as board:
+        options = ["--port", board.port, "--time-scale", str(board.time_scale), "--json"]
+        code, out, err = run(monkeypatch, capsys, "identify", *options)
+        assert (code, err) == (0, "")
+        told = json.loads(out)
+        assert told["identifier"] == "Viform emccd 528x536"
+        assert told["board"]["imager"] == "emccd"
+        code, out, err = run(
+            monkeypatch, capsys, "regs", "--set", "emccd_rows=16", "emccd_rows", "emccd_cycles",
+            "emccd_state", *options,
+        )  # fmt: skip
+        assert (code, err) == (0, "")
+        rows = {row["name"]: row for row in json.loads(out)["registers"]}
+        assert rows["emccd_rows"]["value"] == 16
+        assert rows["emccd_cycles"]["value"] > 0
+        assert rows["emccd_state"]["fields"]["phase"] in range(1, 8)
+        code, out, err = run(monkeypatch, capsys, "regs", "sensor_rows", *options)
+        assert code == 2
+        assert "one of this design" in err
+        assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--imager", "vidicon"), "adaptive-exposure, ebaps, emccd"),
+        (("--imager", "emccd", "--level", "pins"), "level model"),
+        (("--imager", "emccd", "--fault", "foreign"), "faults of its line"),
+        (("--imager", "emccd", "--rows", "4"), "an imager has its own"),
+    ],
+)
+def test_bad_input_is_one_line(options, says, monkeypatch, capsys):
+    code, out, err = run(monkeypatch, capsys, "virtual", *options)
+    assert (code, out) == (2, "")
+    assert says in err
+    assert err.count("\n") == 1
