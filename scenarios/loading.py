@@ -19,7 +19,7 @@ from scenarios.schema import (
     validate,
 )
 
-__all__ = ["FRONT", "filmed", "linked", "load", "shipped", "to_toml"]
+__all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs when none is named."""
@@ -74,7 +74,7 @@ def _value(text: str) -> Any:
     return text
 
 
-def _set(data: dict[str, Any], assignment: str) -> None:
+def assign(data: dict[str, Any], assignment: str) -> None:
     """Applies one a.b=c; sections that are absent are created."""
     key, equals, text = assignment.partition("=")
     names = key.strip().split(".")
@@ -136,7 +136,7 @@ def load(
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])
     for assignment in assignments or []:
-        _set(data, assignment)
+        assign(data, assignment)
     if tolerance is not None:
         data["tolerance"] = tolerance
     if seed is not None:

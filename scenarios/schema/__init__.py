@@ -22,7 +22,7 @@ from scenarios.schema.link import (
     ModemSection,
     PanelSection,
 )
-from scenarios.schema.messages import validate
+from scenarios.schema.messages import first_fault, validate
 from scenarios.schema.scenario import AnyScenario, ImageSection, LinkScenario, Scenario, export
 from scenarios.schema.scenes import (
     FilmScene,
@@ -70,5 +70,6 @@ __all__ = [
     "TargetScene",
     "WaveScene",
     "export",
+    "first_fault",
     "validate",
 ]

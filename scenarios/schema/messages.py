@@ -13,7 +13,7 @@ from scenarios.schema.board import BoardScenario
 from scenarios.schema.imagers import ImagerScenario
 from scenarios.schema.scenario import AnyScenario, LinkScenario, Scenario, export
 
-__all__ = ["validate"]
+__all__ = ["first_fault", "validate"]
 
 
 @dataclass(frozen=True)
@@ -176,3 +176,13 @@ def validate(data: dict[str, Any]) -> AnyScenario:
         return whole.model_validate(data)
     except ValidationError as exc:
         raise _one_line(exc.errors()[0], whole) from None
+
+
+def first_fault(exc: ValidationError, whole: type[BaseModel], mend: str) -> InputError:
+    """The first error of a document that is no scenario, as one line. mend: what to do, where the
+    key alone does not tell."""
+    error = exc.errors()[0]
+    # The examples of `_one_line` are those of scenarios.
+    found = _one_line(error, whole)
+    known = error["type"] == "extra_forbidden"
+    return InputError(found.what, found.must, found.given, found.mend if known else mend)
