@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -103,7 +103,7 @@ class Patches:
             self._strip(rows, pixels, slice(first, min(first + STRIP, end)))
 
     def _strip(self, rows: Exposed, pixels: PixelModel, at: slice) -> None:
-        every = {"read": None} if hasattr(rows, "read") else {}
+        every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
         cut = replace(
             rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
             waiting=rows.waiting[at], first=rows.first + at.start, **every,

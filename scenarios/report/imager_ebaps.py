@@ -139,8 +139,11 @@ def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
         ["spread of a dark frame over its pixels", f"{fresh.std():.4g} DN"],
         ["of the mean of four", f"{darks.std():.4g} DN"],
         ["of a fresh dark frame less that mean", f"{left.std():.4g} DN"],
-        ["theory: its own noise and a quarter of it, before clipping; much of it is carried by a "
-         "few ion bursts", f"{theory:.4g} DN"],
+        [
+            "theory: its own noise and a quarter of it, before clipping; a few ion bursts carry "
+            "much of it",
+            f"{theory:.4g} DN",
+        ],
     ]
 
 
