@@ -56,7 +56,7 @@ class Told:
         self.notes.append(text)
 
 
-@pytest.mark.parametrize("name", LIES)
+@pytest.mark.parametrize("name", ["PRNU", pytest.param("reset dead time", marks=pytest.mark.slow)])
 def test_a_false_bound_is_caught_named_and_put_back(film, tmp_path, monkeypatch, name):
     key, told = plant(monkeypatch, name), Told()
     result, folder = film(
