@@ -11,11 +11,13 @@ from cosim.planner import make_plan
 from scenarios.imagers.accuracy import accuracy_imager
 from scenarios.imagers.paired import compared
 from scenarios.imagers.planning import forecast_imager, ready_imager
+from scenarios.imagers.tape import Tape, Taped
 from scenarios.loading import load
 from scenarios.report.imager import write_imager_report
 from scenarios.report.imager_figures import read_vcd
 from scenarios.run_imager import run_imager
 from scenarios.schema import ImagerScenario
+from sensor.imagers import Exposed
 from tests.scenarios.linear_imager import ELECTRONS, READ, SLOPE, LinearMachine
 
 REPEATS = 32
@@ -96,6 +98,33 @@ def test_a_tape_cut_anywhere_or_of_another_run_is_met(tmp_path):
     run(tmp_path / "whole", LinearMachine())
     both = [zarr.open_group(tmp_path / n / "frames.zarr", mode="r") for n in ("whole", "cut")]
     np.testing.assert_array_equal(both[0]["values"][:], both[1]["values"][:])
+
+
+def test_a_tape_gives_back_windows_and_what_a_comparator_said(tmp_path):
+    """Values of fewer rows than were exposed, and saturation beside values of 8 bits."""
+    rows = Exposed(np.zeros((6, 5)), np.ones(6), np.zeros(6), 2, 7)
+
+    class Windowed:
+        calls = 0
+
+        def convert(self, rows, seed, kept):
+            self.calls += 1
+            return np.arange(15, dtype=np.uint16).reshape(3, 5)
+
+        def digitise(self, rows, seed, kept):
+            self.calls += 1
+            return np.full((6, 5), 255, np.uint16), np.eye(6, 5, dtype=bool)
+
+    seen = []
+    for resume in (False, True):
+        tape, pixels = Tape(tmp_path / "tape", "a run", resume), Windowed()
+        taped = Taped(pixels, tape, lambda *given: None)
+        seen.append((taped.convert(rows, 1, frozenset()), *taped.digitise(rows, 1, frozenset())))
+        tape.close()
+        assert pixels.calls == (0 if resume else 2)
+    for one, two in zip(*seen, strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert seen[0][1].max() == 255 and seen[1][2].sum() == 5
 
 
 def test_the_plan_leaves_out_what_is_small_and_the_check_finds_its_size(tmp_path):
@@ -182,7 +211,7 @@ def test_a_shipped_scenario_runs_to_its_report(tmp_path, name, assignments, figu
     )  # fmt: skip
     assert result.outcome == "ok" and result.error.ci[1] <= loaded.tolerance
     drawn = [file for file in result.files if file.startswith("figures/")]
-    assert len(drawn) == figures and all((folder / file).is_file() for file in result.files)
+    assert len(drawn) == figures and all((folder / file).exists() for file in result.files)
     page = (folder / "report.html").read_text()
     assert "http" not in page
     assert len(read_vcd(trace)) >= 4 and any(read_vcd(trace).values())
