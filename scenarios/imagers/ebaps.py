@@ -99,7 +99,7 @@ class EbapsMachine:
             "mean_brightness": Metric(last.state["mean"], "DN"),
             "settled": Metric(last.state["settled"], "1"),
             "frames_to_settle": Metric(None if at is None else at, "frames"),
-            "exposures_in_window": Metric(
+            "settled_share": Metric(
                 float(np.mean([t.state["settled"] for t in shown])) if shown else None, "1"
             ),
             "high_voltage": Metric(-last.state["high_voltage"], "V"),

@@ -52,8 +52,8 @@ def adaptive_sections(run: ImagerRun) -> str:
         + "<h2>Response</h2><p>The document's figure 6b, filmed: steady light of each level until "
         "the exposure stands, by a sensor of this kind of "
         f"{SMALL} x {SMALL} pixels. Between two exposures the response is linear. Put together, "
-        f"with {HALF} DN for every halving of the exposure, the frames' values follow the logarithm "
-        "of the light: light is close to an exponential of the output.</p>"
+        f"with {HALF} DN for every halving of the exposure, the frames' values follow the "
+        "logarithm of the light: light is close to an exponential of the output.</p>"
         + plot(folder / "response.png", "signal and exposure over light")
         + "<h2>Two reset counters</h2><p>The document's figures 4 and 5, from this sensor's own "
         "trace: above, the rows that are reset and read when the exposure changes; below, its "
