@@ -139,7 +139,7 @@ def _text(document: dict[str, Any]) -> str:
         cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
         lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
     lines.append("")
-    if document["promised"] == 0:
+    if document["promised"] == 0 and not document.get("left_out"):
         lines.append("nothing is left out")
     elif document["promised"] is not None:
         lines.append(_promise(document))

@@ -27,7 +27,7 @@ Values = npt.NDArray[np.float64]
 class View:
     """scenery: the light. gain: lux on the plane for a lux of exitance. least, most: (H, W), lux on
     the plane at any instant of the run. certain: whether these are proven. chart: (H, W)
-    reflectance of a still scene, None of one that moves."""
+    reflectance of a still scene, None of one that moves. chart_name: of a drawn one."""
 
     scenery: Scenery
     gain: float
@@ -37,6 +37,7 @@ class View:
     chart: Values | None
     notes: list[str] = field(default_factory=list)
     degraded: list[str] = field(default_factory=list)
+    chart_name: str = ""
 
 
 def _gain(scenario: ImagerScenario) -> tuple[float, str]:
@@ -67,7 +68,8 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
         lux = chart * (scene.illuminance * gain)
         low, high = _factors(scene, stop)
         lit = Still(lux, target_course(scene))
-        return View(lit, gain, lux * low, lux * high, True, chart, [told])
+        name = scene.chart if scene.path is None else ""
+        return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
     clock = LIGHT_CLOCK
     cycles = clock.cycle_at(stop) + 1
     source = make_source(scene, shape, clock, cycles)

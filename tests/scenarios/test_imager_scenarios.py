@@ -217,6 +217,29 @@ def test_an_ebaps_is_what_its_section_says():
     assert {t.state["high_voltage"] for t in taken} == {800.0, 1200.0}
     metrics = machine.metrics(taken, ready.view, imager)
     assert metrics["high_voltage"].value == -1200 and metrics["dark_frames"].value == 4
+    own = np.sqrt(machine.pixels.mean_variance(0.0, 5e-3)[1])
+    left = np.sqrt(metrics["dark_noise"].value ** 2 * 1.25 + 5 / 64)
+    assert metrics["dark_residual"].value == pytest.approx(left)
+    assert 0.5 * own < metrics["dark_noise"].value < 2 * own  # few ion bursts in 768 pixels
+    assert "contrast_to_noise" not in metrics  # grey steps have no bars
+
+
+def test_the_bars_of_the_night_chart_stand_out_at_night_and_not_without_voltage():
+    seen = []
+    for volts, lux in (("-1500 V", "3e-3 lux"), ("0 V", "3e-1 lux")):
+        given = scenario(
+            "ebaps", {"illuminance": lux, "chart": "bars"}, lens={"f_number": 1.4}, rows=96,
+            columns=96, high_voltage=volts, exposure_loop=False, exposure="25 ms",
+            duration="260 ms", pedestal=2000,
+        )  # fmt: skip
+        machine = machine_of(given)
+        ready = ready_imager("x", given, machine)
+        imager = machine.make()
+        frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
+        metrics = machine.metrics([take(f) for f in frames], ready.view, imager)
+        assert metrics["bar_width"].value == pytest.approx(0.05 * 0.95 * 96)
+        seen.append(metrics["contrast_to_noise"].value)
+    assert seen[0] > 5 > seen[1]  # Rose
 
 
 def test_an_emccds_frames_are_foreseen_through_its_writes():
