@@ -3,8 +3,9 @@
 Document 002, section 3.2 and equation 5: address = ADDR_BIAS + offset of the region + a running
 address, which grows by the length of a burst at each address handshake (AWVALID and AWREADY). A
 write burst begins when its FIFO's prog_empty is low. Not printed, so assumed: beats of 128 bits,
-bursts of 64 beats (1 KiB, so none crosses 4 KiB where the bias is a multiple of it), one burst under
-way in each direction. VALID low is None here; a channel's payload is there exactly while it is high.
+bursts of 64 beats (1 KiB, so none crosses 4 KiB where the bias is a multiple of it), one burst
+under way in each direction. VALID low is None here; a channel's payload is there exactly while it
+is high.
 
 Rules: AMBA AXI4 (ARM IHI 0022), A3.2.1 (VALID stays until READY, payload with it), A3.4.1 (1 to 256
 beats, no crossing of 4 KiB, LAST with the last beat), A3.3.1 (a response follows address and data).
@@ -78,10 +79,11 @@ def burst_address(bias: int, region: int, running: int) -> int:
 
 def bursts_of(bias: int, region: int, size: int, beats: int = BURST_BEATS) -> Iterator[Burst]:
     """The bursts of `size` bytes from a region's start; the last may be shorter."""
+    start = burst_address(bias, region, 0)
     running, left = 0, -(-size // BEAT_BYTES)
     while left > 0:
         now = min(beats, left)
-        yield Burst(burst_address(bias, region, running), now)
+        yield Burst(start + running, now)
         running += now * BEAT_BYTES
         left -= now
 

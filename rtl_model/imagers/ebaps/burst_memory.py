@@ -1,11 +1,13 @@
 """Frames through the board's memory as AXI4 bursts: what the whole imager stores them in.
 
 Two ways to the same bytes. `cycles=True` runs FIFOs, bus and DDR clock by clock (`crossing`), for
-small frames. Otherwise each burst moves at once, at the addresses that the bus would have used: a
-frame of 1280 x 1024 is 2560 bursts. Tests hold the two against each other, bursts and bytes.
+small frames. Otherwise bursts move at once, at the addresses that the bus would have used: a frame
+of 1280 x 1024 is 2560 bursts. Tests hold the two against each other, bursts and bytes.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +21,7 @@ from rtl_model.imagers.ebaps.regions import REGIONS, region_bytes
 __all__ = ["BurstMemory"]
 
 Image = npt.NDArray[np.uint16]
+Bytes = npt.NDArray[np.uint8]
 
 
 class BurstMemory:
@@ -56,12 +59,8 @@ class BurstMemory:
             self._run(write=(region, frame))
         else:
             data = np.ascontiguousarray(frame, "<u2").view(np.uint8).ravel()
-            at = 0
-            for address, beats in bursts_of(self.bias, region, data.size, self.beats):
-                part = data[at : at + beats * BEAT_BYTES]
-                self.ddr.bytes[address : address + part.size] = part
-                at += part.size
-                self.bursts += 1
+            for places, there in self._moves(region, data):
+                self.ddr.bytes[places] = there
         self._shapes[region] = (frame.shape[0], frame.shape[1])
 
     def read(self, region: int) -> Image:
@@ -81,13 +80,24 @@ class BurstMemory:
 
     def _burst_read(self, region: int, shape: tuple[int, int]) -> Image:
         data = np.empty(2 * shape[0] * shape[1], np.uint8)
-        at = 0
-        for address, beats in bursts_of(self.bias, region, data.size, self.beats):
-            part = data[at : at + beats * BEAT_BYTES]
-            part[:] = self.ddr.bytes[address : address + part.size]
-            at += part.size
-            self.bursts += 1
+        for places, there in self._moves(region, data):
+            there[:] = self.ddr.bytes[places]
         return data.view("<u2").astype(np.uint16, copy=False).reshape(shape)
+
+    def _moves(self, region: int, data: Bytes) -> Iterator[tuple[slice, Bytes]]:
+        """(place in memory, part of `data`) of each burst; one that follows the last directly, as
+        they do within a region, joins it."""
+        at = 0
+        start = end = -1
+        for address, beats in bursts_of(self.bias, region, data.size, self.beats):
+            self.bursts += 1
+            if address != end:
+                if end > start:
+                    yield slice(start, end), data[at : at + end - start]
+                    at += end - start
+                start = address
+            end = address + beats * BEAT_BYTES
+        yield slice(start, start + data.size - at), data[at:]
 
     def _run(
         self, write: tuple[int, Image] | None = None,

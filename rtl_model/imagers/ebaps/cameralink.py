@@ -22,8 +22,8 @@ from rtl_model.imagers.ebaps.timing import FRAME_RATE, Timing
 
 __all__ = [
     "CHANNELS", "CLOCK_PATTERN", "DVAL", "FVAL", "LINK_HZ", "LVAL", "PAIRS", "PORTS", "SERIAL_BITS",
-    "SPARE", "WORD_BITS", "LinkTiming", "deserialise", "frame_words", "pixels_of", "read_frames", "serialise",
-    "words_of",
+    "SPARE", "WORD_BITS", "LinkTiming", "deserialise", "frame_words", "pixels_of",
+    "read_frames", "serialise", "words_of",
 ]  # fmt: skip
 
 LINK_HZ = 85_000_000

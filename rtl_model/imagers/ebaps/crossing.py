@@ -26,9 +26,13 @@ from rtl_model.imagers.ebaps.axi import (
 from rtl_model.imagers.ebaps.cameralink import LINK_HZ
 from rtl_model.imagers.ebaps.ddr import LATENCY_CLOCKS, MEMORY_HZ, Ddr, DdrPort
 from rtl_model.imagers.ebaps.fifo import AsyncFifo, Packer, Unpacker, edges_of
-from rtl_model.imagers.ebaps.timing import CLOCK_HZ
+from rtl_model.imagers.ebaps.regions import REGIONS
+from rtl_model.imagers.ebaps.timing import CLOCK_HZ, FRAME_RATE
 
-__all__ = ["FIFO_WORDS", "Clocks", "Transfer", "burst_clocks", "memory_load", "transfer"]
+__all__ = [
+    "FIFO_WORDS", "Clocks", "Transfer", "burst_clocks", "frame_bytes_per_second", "memory_load",
+    "transfer",
+]  # fmt: skip
 
 FIFO_WORDS = 512
 """Depth of each FIFO, words of 128 bits: assumed (two block memories of 36 Kbit)."""
@@ -118,10 +122,13 @@ def transfer(
     way (a FIFO overflowed), so that they never all arrive.
     """
     at = Clocks() if clocks is None else clocks
-    size = dict(depth=depth, prog_empty=min(beats, depth), prog_full=depth - beats)
-    inward = AsyncFifo(**size, seed=seed)
+    levels = (min(beats, depth), depth - beats)
+    inward = AsyncFifo(depth, prog_empty=levels[0], prog_full=levels[1], seed=seed)
     regions, shape = (list(read[0]), read[1]) if read else ([], (0, 0))
-    outward = [AsyncFifo(**size, seed=seed + 1 + n) for n in range(len(regions))]
+    outward = [
+        AsyncFifo(depth, prog_empty=levels[0], prog_full=levels[1], seed=seed + 1 + n)
+        for n in range(len(regions))
+    ]
     writer, reader = WriteMaster(inward, bias, beats), ReadMaster(outward, bias, beats)
     port, rules = DdrPort(ddr, stall=stall, latency=latency, seed=seed), AxiRules()
     frame = write[1] if write else np.zeros((0, 0), np.uint16)
@@ -165,21 +172,27 @@ def transfer(
     )  # fmt: skip
 
 
-def burst_clocks(beats: int = BURST_BEATS, latency: int = LATENCY_CLOCKS) -> int:
+def burst_clocks(
+    beats: int = BURST_BEATS, latency: int = LATENCY_CLOCKS, *, write: bool = True
+) -> int:
     """Memory clocks from one burst's start to the next's where nothing stalls: its beats, the
-    latency, and the handshakes about it."""
-    return beats + latency + HANDSHAKES
-
-
-HANDSHAKES = 3
-"""Memory clocks of a burst that are neither beats nor latency."""
+    latency, and the handshakes of address and, for a write, response."""
+    return beats + latency + (3 if write else 2)
 
 
 def memory_load(
-    pixels: int = 1280 * 1024, rate: int = 30, writes: int = 1, reads: int = 5,
+    pixels: int = 1280 * 1024, rate: int = FRAME_RATE, writes: int = 1, reads: int = REGIONS,
     beats: int = BURST_BEATS, latency: int = LATENCY_CLOCKS, hertz: int = MEMORY_HZ,
 ) -> float:  # fmt: skip
     """Share of the memory's clocks that frames need at most, where nothing stalls: each frame
     written once, and read with its four darks."""
     bursts = -(-2 * pixels // (beats * BEAT_BYTES))
-    return bursts * (writes + reads) * rate * burst_clocks(beats, latency) / hertz
+    clocks = writes * burst_clocks(beats, latency) + reads * burst_clocks(
+        beats, latency, write=False
+    )
+    return bursts * rate * clocks / hertz
+
+
+def frame_bytes_per_second(pixels: int = 1280 * 1024, rate: int = FRAME_RATE) -> int:
+    """Of one stream of 16-bit frames: 78 643 200 at 30 frames/s."""
+    return 2 * pixels * rate
