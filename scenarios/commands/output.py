@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.result import dumps
-
 __all__ = [
     "Json",
     "SilentProgress",
@@ -23,6 +21,8 @@ Json = Annotated[bool, typer.Option("--json", help="one JSON document on standar
 
 def print_document(document: Any) -> None:
     """One JSON document and nothing else."""
+    from scenarios.result import dumps
+
     sys.stdout.write(dumps(document) + "\n")
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scenarios.commands.output import Json, make_progress, print_document
-from scenarios.result import Result
+
+if TYPE_CHECKING:
+    from scenarios.result import Result
 
 __all__ = ["print_result", "refuse_device", "run"]
 
