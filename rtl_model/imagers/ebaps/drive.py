@@ -9,9 +9,10 @@ empties the sense node, RD1 samples that, T carries the charge over (its fall en
 RD2 samples again. HSYNC hands both samples to the output register at b + 72, and 1280 clocks of
 HCLK shift them out, while the next row is sampled. Resetting row r begins at VSYNC's rise + 1280 r:
 T and RST together, at the same place in the row as T in a reading, so the exposure between two
-falls of T is that of VSYNC, to the clock. RST acts on the row under SEL while T is low and on the
-row to be reset while T is high. One row's two instants lie 48 clocks (1.2 us) after those that
-`Timing.row_times` gives, and a frame's last pixel comes 72 clocks after `Timing.ready`.
+falls of T is that of VSYNC, to the clock. T acts on the row under SEL and, with RST, on the row
+to be reset; RST without T acts on the row under SEL. A row's two instants lie 48 clocks (1.2 us)
+after those that `Timing.row_times` gives; a frame's last pixel comes 72 clocks after
+`Timing.ready`.
 
 Both sequences share the lines. A reset's T that falls within another row's SEL, but not upon its T,
 moves that row's charge at the wrong time: `disturbed_rows`. Where the exposure is a whole number of

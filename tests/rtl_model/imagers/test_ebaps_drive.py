@@ -111,6 +111,9 @@ class TestWholeArray:
                 assert not any(drive.disturbed_rows(k, exposure, after) for k in range(3))
         # one clock more does: 512 rows are reset while the others are read
         assert drive.disturbed_rows(0, DEFAULT_EXPOSURE + 25, DEFAULT_EXPOSURE + 25) == 512
+        others = [DEFAULT_EXPOSURE + 25 * n for n in range(1280)]
+        # SEL lasts 64 clocks and T 8: 71 places where they meet, but for T upon T, for two frames
+        assert sum(drive.disturbed_rows(0, e, e) > 0 for e in others) == 2 * 70
 
     def test_a_step_up_resets_two_frames_at_once(self) -> None:
         """0.64 ms is more than the 0.565 ms of blanking."""
