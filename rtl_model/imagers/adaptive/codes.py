@@ -24,7 +24,8 @@ def gray_bits(states: int) -> int:
 
 def ring(number: int, states: int) -> int:
     """Code of a Gray counter that goes from `states` - 1 back to 0, one bit a step throughout."""
-    return gray(number % states + ((1 << gray_bits(states)) - states) // 2)
+    spare = (1 << gray_bits(states)) - states
+    return gray(number % states + spare // 2)
 
 
 def johnson(number: int, states: int) -> int:

@@ -23,8 +23,8 @@ from rtl_model.imagers.adaptive.timing import CLOCK_HZ, MINIMUM_CLOCKS
 from sensor.imagers.cmos import CmosSetting
 
 __all__ = [
-    "Rule", "Seen", "follow", "from_judged", "from_register", "light_for", "recovery", "search_path",
-    "settled", "shortest_exposure", "unlimited", "worst_search",
+    "Rule", "Seen", "follow", "from_judged", "from_register", "light_for", "recovery",
+    "search_path", "settled", "shortest_exposure", "unlimited", "worst_search",
 ]  # fmt: skip
 
 Rule = Callable[[int, int, int, int | None], int]
@@ -127,7 +127,7 @@ def search_path(
     return path
 
 
-def settled(lux: float, rule: Rule, *, start: int = 1, frames: int = 200) -> Seen:
+def settled(lux: float, rule: Rule, *, start: int = 1, frames: int = 60) -> Seen:
     """Where the loop comes to rest under steady light. RuntimeError where it does not."""
     last = follow([lux] * frames, rule, start=start)[-4:]
     if any(each != last[-1] for each in last):

@@ -57,11 +57,12 @@ class PlainSequencer:
         self._take()
 
     def run(self) -> Iterator[Tick]:
-        """Every clock from power-on to the end of the last frame."""
+        """Every clock from power-on to the one after the last frame's decision."""
         while True:
             yield self._tick()
             busy = self._reading is not None or self._row < self._t.rows
             if self._frame is None and not busy:
+                yield self._tick()
                 return
 
     def _take(self) -> None:

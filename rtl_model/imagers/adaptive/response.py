@@ -76,7 +76,8 @@ def combined_response(
 
 def exponential_deviation(points: Sequence[Point]) -> float:
     """How far light lies from the exponential of the combined output that fits it best, at the most
-    and relative; points below half scale are left out. In the limit of fine steps x 2^(1 - x) over
-    1 <= x < 2 gives sqrt(2/(e ln 2)... ) - 1, 3 % either way."""
+    and relative; points below half scale are left out. Between octaves light is straight where the
+    exponential bends: x 2^-x over 1 <= x <= 2 gives sqrt(2/(e ln 2)) - 1 = 3.0 % either way, and
+    whole DN a little more."""
     logs = [math.log2(p.lux) - p.combined / HALF_SCALE for p in points if p.value >= HALF_SCALE]
     return 2.0 ** ((max(logs) - min(logs)) / 2) - 1

@@ -1,7 +1,8 @@
 """What effects of a three-transistor pixel cost, in nanoseconds a pixel of a frame.
 
 Measured once, on one core at 2.5 GHz, as the difference that leaving the effect out makes to a
-frame of 1024 x 1280 pixels at half scale. The planner's choice goes by this table on any machine.
+frame of 1024 x 1280 pixels at half scale and 10 ms. The planner's choice goes by this table on any
+machine.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from typing import Final
 __all__ = ["COSTS"]
 
 COSTS: Final[dict[str, float]] = {
-    "shot noise": 120.0,
-    "dark current": 5.0,
-    "dark shot noise": 60.0,
-    "reset noise": 50.0,
-    "read noise": 50.0,
-    "DSNU": 2.0,
-    "PRNU": 2.0,
-    "column pattern": 1.0,
+    "shot noise": 145.0,
+    "dark current": 7.0,
+    "dark shot noise": 100.0,
+    "reset noise": 95.0,
+    "read noise": 95.0,
+    "DSNU": 11.0,
+    "PRNU": 7.0,
+    "column pattern": 11.0,
 }
