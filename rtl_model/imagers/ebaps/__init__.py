@@ -1,7 +1,5 @@
 """The EBAPS imaging circuit: timing, exposure loop, dark subtraction, registers, whole imager."""
 
-from typing import TYPE_CHECKING, Any
-
 from rtl_model.imagers.ebaps.darks import (
     DARKS,
     TRUNCATION,
@@ -23,6 +21,14 @@ from rtl_model.imagers.ebaps.exposure import (
     Linear,
     follow,
 )
+from rtl_model.imagers.ebaps.extremes import (
+    accumulated,
+    dark_then_light,
+    light_steps,
+    shipped_loop,
+    swinging,
+)
+from rtl_model.imagers.ebaps.imager import Ebaps
 from rtl_model.imagers.ebaps.machine import machine
 from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, FrameMemory, PlainMemory, region_bytes
 from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
@@ -37,9 +43,6 @@ from rtl_model.imagers.ebaps.settling import (
     spans,
 )
 from rtl_model.imagers.ebaps.timing import CLOCK_HZ, FRAME_RATE, Timing
-
-if TYPE_CHECKING:
-    from rtl_model.imagers.ebaps.imager import Ebaps
 
 __all__ = [
     "ACCUMULATOR_BITS",
@@ -67,9 +70,12 @@ __all__ = [
     "Sequencer",
     "Shot",
     "Timing",
+    "accumulated",
     "clipped_mean",
+    "dark_then_light",
     "follow",
     "last_hunting",
+    "light_steps",
     "machine",
     "mean_of_four",
     "region_bytes",
@@ -78,16 +84,9 @@ __all__ = [
     "settle",
     "settling_exposure",
     "settling_share",
+    "shipped_loop",
     "spans",
     "stale_variance",
     "subtract",
+    "swinging",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    # The pixels compile with numba: nobody who only reads registers should wait for that.
-    if name == "Ebaps":
-        from rtl_model.imagers.ebaps.imager import Ebaps
-
-        return Ebaps
-    raise AttributeError(name)

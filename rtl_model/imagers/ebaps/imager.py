@@ -91,8 +91,11 @@ class Ebaps:
         """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
         when = self.now if at is None else at
         self.write("ebaps_key", 1, when)
-        period = self.timing.ps(self.timing.vsync(DARKS))
-        self.write("ebaps_key", 0, when + period)
+        first = self.sequencer.upcoming
+        while self.timing.ps(self.timing.vsync(first)) < when:
+            first += 1
+        last = self.timing.ps(self.timing.vsync(first + DARKS - 1))
+        self.write("ebaps_key", 0, last + 1)
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
@@ -119,7 +122,7 @@ class Ebaps:
         self._until(until)
         self.now = max(self.now, until)
         if trace is not None:
-            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r.ps), top="ebaps")
+            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r[0]), top="ebaps")
 
     def _until(self, instant: int) -> None:
         """Writes that are due by then; one at the instant of a VSYNC comes before it."""

@@ -108,6 +108,11 @@ class Sequencer:
         """ns; 0 where four darks of one exposure are not stored."""
         return self._told["dark_exposure"]
 
+    @property
+    def upcoming(self) -> int:
+        """Number of the frame whose VSYNC comes next."""
+        return self._next
+
     def subtracts(self) -> bool:
         """Whether a live frame read now has darks taken from it."""
         return bool(self._at("subtract")) and self.has_darks
@@ -181,11 +186,11 @@ class Sequencer:
         side = rule.side(total, got.pixels)
         self._told["mean"] = total // got.pixels
         settled = side == 0 and shot.exposure == standing
-        if loop & _ON:
+        # Frames in flight may be dark ones, which must all be of one exposure.
+        free = not self._ahead and not any(other.key for other in self._waiting)
+        if loop & _ON and free:
             standing = rule.judged(standing, shot.exposure, total, got.pixels)
             self.registers.put("ebaps_exposure", standing)
-        # Frames in flight may still be dark ones: no refresh before they have all been read.
-        free = not self._ahead and not any(other.key for other in self._waiting)
         resting = settled or standing == shot.exposure
         if self._at("refresh") and resting and self.stale and free:
             self._ahead = DARKS

@@ -103,10 +103,9 @@ def settling_share(
     rule: ExposureRule, first: int, last: int, start: int = DEFAULT_EXPOSURE
 ) -> Fraction:
     """Share of the wanted exposures between `first` and `last`, ns, under which it rests."""
-    inside = sum(
-        (max(min(b, last) - max(a, first), Fraction(0)) for a, b in resting(rule, start)),
-        Fraction(0),
-    )
+    inside = Fraction(0)
+    for a, b in resting(rule, start):
+        inside += max(min(b, Fraction(last)) - max(a, Fraction(first)), Fraction(0))
     return inside / (last - first)
 
 

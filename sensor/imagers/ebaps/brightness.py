@@ -22,7 +22,7 @@ def brightness_constant(
     """k of light that crosses as photoelectrons, DN / (lx s): what makes equation 1 give the mean
     signal above black and dark. At infinity a lens passes rho T_l / 4 (D/f)^2 of E."""
     budget = pixels.budget(1.0, 0.0)
-    signal = sum(float(p.mean) for p in budget.tube_part(budget.light).values())
+    signal = float(budget.tube_mean(budget.light))
     per_gain = signal / budget.gain if budget.gain > 0 else 0.0
     return reflectance * transmission / 4 * per_gain * pixels.silicon.dn_per_electron
 
@@ -33,6 +33,7 @@ def wanted_exposure(pixels: EbapsPixels, lux: float, target: float, zero: float 
     zero: DN with no exposure: 0 for a frame from which darks of its exposure were taken (then dark
     current has gone as well), the pedestal where one is added.
     """
-    one = pixels.budget(lux, 1.0)
+    # No seconds: the photocathode's own emission is in the darks as well.
+    one = pixels.budget(lux, 0.0)
     rate = float(one.response) * pixels.silicon.dn_per_electron
     return (target - zero) / rate if rate > 0 else float("inf")

@@ -61,27 +61,34 @@ class Budget:
         """Electrons of dark current."""
         return self.silicon.dark_rate(self.kelvin) * self.seconds
 
-    def tube_part(self, photoelectrons: Any) -> dict[str, Part]:
-        """What so many photoelectrons bring, effect by effect; "gain" is the mean itself."""
+    def tube_mean(self, photoelectrons: Any) -> Any:
+        """Electrons in the silicon, bursts of ions with them."""
+        t = self.tube
+        return photoelectrons * (1 - t.loss) * self.gain * (1 + t.ions * t.burst)
+
+    def _tube_variance(self, photoelectrons: Any, ions: float) -> Any:
+        """Each electron that lands brings 1 + X: X sums a Poisson number (mean q) of geometric
+        bursts (mean b), so E[(1 + X)^2] = (1 + q b)^2 + q (2 b^2 + b); and each of these has the
+        gain's own spread."""
         t, g = self.tube, self.gain
-        kept = 1 - t.loss
-        landed = photoelectrons * kept
-        burst = landed * t.ions * t.burst
-        each = g * t.gain_variance
-        return {
-            "gain": Part(landed * g, 0.0),
-            "shot noise": Part(0.0, g * g * photoelectrons * kept**2),
-            "electron loss": Part(0.0, g * g * landed * t.loss),
-            "gain spread": Part(0.0, each * (landed + burst)),
-            # Geometric bursts of mean b: E[k^2] = 2 b^2 + b.
-            "ion events": Part(burst * g, g * g * burst * (2 * t.burst + 1) + each * burst),
-        }
+        landed, more = photoelectrons * (1 - t.loss), 1 + ions * t.burst
+        square = more**2 + ions * t.burst * (2 * t.burst + 1)
+        return landed * (g * g * square + g * t.gain_variance * more)
 
     def parts(self) -> dict[str, Part]:
-        """By the effects' names: what leaving each out takes away. "gain" is what all share."""
-        out = self.tube_part(self.photoelectrons)
-        emitted = self.tube_part(self.photoelectrons - self.light).values()
-        out[EMISSION] = Part(sum(p.mean for p in emitted), _once(self, emitted))
+        """By the effects' names: what leaving each out takes away."""
+        t, g, n = self.tube, self.gain, self.photoelectrons
+        landed, more = n * (1 - t.loss), 1 + t.ions * t.burst
+        emitted = n - self.light
+        whole = self._tube_variance(n, t.ions)
+        # What two effects share is in both: leaving out either takes it away.
+        out = {
+            "shot noise": Part(0.0, (g * more) ** 2 * landed * (1 - t.loss)),
+            "electron loss": Part(0.0, (g * more) ** 2 * landed * t.loss),
+            "gain spread": Part(0.0, landed * g * t.gain_variance * more),
+            "ion events": Part(landed * g * (more - 1), whole - self._tube_variance(n, 0.0)),
+            EMISSION: Part(self.tube_mean(emitted), self._tube_variance(emitted, t.ions)),
+        }
         out["direct light"] = Part(self.leaked, self.leaked)
         out["dark current"] = Part(self.dark, self.dark)
         out["silicon shot noise"] = Part(0.0, self.dark + self.leaked)
@@ -91,8 +98,7 @@ class Budget:
     @property
     def response(self) -> Any:
         """Mean electrons of light and photocathode: what PRNU and stripes scale."""
-        tube = self.tube_part(self.photoelectrons).values()
-        return sum(p.mean for p in tube) + self.leaked
+        return self.tube_mean(self.photoelectrons) + self.leaked
 
     @property
     def mean(self) -> Any:
@@ -101,20 +107,11 @@ class Budget:
 
     @property
     def tube_variance(self) -> Any:
-        """Electrons^2 that pass the tube; the share of spread in it counts once."""
-        return _once(self, self.tube_part(self.photoelectrons).values())
+        """Electrons^2 of what passes the tube."""
+        return self._tube_variance(self.photoelectrons, self.tube.ions)
 
     @property
     def variance(self) -> Any:
         """Temporal, DN^2, with rounding."""
         electrons = self.tube_variance + self.dark + self.leaked + self.silicon.read_noise**2
         return electrons * self.silicon.dn_per_electron**2 + QUANTUM
-
-
-def _once(budget: Budget, parts: Any) -> Any:
-    """Variance of a tube's parts. The spread of the gain of bursts is in "gain spread" and in "ion
-    events", since leaving out either takes it away: it counts once."""
-    t = budget.tube
-    total = sum(p.variance for p in parts)
-    bursts = sum(p.mean for p in parts) * t.ions * t.burst / (1 + t.ions * t.burst)
-    return total - t.gain_variance * bursts

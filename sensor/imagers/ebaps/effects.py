@@ -8,6 +8,7 @@ where the scale clips (or a pattern's tail counts) the bound is an estimate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ebaps_effects"]
 
-_TAIL = 6.0
-"""Standard deviations that must stay clear of either end of the scale."""
+_BELOW, _ABOVE = 6.0, 12.0
+"""Standard deviations that must stay clear of either end of the scale. Nothing but read noise and
+offsets goes below black; ion events make the upper tail a long one."""
 
 
 def _noise(share: Any) -> Any:
@@ -52,10 +54,10 @@ def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
         return [replace(base, light=p, seconds=t) for p, t in product(lights, given.exposure)]
 
     def free_of_clipping(scene: Summary) -> bool:
-        low = min(float(np.min(b.mean - _TAIL * np.sqrt(b.variance))) for b in corners(scene))
-        high = max(float(np.max(b.mean + _TAIL * np.sqrt(b.variance))) for b in corners(scene))
+        high = max(float(np.max(b.mean + _ABOVE * np.sqrt(b.variance))) for b in corners(scene))
+        low = _BELOW * k * math.hypot(silicon.read_noise, silicon.offset_spread)
         top = min(model.full_scale, silicon.black + k * silicon.well)
-        return silicon.black + low > 0 and silicon.black + high < top
+        return silicon.black > low and silicon.black + high < top
 
     def shares(b: Budget, mean: Any, variance: Any) -> Any:
         """Electrons and electrons^2 that go, as shares of what a pixel has."""
@@ -89,8 +91,9 @@ def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
         def bound(scene: Summary) -> Bound:
             contrast = np.asarray(scene.brightest, float) - np.asarray(scene.darkest, float)
             more = replace(base, light=share * contrast, seconds=0.0)
-            gone = sum(p.mean for p in more.tube_part(more.light).values())
-            values = [shares(b, gone, more.tube_variance) for b in corners(scene)]
+            values = [
+                shares(b, more.tube_mean(more.light), more.tube_variance) for b in corners(scene)
+            ]
             kind: Kind = "proof" if free_of_clipping(scene) else "estimate"
             return Bound(np.maximum.reduce(values), kind)
 

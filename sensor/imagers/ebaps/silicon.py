@@ -3,8 +3,8 @@
 None of this is printed for the chip (its table is lost): every figure is assumed, of the size that
 such pixels have. The analog gain was chosen so that the brightness loop finds its target where the
 document shows an image: under a lens f/1.4 (T = 0.9), a chart of mean reflectance 0.5 under
-3e-3 lx at -1500 V puts 7.8 photoelectrons into a pixel in 32.768 ms, which are 1.5e3 electrons in
-the silicon; 20 DN an electron make that 3.1e4 DN, so 24 800 DN come at 27 ms.
+3e-3 lx at -1500 V puts 7.8 photoelectrons into a pixel in 32.768 ms, which are 1.6e3 electrons in
+the silicon; 20 DN an electron make that 3.1e4 DN, so 24 800 DN come at 26 ms.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class Silicon:
     leakage: share of the light that passes the photocathode and reaches it.
 
     dark: electrons a second at `dark_kelvin`, doubling every `doubling` kelvin. read_noise:
-    electrons. dn_per_electron: analog gain. black: DN without signal. well: electrons.
+    electrons. dn_per_electron: analog gain. black: DN without signal, six
+    deviations of read noise and offsets. well: electrons.
 
     Fixed pattern, standard deviations: dsnu of the dark current (relative, gamma distributed),
     offset, column_offset and row_offset in electrons, prnu and stripes (rows) of the response. A
@@ -47,7 +48,7 @@ class Silicon:
     doubling: float = 6.5
     read_noise: float = 30.0
     dn_per_electron: float = 20.0
-    black: float = 3000.0
+    black: float = 4000.0
     well: float = 30_000.0
     dsnu: float = 0.3
     offset: float = 8.0

@@ -20,7 +20,7 @@ from numba import njit
 __all__ = ["halo", "landing"]
 
 Values = npt.NDArray[np.float64]
-_STEP = 4
+_STEP = 2
 """Rows from one sum over the halo's disc to the next."""
 
 
@@ -60,8 +60,8 @@ def _disc(means, half, out):  # type: ignore[no-untyped-def]
         count += 2 * half[abs(k)] + 1
     below = 0
     for y in range(height):
-        # A disc many pixels wide changes little from row to row: every fourth is summed, those
-        # between lie on a line.
+        # A disc many pixels wide changes little from row to row: every second is summed, the
+        # one between lies between.
         if y % _STEP and y != height - 1:
             continue
         for x in range(width):
