@@ -1,4 +1,4 @@
-"""What an EMCCD's cooler acts on: chip, Peltier element, heat sink, and the thermistor that is read.
+"""What an EMCCD's cooler acts on: chip, Peltier element and heat sink; its thermistor.
 
 Chip:  C_c dT_c/dt = P + (T_a - T_c)/R_a - Q_c,  Q_c = a T_c I - I^2 R/2 - K (T_h - T_c)
 Sink:  C_h dT_h/dt = Q_h - (T_h - T_a)/R_h,      Q_h = a T_h I + I^2 R/2 - K (T_h - T_c)
@@ -44,12 +44,12 @@ class Plant:
 
     seebeck: float = 0.020
     resistance: float = 2.5
-    conductance: float = 0.073
+    conductance: float = 0.064
     chip_capacity: float = 15.0
     sink_capacity: float = 150.0
     chip_power: float = 0.5
-    chip_to_air: float = 40.0
-    sink_to_air: float = 0.8
+    chip_to_air: float = 60.0
+    sink_to_air: float = 0.5
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -5,11 +5,12 @@ Every sample the thermistor's code is read and a drive code is set, in whole num
 
     e = target - code;  u = (K_p e + I + K_d (e - e_before)) >> 12, limited to 0 .. top
 
-The integral I grows by K_i e, but not while u is over a limit and e would push it further (clamping:
-Astrom and Hagglund, Advanced PID Control, 2006, section 3.5), and is itself kept within the drive's
-range. Without that (`anti_windup=False`) a day too hot is paid for with a chip too cold. The top is
-a current below the one at which the Peltier element heats more than it cools, where the loop's sign
-would turn. A code that no working thermistor gives turns the drive off, by name, until `reset`.
+The integral I grows by K_i e, but not while u is over a limit and e would push it further
+(conditional integration: Astrom and Hagglund, Advanced PID Control, 2006), and is itself kept
+within the drive's range. Without that (`anti_windup=False`) a day too hot is paid for with a chip
+too cold. The top is a current below the one at which the Peltier element heats more than it cools,
+where the loop's sign would turn. A code that no working thermistor gives turns the drive off, by
+name, until `reset`.
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ __all__ = [
     "PITCH",
     "PRNU",
     "QUANTUM_EFFICIENCY",
+    "READOUT",
     "READ_NOISE",
     "REGISTER_WELL",
     "ROWS",
@@ -71,6 +72,8 @@ ADC_BITS: Final = 16
 """Document."""
 OFFSET: Final = 500.0
 """DN without charge: assumed."""
+READOUT: Final = ROWS * LINE_CLOCKS / 10e6
+"""s of a whole frame at 10 MHz, 29.1 ms (assumed): how long the last row waits in storage."""
 ROW_SHIFT: Final = 1e-6
 """s of one row in a frame transfer: reported are .3 to 1 us; assumed. A sequencer gives its own."""
 ZERO_CELSIUS: Final = 273.15

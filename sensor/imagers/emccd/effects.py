@@ -4,13 +4,16 @@ With x photoelectrons, smear share s, dark d and clock-induced c, m = x (1 + s) 
 reach the register. In electrons at the pixel the value's noise power is
 F^2 m + (read/g)^2 + (step/g)^2 / 12; what is left out takes its own term of it away. Relative
 errors of the mean are of the mean over the offset, at least one DN; pattern counts RMS over pixels.
+
+Noise bounds add up to less than what leaving several out does (1 - sqrt(1 - a) is convex), but
+never to less than half of it, and a plan gives bounds half the tolerance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,51 +28,70 @@ __all__ = ["Terms", "emccd_effects"]
 Values = npt.NDArray[np.float64]
 
 
+_GAINS: Final = 33
+"""Gains looked at between a summary's least and largest: at most a factor 1.25 apart."""
+_BETWEEN: Final = 1.01
+"""Room for a maximum between two of them: excess noise and read noise, which move against each
+other, are smooth in the gain's logarithm."""
+
+
 @dataclass(frozen=True)
 class Terms:
-    """What bounds need of the pixels. gain: mean. excess: F^2. dark: e- / s. smear: s, of all
-    rows' shifts. read: e- RMS at the output. step: e- of a DN there. Wells in e-."""
+    """What bounds need of the pixels. excess: F^2 of a mean gain. dark: e- / s at a temperature, K.
+    smear: s, of all rows' shifts. read: e- RMS at the output. readout: s in storage. step: e- of a
+    DN at the output. Wells in e-. shape: (rows, columns)."""
 
-    gain: float
-    excess: float
-    dark: float
+    excess: Callable[[float], float]
+    dark: Callable[[float], float]
     dsnu: float
     prnu: float
     clock_induced: float
     smear: float
     read: float
+    readout: float
     step: float
     image_well: float
     register_well: float
+    shape: tuple[int, int]
 
 
 @dataclass(frozen=True)
 class _Scene:
-    """A summary in electrons at the pixel. low, high: x at its least and most. Least and most of
-    everything together: least, most."""
+    """A summary in electrons at the pixel, at one gain. high: most x. least, most: of everything
+    together. f2: F^2. floor: of one DN. read: noise power of the amplifier, quiet: with the
+    converter's."""
 
-    low: Values
     high: Values
     smear: Values
     dark: float
     least: Values
     most: Values
+    gain: float
+    f2: float
     floor: float
+    read: float
     quiet: float
 
 
-def _scene(terms: Terms, summary: Summary) -> _Scene:
-    given = cast(ImagerSummary, summary)
+def _scene(terms: Terms, given: ImagerSummary, gain: float) -> _Scene:
     low, high = (np.asarray(v, np.float64) for v in (given.darkest, given.brightest))
     shortest, longest = given.exposure
     share = terms.smear / shortest if shortest > 0 else 0.0
-    smear = high * share
-    dark = terms.dark * longest
-    step = terms.step / terms.gain
+    dark = terms.dark(given.kelvin) * (longest + terms.readout)
+    step = terms.step / gain
+    read = (terms.read / gain) ** 2
     return _Scene(
-        low, high, smear, dark, low + terms.clock_induced, high + smear + dark
-        + terms.clock_induced, step, (terms.read / terms.gain) ** 2 + step**2 / 12,
-    )  # fmt: skip
+        high=high,
+        smear=high * share,
+        dark=dark,
+        least=low + terms.clock_induced,
+        most=high * (1.0 + share) + dark + terms.clock_induced,
+        gain=gain,
+        f2=terms.excess(gain),
+        floor=step,
+        read=read,
+        quiet=read + step**2 / 12,
+    )
 
 
 def _mean(scene: _Scene, electrons: Any) -> Values:
@@ -95,49 +117,54 @@ def _tail(mean: Any, variance: Any, well: float) -> Values:
 
 
 def emccd_effects(terms: Terms) -> dict[str, Effect]:
-    """All effects by name. Bounds hold where the wells do not overflow ("proof"); an overflow's
-    own, and all where wells do, are estimates."""
+    """All effects by name. Bounds are the largest over the gains of the summary. They hold where
+    the wells do not overflow ("proof"); an overflow's own, and all where wells do, are estimates.
+    """
+    brightest = 1.0 + 5.0 * terms.prnu
 
-    def calm(scene: _Scene) -> Kind:
+    def calm(scene: _Scene) -> bool:
         """Whether ten standard deviations stay below both wells."""
-        top = scene.most + 10 * np.sqrt(terms.excess * scene.most + scene.quiet)
-        fits = (top < terms.image_well) & (top * terms.gain < terms.register_well)
-        return "proof" if bool(np.all(fits)) else "estimate"
+        top = brightest * scene.most + 10 * np.sqrt(scene.f2 * scene.most + scene.quiet)
+        fits = (top < terms.image_well) & (top * scene.gain < terms.register_well)
+        return bool(np.all(fits))
 
     def effect(
         name: str, source: str, stream: Stream, value: Callable[[_Scene], Any], sure: bool = True
     ) -> Effect:
         def bound(summary: Summary) -> Bound:
-            scene = _scene(terms, summary)
-            return Bound(value(scene), calm(scene) if sure else "estimate")
+            given = cast(ImagerSummary, summary)
+            low, high = given.gain
+            gains = [low] if high == low else np.geomspace(low, high, _GAINS).tolist()
+            scenes = [_scene(terms, given, gain) for gain in gains]
+            kind: Kind = "proof" if sure and all(calm(s) for s in scenes) else "estimate"
+            worst = np.max(np.stack([np.asarray(value(s), np.float64) for s in scenes]), axis=0)
+            return Bound(worst * (_BETWEEN if len(gains) > 1 else 1.0), kind)
 
         return Effect(name, source, stream, "", str, bound, lambda _: COSTS[name], group=name)
-
-    f2 = terms.excess
 
     def added(electrons: Callable[[_Scene], Any]) -> Callable[[_Scene], Values]:
         """Electrons that are no longer there: mean, and their share of the noise."""
 
         def value(scene: _Scene) -> Values:
             extra = np.asarray(electrons(scene), np.float64)
-            noise = _noise(f2 * extra, f2 * (scene.least + extra) + scene.quiet)
+            noise = _noise(scene.f2 * extra, scene.f2 * (scene.least + extra) + scene.quiet)
             return np.maximum(_mean(scene, extra), noise)
 
         return value
 
     def shot(scene: _Scene) -> Values:
         x = scene.high + scene.smear
-        return _noise(x, f2 * (x + terms.clock_induced) + scene.quiet)
+        return _noise(x, scene.f2 * (x + terms.clock_induced) + scene.quiet)
 
     def dark_shot(scene: _Scene) -> Values:
         d = scene.dark
-        return _noise(d, f2 * (scene.least + d) + scene.quiet)
+        return _noise(d, scene.f2 * (scene.least + d) + scene.quiet)
 
     def multiplication(scene: _Scene) -> Values:
-        return _noise((f2 - 1) * scene.most, f2 * scene.most + scene.quiet)
+        return _noise((scene.f2 - 1) * scene.most, scene.f2 * scene.most + scene.quiet)
 
     def read(scene: _Scene) -> Values:
-        return _noise((terms.read / terms.gain) ** 2, f2 * scene.least + scene.quiet)
+        return _noise(scene.read, scene.f2 * scene.least + scene.quiet)
 
     def prnu(scene: _Scene) -> Values:
         # Relative to a pixel's own light; smear of the column's other rows has their pattern.
@@ -146,13 +173,17 @@ def emccd_effects(terms: Terms) -> dict[str, Effect]:
     def dsnu(scene: _Scene) -> Values:
         return _mean(scene, scene.dark * terms.dsnu)
 
+    # A place takes what all others spill, but no more than a well.
     def image_over(scene: _Scene) -> Values:
-        return _mean(scene, _tail(scene.most, scene.most, terms.image_well))
+        mean = brightest * scene.most
+        over = terms.shape[0] * _tail(mean, scene.most, terms.image_well)
+        return _mean(scene, np.minimum(over, terms.image_well))
 
     def register_over(scene: _Scene) -> Values:
-        g = terms.gain
-        over = _tail(g * scene.most, g * g * f2 * scene.most, terms.register_well)
-        return _mean(scene, over / g)
+        g = scene.gain
+        mean, variance = brightest * g * scene.most, g * g * scene.f2 * scene.most
+        over = terms.shape[0] * terms.shape[1] * _tail(mean, variance, terms.register_well)
+        return _mean(scene, np.minimum(over, terms.register_well) / g)
 
     sheet = "E2V CCD97 data sheet"
     rows = (

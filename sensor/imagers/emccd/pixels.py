@@ -60,7 +60,8 @@ class EmccdPixels:
     """The chip's physics. All fields have the chip's or the document's figures by default.
 
     gain: mean multiplication, 1 to 1000. kelvin: of the chip. tier: "exact" draws every stage
-    (40 us a pixel), "fast" one law for all. row_shift: s. pattern_seed: the device's. dark: e- /
+    (40 us a pixel), "fast" one law for all. row_shift: s. readout: s that a row waits in storage at
+    the longest; bounds read it. pattern_seed: the device's. dark: e- /
     (pixel s) at 20 degC. image_well, register_well: e-. read_noise: e- RMS at the output.
     """
 
@@ -69,6 +70,7 @@ class EmccdPixels:
     tier: Literal["fast", "exact"] = "fast"
     stages: int = chip.STAGES
     row_shift: float = chip.ROW_SHIFT
+    readout: float = chip.READOUT
     pattern_seed: int = 1
     quantum_efficiency: float = chip.QUANTUM_EFFICIENCY
     dark: float = DARK_AT_20C
@@ -101,28 +103,39 @@ class EmccdPixels:
         light = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
         return light * self.quantum_efficiency
 
+    def lux_seconds(self, electrons: float, seconds: float) -> float:
+        """Exposure to even light at which so many electrons, smear and dark ones included, reach
+        the register: the inverse of `mean_variance`'s mean."""
+        dark = dark_current(self.kelvin, self.dark) * seconds
+        photo = (electrons - dark - self.clock_induced) / (1.0 + self._shifts / seconds)
+        if photo < 0:
+            raise ValueError(f"{electrons:g} e- must be more: the dark alone makes as many")
+        return photo / self.responsivity
+
     @property
     def effective_read_noise(self) -> float:
         """e- RMS at the pixel: what the amplifier adds, over the gain."""
         return self.read_noise / self.gain
 
     @property
-    def _lit_rows(self) -> int:
-        return self.shape[0] - 2 * chip.DARK_ROWS
+    def _shifts(self) -> float:
+        """s that a packet spends over the lit rows of its column but its own."""
+        return (self.shape[0] - 2 * chip.DARK_ROWS - 1) * self.row_shift
 
     def _terms(self) -> Terms:
         return Terms(
-            gain=self.gain,
-            excess=excess_noise_squared(self.gain, self.stages),
-            dark=dark_current(self.kelvin, self.dark),
+            excess=lambda gain: excess_noise_squared(gain, self.stages),
+            dark=lambda kelvin: dark_current(kelvin, self.dark),
             dsnu=self.dsnu,
             prnu=self.prnu,
             clock_induced=self.clock_induced,
-            smear=(self._lit_rows - 1) * self.row_shift,
+            smear=self._shifts,
             read=self.read_noise,
+            readout=self.readout,
             step=self.step,
             image_well=self.image_well,
             register_well=self.register_well,
+            shape=self.shape,
         )
 
     def _lit(self, rows: Exposed) -> npt.NDArray[np.bool_]:
@@ -141,7 +154,7 @@ class EmccdPixels:
         seconds = rows.seconds[:, None]
         rate = np.divide(photo, seconds, out=np.zeros_like(photo), where=seconds > 0)
         given = max(int(self._lit(rows).any(axis=1).sum()), 1)
-        total = rate.sum(axis=0) * (self._lit_rows / given)
+        total = rate.sum(axis=0) * ((self.shape[0] - 2 * chip.DARK_ROWS) / given)
         return np.maximum(total - rate, 0.0) * row_shift
 
     def _electrons(
@@ -230,20 +243,21 @@ class EmccdPixels:
 
         m = E[electrons]; variance (F^2 g^2 m + read^2)/step^2 + 1/12.
         """
-        terms = self._terms()
-        share = terms.smear / seconds if seconds > 0 else 0.0
+        share = self._shifts / seconds if seconds > 0 else 0.0
         electrons = lux_seconds * self.responsivity * (1.0 + share)
-        electrons += terms.dark * seconds + self.clock_induced
-        power = terms.excess * terms.gain**2 * electrons + self.read_noise**2
+        electrons += dark_current(self.kelvin, self.dark) * seconds + self.clock_induced
+        excess = excess_noise_squared(self.gain, self.stages)
+        power = excess * self.gain**2 * electrons + self.read_noise**2
         return (
-            self.offset + electrons * terms.gain / self.step,
+            self.offset + electrons * self.gain / self.step,
             power / self.step**2 + 1.0 / 12.0,
         )
 
     def summary(
         self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:
-        """See `PixelModel`."""
+        """See `PixelModel`; where frames have gains or temperatures of their own (`EmccdExposed`),
+        whoever knows them puts their range in the summary's place."""
         low, high = (value * self.responsivity for value in lux_seconds)
         return ImagerSummary(
             darkest=low,
