@@ -31,11 +31,12 @@ class InputError(ViformError):
 
 
 class Interrupted(ViformError):
-    """A run was stopped by the user after `done` of `total` cycles; nothing is lost."""
+    """A run was stopped by the user after `done` of `total` cycles, or what `unit` says; nothing is
+    lost."""
 
-    def __init__(self, done: int, total: int, mend: str) -> None:
-        self.done, self.total, self.mend = done, total, mend
-        super().__init__(done, total, mend)
+    def __init__(self, done: int, total: int, mend: str, unit: str = "cycles") -> None:
+        self.done, self.total, self.mend, self.unit = done, total, mend, unit
+        super().__init__(done, total, mend, unit)
 
     def __str__(self) -> str:
-        return f"interrupted after {self.done} of {self.total} cycles; {self.mend}"
+        return f"interrupted after {self.done} of {self.total} {self.unit}; {self.mend}"

@@ -54,6 +54,8 @@ KINDS: dict[str, Kind] = {
         Kind("angle", "deg", "15 deg", ("degree", "radian")),
         Kind("pressure", "Pa", "9 kPa", ("pascal", "bar", "torr", "atmosphere")),
         Kind("wavelength", "nm", "555 nm", ("meter",)),
+        Kind("power", "W", "2 W", ("watt",)),
+        Kind("conversion gain", "uV/e", "25 uV/e", ("volt / elementary_charge",)),
     )
 }
 

@@ -11,9 +11,15 @@ from typing import Any
 import tomli_w
 
 from cosim import InputError
-from scenarios.schema import BoardScenario, LinkScenario, Scenario, validate
+from scenarios.schema import (
+    AnyScenario,
+    ImagerScenario,
+    LinkScenario,
+    Scenario,
+    validate,
+)
 
-__all__ = ["FRONT", "filmed", "linked", "load", "shipped", "to_toml"]
+__all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs when none is named."""
@@ -68,7 +74,7 @@ def _value(text: str) -> Any:
     return text
 
 
-def _set(data: dict[str, Any], assignment: str) -> None:
+def assign(data: dict[str, Any], assignment: str) -> None:
     """Applies one a.b=c; sections that are absent are created."""
     key, equals, text = assignment.partition("=")
     names = key.strip().split(".")
@@ -96,8 +102,8 @@ _PATHS = (("scene", "path"), ("link", "file"), ("board", "csr"))
 
 
 def _absolute(
-    scenario: Scenario | LinkScenario | BoardScenario,
-) -> Scenario | LinkScenario | BoardScenario:
+    scenario: AnyScenario,
+) -> AnyScenario:
     """The scenario with its file's place written out."""
     for section, key in _PATHS:
         inner = getattr(scenario, section, None)
@@ -121,7 +127,7 @@ def load(
     *,
     tolerance: float | None = None,
     seed: int | None = None,
-) -> tuple[str, Scenario | LinkScenario | BoardScenario]:
+) -> tuple[str, AnyScenario]:
     """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
     the file in TOML; the scenario returned holds absolute ones."""
     short, data, folder = _read(name)
@@ -130,7 +136,7 @@ def load(
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])
     for assignment in assignments or []:
-        _set(data, assignment)
+        assign(data, assignment)
     if tolerance is not None:
         data["tolerance"] = tolerance
     if seed is not None:
@@ -138,21 +144,32 @@ def load(
     return short, _absolute(validate(data))
 
 
-def filmed(scenario: Scenario | LinkScenario | BoardScenario, command: str) -> Scenario:
-    """The scenario of a command that films a scene; raises InputError for one of a link."""
+def filmed(scenario: AnyScenario, command: str) -> Scenario:
+    """The scenario of a command that films a scene with a spike camera; raises InputError for any
+    other."""
     if not isinstance(scenario, Scenario):
-        other = "a link" if isinstance(scenario, LinkScenario) else "a board"
         raise InputError(
-            "the scenario", f"one with a [scene] for `viform {command}`", f"one of {other}",
-            "see `viform list`",
+            "the scenario", f"one with a [scene] for `viform {command}`"
+            if not isinstance(scenario, ImagerScenario)
+            else f"one of a spike camera for `viform {command}`",
+            f"one of {_kind(scenario)}", "see `viform list`",
         )  # fmt: skip
     return scenario
 
 
-def linked(scenario: Scenario | LinkScenario | BoardScenario, command: str) -> LinkScenario:
+def _kind(scenario: AnyScenario) -> str:
+    if isinstance(scenario, Scenario):
+        return "a spike camera"
+    if isinstance(scenario, ImagerScenario):
+        return "another imager"
+    return "a link" if isinstance(scenario, LinkScenario) else "a board"
+
+
+def linked(scenario: AnyScenario, command: str) -> LinkScenario:
     """The scenario of a command of a link; raises InputError for one with a scene."""
     if not isinstance(scenario, LinkScenario):
-        other = "one with a [scene]" if isinstance(scenario, Scenario) else "one of a board"
+        scene = isinstance(scenario, Scenario)
+        other = "one with a [scene]" if scene else f"one of {_kind(scenario)}"
         raise InputError(
             "the scenario", f"one with a [link] for `viform {command}`", other,
             "name light-link, or a file with a [link]",
@@ -160,6 +177,6 @@ def linked(scenario: Scenario | LinkScenario | BoardScenario, command: str) -> L
     return scenario
 
 
-def to_toml(scenario: Scenario | LinkScenario | BoardScenario) -> str:
+def to_toml(scenario: AnyScenario) -> str:
     """The scenario complete with every default, as TOML that `load` reads back."""
     return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))

@@ -12,6 +12,7 @@ from scenarios.result import Metric
 from scenarios.scenes import Patch
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.asynchronous.estimate import Observed, RateEstimate, estimate_rate, mean_rate
+from sensor.dynamic_range import decibels, spike_dynamic_range
 
 __all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
 
@@ -113,7 +114,7 @@ def unheard(found: list[Recovered]) -> list[str]:
 def formula(model: EventModel, stop: int) -> float:
     """The paper's dynamic range, dB: 20 lg(longest / shortest x N), sections 4.4 and 4.5. Without a
     longest width the run's end is it."""
-    return 20 * math.log10((model.longest or stop) / model.shortest * model.levels)
+    return spike_dynamic_range(model.longest or stop, model.shortest, model.levels)
 
 
 def dynamic_range(found: list[Recovered], model: EventModel, stop: int) -> dict[str, Metric]:
@@ -127,8 +128,8 @@ def dynamic_range(found: list[Recovered], model: EventModel, stop: int) -> dict[
     top, low = (good[0], good[-1]) if good else (None, None)
     truth = seen = None
     if top is not None and low is not None and top.estimate and low.estimate:
-        truth = 20 * math.log10(top.lux / low.lux)
-        seen = 20 * math.log10(top.estimate / low.estimate)
+        truth = decibels(top.lux / low.lux)
+        seen = decibels(top.estimate / low.estimate)
     return {
         "dynamic_range": Metric(truth, "dB"),
         "dynamic_range_recovered": Metric(seen, "dB"),

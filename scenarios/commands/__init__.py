@@ -7,6 +7,7 @@ from scenarios.commands.accuracy import accuracy as _accuracy
 from scenarios.commands.bench import bench as _bench
 from scenarios.commands.board import board as _board
 from scenarios.commands.convert import convert as _convert
+from scenarios.commands.design import design as _design
 from scenarios.commands.doctor import doctor as _doctor
 from scenarios.commands.image import image as _image
 from scenarios.commands.link import link as _link
@@ -36,6 +37,7 @@ app.command("image")(_image)
 app.command("convert")(_convert)
 app.add_typer(_link, name="link")
 app.add_typer(_board, name="board")
+app.add_typer(_design, name="design")
 app.command("bench")(_bench)
 app.command("stability")(_stability)
 app.command("doctor")(_doctor)

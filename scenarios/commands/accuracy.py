@@ -12,7 +12,7 @@ from scenarios.commands.output import Json, make_progress, print_document
 
 if TYPE_CHECKING:
     from scenarios.progress import Progress
-    from scenarios.schema import BoardScenario, LinkScenario, Scenario
+    from scenarios.schema import AnyScenario
 
 __all__ = ["accuracy"]
 
@@ -36,7 +36,7 @@ def accuracy(
     from scenarios.loading import load
 
     name, given = load(scenario, assignments, seed=seed)
-    measure = _measure(given, device)
+    measure = _measure(name, given, device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
     progress = make_progress()
@@ -57,14 +57,22 @@ def accuracy(
 
 
 def _measure(
-    given: Scenario | LinkScenario | BoardScenario, device: str | None
+    name: str, given: AnyScenario, device: str | None
 ) -> Callable[[Progress], dict[str, Any]]:
     """What makes the document; refuses what has no accuracy to measure."""
     from cosim import InputError
     from scenarios.loading import filmed
     from scenarios.readout import refuse_leftovers, refuse_options
-    from scenarios.schema import LinkScenario
+    from scenarios.schema import ImagerScenario, LinkScenario
 
+    if isinstance(given, ImagerScenario):
+        from scenarios.commands.run import refuse_device
+        from scenarios.imagers.accuracy import accuracy_imager
+        from scenarios.imagers.kinds import machine_of
+
+        refuse_device(device)
+        machine = machine_of(given)
+        return lambda progress: accuracy_imager(name, given, machine, progress)
     if isinstance(given, LinkScenario):
         from scenarios.link_accuracy import accuracy_link
 
@@ -102,6 +110,7 @@ def _text(name: str, document: dict[str, Any]) -> str:
     """The document for a reader."""
     reference = document["reference"]
     best = reference["ns_per_pixel_cycle"]
+    cycle = "pixel-frame" if "frames" in reference else "pixel-cycle"
     full: list[str] = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
     told = "the worst tile"
     if "bits" in reference:
@@ -110,10 +119,15 @@ def _text(name: str, document: dict[str, Any]) -> str:
             f"{reference['patches']} patches (rate {reference['bit_error_rate']:.3g}, half-width "
             f"in the run {reference['half_width']:.3g})"
         )
+    if "frames" in reference:
+        told = (
+            f"of a pixel value's mean or noise, the worst of {reference['patches']} patches of "
+            f"{reference['frames']} frames"
+        )
     lines = [
         f"{name}: error against full physics, {told}, with its 99.9 % interval",
         "",
-        f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{'ns a pixel-cycle':>18}"
+        f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{f'ns a {cycle}':>18}"
         f"{'times faster':>14}  left out",
     ]
     for row in document["rows"]:
@@ -129,7 +143,7 @@ def _text(name: str, document: dict[str, Any]) -> str:
         lines.append(
             f"{row['tier']:<10}{_number(row['tolerance']):>10}  {_error(row):<30}"
             f"{_number(row['run_time_s']):>8} s{_number(ns):>18}"
-            f"{_number(best / ns) if ns else '':>14}  {left}"
+            f"{_number(best / ns) if ns and best else '':>14}  {left}"
         )
     floor = document["floor"]
     order = document["order"]

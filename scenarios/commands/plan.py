@@ -30,11 +30,19 @@ def plan(
     from scenarios.forecast import forecast, forecast_events
     from scenarios.loading import filmed, load
     from scenarios.readout import refuse_leftovers, refuse_options
-    from scenarios.schema import LinkScenario
+    from scenarios.schema import ImagerScenario, LinkScenario
 
     name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(given, LinkScenario):
         _tell(_plan_link(name, given, device), json)
+        return
+    if isinstance(given, ImagerScenario):
+        from scenarios.commands.run import refuse_device
+        from scenarios.imagers.kinds import machine_of
+        from scenarios.imagers.planning import forecast_imager
+
+        refuse_device(device)
+        _tell(forecast_imager(name, given, machine_of(given)), json)
         return
     loaded = filmed(given, "plan")
     refuse_leftovers(loaded)
@@ -75,6 +83,8 @@ def _number(value: float | None, unit: str = "") -> str:
 def _what(document: dict[str, Any]) -> str:
     if "mode" in document:
         return "the bit error rate's interval (half-widths)"
+    if "imager" in document:
+        return "a pixel value's mean or noise"
     return "the radiance" if document.get("display") else "the rate"
 
 
@@ -87,6 +97,19 @@ def _mode(mode: dict[str, Any]) -> str:
 
 def _spans(planes: int) -> str:
     return "each by itself" if planes == 1 else f"spans of {planes}"
+
+
+def _imager(document: dict[str, Any]) -> list[str]:
+    seen, predicted = document["expected"], document["predicted"]
+    (low, high), (dark, bright) = seen["exposure_s"], seen["photoelectrons"]
+    return [
+        f"about {seen['frames']} frames, exposures of {_number(low)} to {_number(high)} s, "
+        f"{_number(dark)} to {_number(bright)} photoelectrons a pixel and frame",
+        f"pixels: {_number(predicted['sensor_s'])} s predicted "
+        f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel and frame), with everything kept "
+        f"{_number(predicted['everything_s'])} s",
+        "a bound with ~ is an estimate, at twice its size; costs are a pixel-frame's",
+    ]
 
 
 def _text(document: dict[str, Any]) -> str:
@@ -111,7 +134,7 @@ def _text(document: dict[str, Any]) -> str:
     elif document["promised"] is not None:
         lines.append(
             f"error promised: at most {_number(document['promised'])} of {_what(document)}"
-            f"{'' if 'mode' in document else ' in the worst tile'}"
+            f"{'' if 'mode' in document or 'imager' in document else ' in the worst tile'}"
         )
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
@@ -124,6 +147,8 @@ def _text(document: dict[str, Any]) -> str:
             f"display: {shown['drive']} drive, seen by {shown['observer']}; only the planes an "
             f"observer can resolve are rendered: {_spans(shown['planes_to_a_span'])}"
         )
+    if "imager" in document:
+        return "\n".join([*lines, *_imager(document)])
     predicted = document["predicted"]
     if predicted["sensor_s"] is None:
         lines.append(f"full physics would take {_number(predicted['full_physics_s'])} s")

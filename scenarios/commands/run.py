@@ -10,7 +10,7 @@ import typer
 from scenarios.commands.output import Json, make_progress, print_document
 from scenarios.result import Result
 
-__all__ = ["print_result", "run"]
+__all__ = ["print_result", "refuse_device", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -32,7 +32,9 @@ def run(
     ] = None,
     trace: Annotated[
         Path | None,
-        typer.Option(help="waveforms of a virtual board's first frames, .fst or .vcd"),
+        typer.Option(
+            help="waveforms of a virtual board's or an imager's first frames, .fst or .vcd"
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -41,13 +43,15 @@ def run(
     from scenarios.cli import BEGAN
     from scenarios.loading import load
     from scenarios.readout import refuse_leftovers
-    from scenarios.schema import BoardScenario, LinkScenario, Scenario
+    from scenarios.schema import BoardScenario, ImagerScenario, LinkScenario, Scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
         refuse_leftovers(loaded)
-    if not isinstance(loaded, BoardScenario):
+    if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
+    if isinstance(loaded, ImagerScenario):
+        refuse_device(device)
     progress = make_progress()
     table: list[str] = []
     verdict: list[str] = []
@@ -57,6 +61,14 @@ def run(
 
             result, folder = run_board(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
+            )  # fmt: skip
+        elif isinstance(loaded, ImagerScenario):
+            from scenarios.report.imager import write_imager_report
+            from scenarios.run_imager import run_imager
+
+            result, folder = run_imager(
+                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
+                report=write_imager_report,
             )  # fmt: skip
         elif isinstance(loaded, LinkScenario):
             from scenarios.link_run.finished import LinkRun
@@ -111,13 +123,24 @@ def run(
         raise typer.Exit(1)
 
 
+def refuse_device(device: str | None) -> None:
+    """Of a command on an imager's scenario."""
+    from cosim import InputError
+
+    if device not in (None, "numba"):
+        raise InputError(
+            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
+            "leave it out: these run on this processor",
+        )  # fmt: skip
+
+
 def _refuse_trace(trace: Path | None) -> None:
     from cosim import InputError
 
     if trace is not None:
         raise InputError(
-            "--trace", "given with a scenario of a virtual board", "with one of light",
-            "run bring-up, or leave it out",
+            "--trace", "given with a scenario of a virtual board or of another imager",
+            "with one of a spike camera or a link", "run bring-up, or leave it out",
         )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from scenarios.schema import (
     StarScene,
     StepScene,
     SunAndStarsScene,
+    TargetScene,
 )
 
 __all__ = ["make_source"]
@@ -34,6 +35,10 @@ def make_source(
     if isinstance(scene, StepScene):
         stop = clock.edge(cycles)
         return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at, stop)
+    if isinstance(scene, TargetScene):
+        from scenarios.scenes.target import TargetSource  # brings numba with it
+
+        return TargetSource(scene, shape)
     if isinstance(scene, SunAndStarsScene):
         return SkySource(shape, scene.illuminance, scene.dimmest, scene.background, clock)
     if isinstance(scene, FilmScene) and scene.path is not None:

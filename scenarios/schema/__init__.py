@@ -7,6 +7,14 @@ whole as JSON Schema.
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.board import BoardScenario, BoardSection
 from scenarios.schema.continuous import ContinuousSection
+from scenarios.schema.imagers import (
+    AdaptiveSection,
+    EbapsSection,
+    EmccdSection,
+    ImagerLens,
+    ImagerScenario,
+    ImagerSection,
+)
 from scenarios.schema.link import (
     AimSection,
     AirSection,
@@ -14,8 +22,8 @@ from scenarios.schema.link import (
     ModemSection,
     PanelSection,
 )
-from scenarios.schema.messages import validate
-from scenarios.schema.scenario import ImageSection, LinkScenario, Scenario, export
+from scenarios.schema.messages import first_fault, validate
+from scenarios.schema.scenario import AnyScenario, ImageSection, LinkScenario, Scenario, export
 from scenarios.schema.scenes import (
     FilmScene,
     SceneSection,
@@ -23,21 +31,29 @@ from scenarios.schema.scenes import (
     StarScene,
     StepScene,
     SunAndStarsScene,
+    TargetScene,
     WaveScene,
 )
 from scenarios.schema.sensor import SPIKING, LensSection, PatternSection, SensorSection
 
 __all__ = [
     "SPIKING",
+    "AdaptiveSection",
     "AimSection",
     "AirSection",
+    "AnyScenario",
     "AsynchronousSection",
     "BoardScenario",
     "BoardSection",
     "ChannelSection",
     "ContinuousSection",
+    "EbapsSection",
+    "EmccdSection",
     "FilmScene",
     "ImageSection",
+    "ImagerLens",
+    "ImagerScenario",
+    "ImagerSection",
     "LensSection",
     "LinkScenario",
     "LinkSection",
@@ -51,7 +67,9 @@ __all__ = [
     "StarScene",
     "StepScene",
     "SunAndStarsScene",
+    "TargetScene",
     "WaveScene",
     "export",
+    "first_fault",
     "validate",
 ]

@@ -10,9 +10,10 @@ from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
 from scenarios.schema.board import BoardScenario
-from scenarios.schema.scenario import LinkScenario, Scenario, export
+from scenarios.schema.imagers import ImagerScenario
+from scenarios.schema.scenario import AnyScenario, LinkScenario, Scenario, export
 
-__all__ = ["validate"]
+__all__ = ["first_fault", "validate"]
 
 
 @dataclass(frozen=True)
@@ -143,26 +144,45 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
     return InputError(place.name, must, given, _example(place.name))
 
 
-def validate(data: dict[str, Any]) -> Scenario | LinkScenario | BoardScenario:
-    """A checked scenario: with [board] one of a board, with [link] one of a link, else one with a
-    scene. Raises InputError with one line about the first thing that is wrong."""
+def validate(data: dict[str, Any]) -> AnyScenario:
+    """A checked scenario: with [board] one of a board, with [imager] one of an imager, with [link]
+    one of a link, else one of a spike camera. Raises InputError with one line about the first thing
+    that is wrong."""
     if "link" in data and "scene" in data:
         raise InputError(
             "link", "absent in a scenario with a [scene]", "beside one",
             "take one of them out: a stream does not cross a link yet",
         )  # fmt: skip
-    for other in ("scene", "link", "sensor"):
+    for other in ("sensor", "display", "image", "link"):
+        if "imager" in data and other in data:
+            raise InputError(
+                "imager", f"absent in a scenario with [{other}]", "beside it",
+                "take one of them out: an [imager] stands alone before its [scene]",
+            )  # fmt: skip
+    for other in ("scene", "link", "sensor", "imager"):
         if "board" in data and other in data:
             raise InputError(
                 "board", f"absent in a scenario with a [{other}]", "beside one",
                 "take one of them out: bring-up.toml has a [board] alone",
             )  # fmt: skip
-    whole: type[Scenario | LinkScenario | BoardScenario] = Scenario
+    whole: type[AnyScenario] = Scenario
     if "board" in data:
         whole = BoardScenario
+    elif "imager" in data:
+        whole = ImagerScenario
     elif "link" in data:
         whole = LinkScenario
     try:
         return whole.model_validate(data)
     except ValidationError as exc:
         raise _one_line(exc.errors()[0], whole) from None
+
+
+def first_fault(exc: ValidationError, whole: type[BaseModel], mend: str) -> InputError:
+    """The first error of a document that is no scenario, as one line. mend: what to do, where the
+    key alone does not tell."""
+    error = exc.errors()[0]
+    # The examples of `_one_line` are those of scenarios.
+    found = _one_line(error, whole)
+    known = error["type"] == "extra_forbidden"
+    return InputError(found.what, found.must, found.given, found.mend if known else mend)

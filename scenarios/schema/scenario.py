@@ -8,12 +8,13 @@ from pydantic import Field, TypeAdapter
 
 from scenarios.schema.board import BoardScenario
 from scenarios.schema.display import DisplaySection
+from scenarios.schema.imagers import ImagerScenario
 from scenarios.schema.link import LinkSection
 from scenarios.schema.quantity import Duration, Section
 from scenarios.schema.scenes import SceneSection
 from scenarios.schema.sensor import SensorSection
 
-__all__ = ["ImageSection", "LinkScenario", "Scenario", "export"]
+__all__ = ["AnyScenario", "ImageSection", "LinkScenario", "Scenario", "export"]
 
 
 class ImageSection(Section):
@@ -61,10 +62,13 @@ class LinkScenario(Section):
     sensor: SensorSection
 
 
+AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario
+
+
 def export() -> dict[str, Any]:
-    """JSON Schema of any scenario: one with a scene, of a link, or of a board."""
+    """JSON Schema of any scenario: one with a scene, of a link, of a board, or of an imager."""
     if not _exported:
-        whole = TypeAdapter(Scenario | LinkScenario | BoardScenario)
+        whole: TypeAdapter[AnyScenario] = TypeAdapter(AnyScenario)
         _exported.update(whole.json_schema(mode="validation"))
     return _exported
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from scenarios.schema.quantity import Frequency, Illuminance, Quantity, Reflectance, Section, Time
 
 __all__ = [
     "FilmScene", "SceneSection", "ShockwaveScene", "StarScene", "StepScene", "SunAndStarsScene",
-    "WaveScene",
+    "TargetScene", "WaveScene",
 ]  # fmt: skip
 
 
@@ -96,7 +96,37 @@ class SunAndStarsScene(Section):
     )
 
 
+class TargetScene(Section):
+    """A test chart that does not move, under light that changes."""
+
+    kind: Literal["target"]
+    illuminance: Illuminance
+    chart: Literal["night", "bars", "landolt", "steps", "discs"] = Field(
+        default="night", description="night: bars, rings and steps on one sheet; discs: light spots"
+    )
+    contrast: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=1.0, description="reflectances are pulled towards the sheet's grey by it"
+    )
+    path: str | None = Field(default=None, description="a picture in the chart's place")
+    course: tuple[tuple[Time, Annotated[float, Field(ge=0, le=1e12)]], ...] = Field(
+        default=((0.0, 1.0),),
+        min_length=1,
+        max_length=1000,
+        description="factor of all light: [time, factor] in order, linear between, constant "
+        "outside; two at one time are a jump",
+        examples=[[["0 ms", 1], ["500 ms", 1e4]]],
+    )
+
+    @field_validator("course")
+    @classmethod
+    def _in_order(cls, course: tuple[tuple[float, float], ...]) -> Any:
+        times = [time for time, _ in course]
+        if times != sorted(times):
+            raise ValueError("must be knots in order of time")
+        return course
+
+
 SceneSection = Annotated[
-    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene,
+    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene | TargetScene,
     Field(discriminator="kind"),
 ]

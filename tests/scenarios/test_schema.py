@@ -120,7 +120,7 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("sensor.lens", [1], f"sensor.lens must be a section, not [1]; {SCHEMA}"),
         ("scene.kind", "fil",
          "scene.kind must be one of 'film', 'wave', 'shockwave', 'star', 'step', 'sun-and-stars', "
-         "not 'fil'; "
+         "'target', not 'fil'; "
          "choose one"),
         ("sensor.chip", "spikethree",
          "sensor.chip must be 'spiketwo', 'spikeone' or 'spikeasync', not 'spikethree'; "

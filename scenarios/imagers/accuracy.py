@@ -1,0 +1,134 @@
+"""Error against run time of an imager: its plans at a ladder of tolerances, on one scenario.
+
+The imager films the scenario once with everything kept, which is the reference. On patches of
+chosen frames every distinct plan converts the same exposures with the same random numbers; its
+time is that of converting one whole frame of them, the least of a few calls.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Final
+
+from scenarios.imagers.filming import watched
+from scenarios.imagers.machine import Machine
+from scenarios.imagers.paired import Patches
+from scenarios.imagers.planning import Ready, plan_all, ready_imager
+from scenarios.order import fit_order
+from scenarios.progress import Progress
+from scenarios.schema import ImagerScenario
+from sensor.imagers import Exposed, PixelModel
+
+__all__ = ["accuracy_imager"]
+
+LADDER: Final = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
+CALLS: Final = 3
+"""Conversions that are timed of each plan, after one that is not."""
+
+
+class _Watch:
+    """Pixels whose exposures are looked at as they are converted; the first chosen frame's are
+    kept to be timed, with the pixels as they stood."""
+
+    def __init__(self, pixels: Any, patches: Patches, frames: Sequence[int], ways: Any) -> None:
+        self.__dict__.update(
+            pixels=pixels, patches=patches, frames=frames, ways=ways, took={}, size=0
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["pixels"], name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        setattr(self.__dict__["pixels"], name, value)
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> Any:
+        values = self.pixels.convert(rows, seed, kept)
+        self.patches(rows, self.pixels)
+        if rows.frame in self.frames and rows.lux_seconds.size > self.size:
+            self.__dict__["size"] = rows.lux_seconds.size
+            for name, way in self.ways.items():
+                self.took[name] = _time(self.pixels, rows, seed, way)
+        return values
+
+
+def _time(pixels: PixelModel, rows: Exposed, seed: int, kept: frozenset[str]) -> float:
+    """Nanoseconds a pixel-frame."""
+    pixels.convert(rows, seed, kept)
+    spent = []
+    for _ in range(CALLS):
+        begin = time.perf_counter()
+        pixels.convert(rows, seed, kept)
+        spent.append(time.perf_counter() - begin)
+    return min(spent) * 1e9 / rows.lux_seconds.size
+
+
+def _plans(run: Ready) -> list[tuple[list[float], frozenset[str]]]:
+    """Distinct plans, each with the tolerances that give it, the tightest first."""
+    found: list[tuple[list[float], frozenset[str]]] = []
+    for tolerance in LADDER:
+        models = run.machine.models(run.pixels)
+        plan, _ = plan_all(models, run.expected, tolerance, run.view.certain)
+        kept = frozenset(plan.everywhere)
+        if found and found[-1][1] == kept:
+            found[-1][0].append(tolerance)
+        else:
+            found.append(([tolerance], kept))
+    return found
+
+
+def accuracy_imager(
+    name: str, scenario: ImagerScenario, machine: Machine, progress: Progress
+) -> dict[str, Any]:
+    """The document of `viform accuracy --json`."""
+    run = ready_imager(name, scenario, machine)
+    effects = list(run.pixels.effects)
+    full, plans = frozenset(effects), _plans(run)
+    ways = {f"{tolerances[0]:g}": kept for tolerances, kept in plans}
+    chosen = watched(run.expected.frames)
+    patches = Patches(full, ways, scenario.seed, chosen)
+    imager: Any = machine.make()
+    watch = _Watch(imager.pixels, patches, chosen, ways | {"reference": full})
+    imager.pixels = watch
+    total = max(run.expected.frames, 1)
+    progress.start(f"{name}: about {total} frames, everything kept", total)
+    filmed = pixels = 0
+    for frame in imager.film(run.view.scenery, run.stop, seed=scenario.seed, kept=full):
+        filmed, pixels = filmed + 1, pixels + frame.values.size
+        progress.advance(min(filmed, total))
+    took = watch.__dict__["took"]
+    rows = [_row("reference", None, 0.0, (0.0, 0.0), took.get("reference"), pixels, effects, None)]
+    points = []
+    for tolerances, kept in plans:
+        label = f"{tolerances[0]:g}"
+        error = patches.of(label)
+        value = None if error is None else error.value
+        ci = None if error is None else (error.low, error.high)
+        names = [effect for effect in effects if effect in kept]
+        for n, tolerance in enumerate(tolerances):
+            same = tolerances[0] if n else None
+            rows.append(
+                _row("exact", tolerance, value, ci, took.get(label), pixels, names, same)
+                | {"left_out": [effect for effect in effects if effect not in kept]}
+            )
+        points.append((tolerances[0], value or 0.0))
+    return {
+        "reference": {
+            "tier": "reference", "patches": patches.seen, "frames": filmed,
+            "ns_per_pixel_cycle": took.get("reference"),
+        },
+        "order": fit_order(points),
+        "floor": {"reference": 0.0, "monte_carlo": None},
+        "rows": rows,
+    }  # fmt: skip
+
+
+def _row(
+    tier: str, tolerance: float | None, error: float | None, ci: tuple[float, float] | None,
+    ns: float | None, pixels: int, effects: list[str], same: float | None,
+) -> dict[str, Any]:  # fmt: skip
+    return {
+        "tier": tier, "tolerance": tolerance, "error": error, "ci": ci,
+        "run_time_s": None if ns is None else ns * 1e-9 * pixels, "ns_per_pixel_cycle": ns,
+        "effects": effects, "left_out": [], "same_as": same,
+    }  # fmt: skip

@@ -1,0 +1,114 @@
+"""What the pixels gave, on disk as it comes, so that an interrupted run loses nothing.
+
+A run that is resumed is played again: the sequencer and its controllers run as before, and as far
+as the tape reaches, pixels answer from it and compute nothing. Since all randomness is counter
+based, what comes after is the same as it would have been.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from sensor.imagers import Exposed, PixelModel
+
+__all__ = ["TAPE", "Tape", "Taped"]
+
+TAPE = "checkpoint.tape"
+_MAGIC = b"viform imager tape 1\n"
+_HEAD = struct.Struct("<4q")
+"""Frame, first row, rows, columns; the values follow."""
+
+
+class Tape:
+    """The file. identity: text of the run's inputs; the tape of another run is refused."""
+
+    def __init__(self, path: Path, identity: str, resume: bool) -> None:
+        self._path = path
+        head = _MAGIC + hashlib.sha256(identity.encode()).digest()
+        self.found = 0
+        """Records that are there to be played."""
+        if resume and path.exists():
+            whole = self._check(head)
+            self._file = path.open("r+b")
+            self._file.truncate(whole)
+            self._file.seek(len(head))
+        else:
+            self._file = path.open("w+b")
+            self._file.write(head)
+
+    def _check(self, head: bytes) -> int:
+        """Bytes of all whole records."""
+        size = self._path.stat().st_size
+        with self._path.open("rb") as file:
+            if file.read(len(head)) != head:
+                raise InputError(
+                    "the checkpoint", "one of this same scenario", "one of another, or damaged",
+                    f"remove {self._path} to start afresh, or give the run another --out",
+                )  # fmt: skip
+            at = len(head)
+            while at + _HEAD.size <= size:
+                file.seek(at)
+                *_, rows, columns = _HEAD.unpack(file.read(_HEAD.size))
+                next_one = at + _HEAD.size + 2 * rows * columns
+                if rows < 0 or columns < 0 or next_one > size:
+                    break
+                at, self.found = next_one, self.found + 1
+        return at
+
+    def play(self, rows: Exposed) -> npt.NDArray[np.uint16] | None:
+        """The next record, None where the tape is at its end."""
+        if not self.found:
+            return None
+        self.found -= 1
+        frame, first, high, wide = _HEAD.unpack(self._file.read(_HEAD.size))
+        if (frame, first, high) != (rows.frame, rows.first, rows.lux_seconds.shape[0]):
+            raise InputError(
+                "the checkpoint", "one of this same scenario", f"one that is at frame {frame}",
+                f"remove {self._path} to start afresh, or give the run another --out",
+            )  # fmt: skip
+        data = self._file.read(2 * high * wide)
+        return np.frombuffer(data, "<u2").reshape(high, wide).astype(np.uint16)
+
+    def record(self, rows: Exposed, values: npt.NDArray[np.uint16]) -> None:
+        shape = values.shape
+        self._file.write(_HEAD.pack(rows.frame, rows.first, *shape))
+        self._file.write(np.ascontiguousarray(values, "<u2").data)
+
+    def sync(self) -> None:
+        """What has been recorded is on disk."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class Taped:
+    """Pixels that answer from a tape as far as it reaches, and record what they give after. All
+    else is that of the pixels themselves. watch: is shown every exposure with the values."""
+
+    def __init__(self, pixels: PixelModel, tape: Tape, watch: Any) -> None:
+        self.__dict__.update(pixels=pixels, tape=tape, watch=watch)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["pixels"], name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        setattr(self.__dict__["pixels"], name, value)
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
+        """See `PixelModel`."""
+        values = self.tape.play(rows)
+        if values is None:
+            values = self.pixels.convert(rows, seed, kept)
+            self.tape.record(rows, values)
+        self.watch(rows, self.pixels)
+        return values

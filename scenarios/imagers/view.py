@@ -1,0 +1,119 @@
+"""What an imager of a scenario looks at: light on its plane, and between which limits it lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, Block, Clock, Light, seconds_to_ps
+from cosim.lens import Lens
+from scenarios.scenes.making import make_source
+from scenarios.scenes.survey import survey
+from scenarios.scenes.target import target_course, target_plane
+from scenarios.schema import ImagerScenario, TargetScene
+from sensor.imagers import LightScenery, Scenery, Still
+
+__all__ = ["LIGHT_CLOCK", "View", "exposure_span", "make_view", "mean_lux"]
+
+LIGHT_CLOCK = Clock(1000)
+"""On whose edges a scene that moves is drawn: a pixel's edge that moves faster than a pixel in a
+millisecond is drawn coarser than that, and the run says so."""
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """scenery: the light. gain: lux on the plane for a lux of exitance. least, most: (H, W), lux on
+    the plane at any instant of the run. certain: whether these are proven. chart: (H, W)
+    reflectance of a still scene, None of one that moves."""
+
+    scenery: Scenery
+    gain: float
+    least: Values
+    most: Values
+    certain: bool
+    chart: Values | None
+    notes: list[str] = field(default_factory=list)
+    degraded: list[str] = field(default_factory=list)
+
+
+def _gain(scenario: ImagerScenario) -> tuple[float, str]:
+    lens = scenario.lens
+    if lens is None:
+        return 1.0, "no lens: the scene's light falls on the pixels as it is"
+    gain = Lens(lens.f_number, lens.transmission, lens.magnification).gain
+    return gain, (
+        f"lens f/{lens.f_number:g}, transmission {lens.transmission:g}: {gain:.3g} lux on the "
+        "pixels for one of exitance, E T / (4 N^2 (1 + m)^2)"
+    )
+
+
+def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
+    """Least and largest factor of the course within the run."""
+    course = target_course(scene)
+    seen = [course.at(0), course.at(stop)]
+    seen += [factor for time, factor in course.knots if 0 <= time <= stop]
+    return min(seen), max(seen)
+
+
+def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
+    """The scene on an imager's plane of so many rows and columns. Raises InputError."""
+    gain, told = _gain(scenario)
+    scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
+    if isinstance(scene, TargetScene):
+        chart = target_plane(scene, shape)
+        lux = chart * (scene.illuminance * gain)
+        low, high = _factors(scene, stop)
+        still = Still(lux, target_course(scene))
+        return View(still, gain, lux * low, lux * high, True, chart, [told])
+    clock = LIGHT_CLOCK
+    cycles = clock.cycle_at(stop) + 1
+    source = make_source(scene, shape, clock, cycles)
+
+    def light(begin: int, end: int) -> Light:
+        first = clock.cycle_at(begin)
+        return source.step(None, Block(first, clock.cycle_at(max(end - 1, begin)) + 1 - first))
+
+    looked = survey(make_source(scene, shape, clock, cycles), clock, cycles)
+    least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
+    scenery = _Lensed(LightScenery(shape, light), gain)
+    steady = bool(looked.steady.all())
+    chart = np.asarray(source.truth(0), np.float64) if steady else None
+    every = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
+    notes = [told, *source.notes, every]
+    return View(
+        scenery, gain, least, most, bool(looked.certain.all()), chart, notes, source.degraded
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Lensed:
+    """Scenery behind a lens that focuses points to points: all of it by one factor."""
+
+    scenery: Scenery
+    gain: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.scenery.shape
+
+    def lux_seconds(
+        self, first: int, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
+    ) -> Values:
+        """See `Scenery`."""
+        return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)
+
+
+def exposure_span(view: View, seconds: tuple[float, float]) -> tuple[float, float]:
+    """Least and most exposure that a pixel may see, lx s, in exposures between these."""
+    return float(view.least.min()) * seconds[0], float(view.most.max()) * seconds[1]
+
+
+def mean_lux(view: View, ps: int) -> float:
+    """Of the plane at an instant, over a picosecond-exact millisecond from it on."""
+    rows = view.scenery.shape[0]
+    begin = np.full(rows, ps, np.int64)
+    end = begin + PS // 1000
+    return float(view.scenery.lux_seconds(0, begin, end).mean() * 1000)

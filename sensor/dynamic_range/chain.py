@@ -1,0 +1,150 @@
+"""From the sensor to the digital output: dynamic range of a whole chain, and the document's.
+
+The chain: electrons, volts at S a electron, circuit noise, analog gain m, converter of full scale
+V_fs with noise a (quantisation in it), digital gain n, an output word as wide as the converter's.
+
+Referred to the sensor's output, noises that are independent add in quadrature,
+
+    V_n^2 = (S Q_noise)^2 + V_circuit^2 + (a/m)^2 + (r/(m n))^2,
+
+r being what rounding after a digital gain adds. The signal ends where the first thing clips: sensor
+at V_sat, converter at V_fs/m, output word at V_fs/(m n). The least signal is that of SNR 1, which
+has shot noise of its own: s = 1/2 + sqrt(1/4 + (V_n/S)^2) electrons. Their ratio is `derived`.
+
+The document (Wang et al., patent of 2017) prints
+
+    20 log10(V_sat/(S2 Q_noise + V_circuit)) + 20 log10(1/(n^2 m (m + alpha))),
+
+garbled; this is its plain reading. Its two gains stand for two things: 1/(n m) is the saturation
+referred to the input (the output clips sooner), n (m + alpha) the noise referred to the output.
+A ratio of the two counts the gain twice: with V_fs = V_sat a correct chain has 1/(n (m + alpha)),
+so the document is 20 log10(n m) dB too low, and equal at m = n = 1. It also adds noises as if they
+were one and the same, up to 3 dB a pair too low. Only a dimensionless alpha fits (m + alpha): the
+converter's noise over that before it. `document` is that figure; nothing is chosen by it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from sensor.dynamic_range.converter import Converter
+from sensor.dynamic_range.decibels import decibels
+
+__all__ = ["Chain", "document_dynamic_range", "gain_counted_once", "rounding_variance"]
+
+
+def document_dynamic_range(
+    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
+    digital: float, alpha: float,
+) -> float:  # fmt: skip
+    """The document's system dynamic range, dB, in its plain reading.
+
+    saturated: V_sat, volts. sensitivity: S2, volts an electron (the document calls it optical
+    sensitivity, but times Q_noise it must give volts). noise: Q_noise, electrons. circuit: volts.
+    analog, digital: gains m and n. alpha: the converter's noise over S2 Q_noise + V_circuit.
+    """
+    before = sensitivity * noise + circuit
+    return decibels(saturated / before) + decibels(1 / (digital**2 * analog * (analog + alpha)))
+
+
+def gain_counted_once(
+    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
+    digital: float, alpha: float,
+) -> float:  # fmt: skip
+    """The document's formula with signal and noise referred to one place: 1/(n (m + alpha)). For a
+    converter whose full scale is V_sat and gains of 1 or more."""
+    before = sensitivity * noise + circuit
+    return decibels(saturated / before) + decibels(1 / (digital * (analog + alpha)))
+
+
+def rounding_variance(digital: float) -> float:
+    """Variance that rounding adds after a digital gain, DN^2 of the output: for a gain p/q in
+    lowest terms the errors are the q multiples of 1/q about 0, halves rounded up."""
+    q = Fraction(repr(float(digital))).denominator
+    return (1 - 1 / q**2) / 12
+
+
+@dataclass(frozen=True)
+class Chain:
+    """full_well: electrons at which the sensor's linear range ends. noise: of the sensor in the
+    dark, electrons RMS. sensitivity: volts an electron. circuit: volts RMS at the sensor's output.
+    analog, digital: gains."""
+
+    full_well: float
+    noise: float
+    sensitivity: float
+    circuit: float
+    converter: Converter
+    analog: float = 1.0
+    digital: float = 1.0
+
+    def parts(self) -> dict[str, float]:
+        """Noise by origin, electrons RMS at the sensor."""
+        volt = 1 / self.sensitivity
+        step = self.converter.step
+        rounding = math.sqrt(rounding_variance(self.digital)) * step / self.digital
+        return {
+            "sensor": self.noise,
+            "circuit": self.circuit * volt,
+            "converter": self.converter.noise * volt / self.analog,
+            "quantisation": step / math.sqrt(12) * volt / self.analog,
+            "rounding": rounding * volt / self.analog,
+        }
+
+    @property
+    def floor(self) -> float:
+        """Noise in the dark, electrons RMS."""
+        return math.hypot(*self.parts().values())
+
+    @property
+    def least(self) -> float:
+        """Electrons of the signal whose SNR is 1, shot noise in it."""
+        return 0.5 + math.sqrt(0.25 + self.floor**2)
+
+    @property
+    def saturation(self) -> float:
+        """Electrons at which the first thing clips."""
+        scale = self.converter.full_scale / (self.sensitivity * self.analog)
+        return min(self.full_well, scale, scale / self.digital)
+
+    @property
+    def limit(self) -> str:
+        """What clips first."""
+        scale = self.converter.full_scale / (self.sensitivity * self.analog)
+        if self.full_well <= min(scale, scale / self.digital):
+            return "sensor"
+        return "output word" if self.digital > 1 else "converter"
+
+    @property
+    def derived(self) -> float:
+        """Saturation over the least signal, dB."""
+        return decibels(self.saturation / self.least)
+
+    @property
+    def over_noise(self) -> float:
+        """Saturation over the noise in the dark, dB: as the document means a dynamic range."""
+        return decibels(self.saturation / self.floor)
+
+    @property
+    def document(self) -> float:
+        """The document's figure, dB."""
+        before = self.sensitivity * self.noise + self.circuit
+        # Without noise before the converter alpha has no value; the formula has.
+        before = max(before, 1e-9 * self.converter.total_noise)
+        return document_dynamic_range(
+            self.full_well * self.sensitivity, 1.0, 0.0, before,
+            self.analog, self.digital, self.converter.total_noise / before,
+        )  # fmt: skip
+
+    @property
+    def dithered(self) -> bool:
+        """Whether noise spans half a step or more of everything that rounds. With less, errors of
+        rounding are no noise of step/sqrt(12) and `derived` is a size only (EMVA 1288 draws the
+        line at 0.24 DN^2 of variance, quantisation included). Steps are the converter's, those of
+        an output word that a gain below 1 makes coarser, and the beat of the one with the other."""
+        before = math.hypot(self.noise * self.sensitivity, self.circuit) * self.analog
+        spread = math.hypot(before, self.converter.noise) / self.converter.step
+        beat = abs(self.digital - round(self.digital))
+        return spread >= max(1, 1 / self.digital, 1 / beat if beat else 1) / 2

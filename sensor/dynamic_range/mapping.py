@@ -1,0 +1,71 @@
+"""From a chain's values to an output of few bits: linear and gamma mapping, and what of the
+dynamic range is left.
+
+An output of L = 2^bits - 1 steps shows, at the least, its first step. Mapped by y = x^(1/gamma)
+that step stands for x = L^-gamma, so an output holds gamma 20 log10(L) dB: 48.1 dB linear in 8
+bits, 105.9 dB with gamma 2.2. What it costs is the size of the other steps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sensor.dynamic_range.decibels import as_ratio, decibels
+
+__all__ = ["Mapping"]
+
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """gamma: 1 is linear. bits: of the output."""
+
+    gamma: float = 1.0
+    bits: int = 8
+
+    @property
+    def steps(self) -> int:
+        return (1 << self.bits) - 1
+
+    def codes(self, light: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Output codes of values from 0 to 1 (what lies outside is clipped), rounded."""
+        x = np.clip(np.asarray(light, np.float64), 0, 1)
+        return np.rint(x ** (1 / self.gamma) * self.steps).astype(np.int64)
+
+    def light(self, codes: npt.ArrayLike) -> Values:
+        """Values from 0 to 1 that codes stand for."""
+        return np.asarray((np.asarray(codes, np.float64) / self.steps) ** self.gamma)
+
+    @property
+    def holds(self) -> float:
+        """dB from the first step to the last."""
+        return self.gamma * decibels(self.steps)
+
+    def survives(self, db: float) -> float:
+        """dB left of a chain's dynamic range: the chain's, or what the output holds."""
+        return min(db, self.holds)
+
+    def step(self, light: float) -> float:
+        """Size of a step at a value, relative to it: gamma/(L x^(1/gamma))."""
+        return self.gamma / (self.steps * light ** (1 / self.gamma))
+
+    def gamma_for(self, db: float) -> float:
+        """The least gamma with which an output of these bits holds a dynamic range; at least 1."""
+        return max(db / decibels(self.steps), 1.0)
+
+    def coarse_from(self, db: float) -> float | None:
+        """Value from 0 to 1 above which a step is larger than a chain's noise there, so that the
+        output and no longer the light's noise limits what can be told apart; None where it never
+        is. The chain has this dynamic range, no shot noise: noise is the same everywhere."""
+        noise = 1 / as_ratio(db)
+        power = 1 - 1 / self.gamma
+        scale = self.gamma / self.steps
+        if power == 0:
+            return 0.0 if scale > noise else None
+        value = math.exp(math.log(noise / scale) / power)
+        return value if value < 1 else None

@@ -1,0 +1,53 @@
+"""The end of a sensor's scale: where it stops being linear, and what lies beyond.
+
+A sensor's data may give two saturation voltages, the linear full well and the full well: 2500 mV
+and 3400 mV for the DALSA sensor of Wang et al. Between them it still tells light from more light,
+ever worse. The document leaves that part out of a dynamic range, and so do we; here is what it is
+worth. Its course is not printed: an exponential approach is assumed, continuous in its slope.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from sensor.dynamic_range.decibels import decibels
+
+__all__ = ["DALSA", "FullWell"]
+
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FullWell:
+    """linear: volts up to which output goes with light. full: volts that it never exceeds."""
+
+    linear: float
+    full: float
+
+    def response(self, light: npt.ArrayLike) -> Values:
+        """Volts out of light, given as the volts that a sensor without an end would put out."""
+        x = np.asarray(light, np.float64)
+        room = self.full - self.linear
+        beyond = np.maximum(x - self.linear, 0)
+        bent = self.linear - room * np.expm1(-beyond / room) if room > 0 else self.linear
+        return np.where(x <= self.linear, x, bent)
+
+    @property
+    def output_gain(self) -> float:
+        """dB of output between the two."""
+        return decibels(self.full / self.linear)
+
+    def light_gain(self, slope: float) -> float:
+        """dB of light gained when the response is used until its slope has fallen to this share;
+        there a step of light must be 1/slope times as large to be seen."""
+        room = self.full - self.linear
+        return decibels(1 + room / self.linear * math.log(1 / slope))
+
+
+DALSA: Final = FullWell(2.5, 3.4)
+"""Wang et al., patent of 2017."""

@@ -1,0 +1,173 @@
+"""The bench: a uniform light, a camera's pixels, stacks of frames.
+
+Light is stated as photons at 555 nm on the pixel's area (4.09e15 a second and square metre in a
+lux). The exposure time stays, the light rises (EMVA 1288's first method). Every frame has a number
+of its own, so no two share their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.radiometry import photons_per_lux
+from sensor.imagers import Exposed, PixelModel
+
+__all__ = ["LEAST_VARIANCE", "Bench", "Stack", "take_levels"]
+
+Values = npt.NDArray[np.float64]
+
+
+LEAST_VARIANCE = 0.24
+"""DN^2 in the dark below which rounding hides the noise (EMVA 1288): 0.4^2 and 1/12."""
+DEAF = "these pixels must answer to light, and do not up to 1e15 photons"
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """photons: mean, a pixel. seconds: exposure. mean, variance: (rows, W) of each pixel over the
+    frames, DN and DN^2, the variance without bias. frames: so many."""
+
+    photons: float
+    seconds: float
+    mean: Values
+    variance: Values
+    frames: int
+
+    @property
+    def spatial(self) -> Values:
+        """What each pixel adds to the spatial variance, DN^2, less what is left of the temporal
+        noise in a mean of so many frames (EMVA 1288: s^2 - sigma^2/L)."""
+        return (self.mean - self.mean.mean()) ** 2 - self.variance / self.frames
+
+
+@dataclass
+class Bench:
+    """pixels: to be measured. area: of a pixel, square metres, that gathers light: quantum
+    efficiency is stated relative to it. seconds: exposure time. dark_seconds: exposure times in the
+    dark, at least two. rows: that are read, from `first` on. columns: of them that count, first and
+    number; all when None. levels: of light over the range
+    of the fit. frames: at each. stack: frames in the dark and at half of saturation, where spatial
+    variances are taken. seed: of the temporal noise. kept: effects, all when None. start: number of
+    the first frame.
+
+    linear: share of saturation up to which slopes are fitted, 0.7 in EMVA 1288. Where few electrons
+    fill the scale (an EBAPS at high voltage: some ten) the upper tail of their law is cut long
+    before the mean is full, and the share must be less.
+
+    bias: photons that also shine in the "dark". A camera without black level cuts what lies below
+    zero, and one of few bits rounds its noise away; light that lifts the value off zero and gives
+    it noise of its own heals both, and its known share is taken off again. None: as much as is
+    needed. 0 is EMVA 1288.
+    """
+
+    pixels: PixelModel
+    area: float
+    seconds: float
+    dark_seconds: tuple[float, ...]
+    rows: int = 64
+    first: int = 0
+    levels: int = 14
+    frames: int = 8
+    stack: int = 64
+    seed: int = 1
+    kept: frozenset[str] | None = None
+    start: int = 0
+    columns: tuple[int, int] | None = None
+    bias: float | None = 0.0
+    linear: float = 0.7
+    _taken: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        height, width = self.pixels.shape
+        begin, count = self.columns or (0, width)
+        inside = 1 <= self.rows <= height - self.first and 0 <= begin <= width - count
+        if not inside or self.rows * count < 1000:
+            raise ValueError("a bench must read 1000 pixels or more, of those that there are")
+        if len(set(self.dark_seconds)) < 2 or self.levels < 3 or min(self.frames, self.stack) < 2:
+            raise ValueError("a bench needs 2 dark exposures, 3 levels and stacks of 2 frames")
+        if not (self.area > 0 and self.seconds > 0):
+            raise ValueError("area and seconds must be above 0")
+
+    @property
+    def top(self) -> int:
+        """Largest value, DN."""
+        return (1 << self.pixels.bits) - 1
+
+    def take(self, photons: float, seconds: float, frames: int) -> Stack:
+        """A stack under this light."""
+        width = self.pixels.shape[1]
+        lux_seconds = photons / (self.area * photons_per_lux(555))
+        light = np.full((self.rows, width), lux_seconds)
+        every = frozenset(self.pixels.effects) if self.kept is None else self.kept
+        begin, count = self.columns or (0, width)
+        total = np.zeros((self.rows, count), np.int64)
+        squares = np.zeros_like(total)
+        for _ in range(frames):
+            exposed = Exposed(
+                light, np.full(self.rows, seconds), np.zeros(self.rows), self.first,
+                self.start + self._taken,
+            )  # fmt: skip
+            self._taken += 1
+            values = self.pixels.convert(exposed, self.seed, every)[:, begin : begin + count]
+            values = values.astype(np.int64)
+            total += values
+            squares += values**2
+        variance = (squares - total**2 / frames) / (frames - 1)
+        return Stack(photons, seconds, total / frames, variance, frames)
+
+    def dark(self, seconds: float) -> Stack:
+        """A long stack under the bias alone."""
+        if self.bias is None:
+            self.bias = self._find_bias()
+        return self.take(self.bias, seconds, self.stack)
+
+    def _find_bias(self) -> float:
+        """The least of 0, 1, 2, 4, ... photons under which hardly a value is 0 and noise spans
+        half a DN, before rounding."""
+        photons = 0.0
+        while photons < 1e15:
+            stack = self.take(photons, self.seconds, 8)
+            spread = float(stack.variance.mean())
+            low = float((stack.mean - 4 * np.sqrt(stack.variance) < 1).mean())
+            if low < 0.01 and spread > LEAST_VARIANCE + 1 / 12:
+                return photons
+            photons = max(1.0, 2 * photons)
+        raise ValueError(DEAF)
+
+    def find_saturation(self) -> float:
+        """Photons at which the mean comes within 2 % of where it stops growing."""
+        dark = float(self.take(0, self.seconds, 2).mean.mean())
+        photons, last = 1.0, dark
+        while photons < 1e15:
+            value = float(self.take(photons, self.seconds, 2).mean.mean())
+            # A step is fourfold: what grows by less than a twentieth of all its signal is full.
+            if value - dark > 0.02 * self.top and value - last < 0.05 * (value - dark):
+                break
+            photons, last = 4 * photons, value
+        else:
+            raise ValueError(DEAF)
+        low, high, goal = photons / 64, photons, dark + 0.98 * (value - dark)
+        for _ in range(9):
+            middle = (low + high) / 2
+            if float(self.take(middle, self.seconds, 2).mean.mean()) < goal:
+                low = middle
+            else:
+                high = middle
+        return high
+
+
+_FINE = np.linspace(0.78, 1.12, 18)
+"""Levels about saturation, in what `find_saturation` found: the variance's peak is sought there."""
+
+
+def take_levels(bench: Bench) -> Iterator[Stack]:
+    """Stacks under rising light: evenly over the fit's range, then finely past saturation."""
+    full = bench.find_saturation()
+    bias = bench.bias or 0.0
+    straight = bias + np.arange(1, bench.levels + 1) * (bench.linear * full - bias) / bench.levels
+    for photons in (*straight, *(_FINE * full)):
+        yield bench.take(float(photons), bench.seconds, bench.frames)
