@@ -8,13 +8,13 @@ time is that of converting one whole frame of them, the least of a few calls.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any, Final
 
 from scenarios.imagers.filming import watched
 from scenarios.imagers.machine import Machine
 from scenarios.imagers.paired import Patches
 from scenarios.imagers.planning import Ready, plan_all, ready_imager
+from scenarios.imagers.tape import NoTape, Taped
 from scenarios.order import fit_order
 from scenarios.progress import Progress
 from scenarios.schema import ImagerScenario
@@ -22,34 +22,29 @@ from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["accuracy_imager"]
 
+REFERENCE: Final = "reference"
 LADDER: Final = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
 CALLS: Final = 3
 """Conversions that are timed of each plan, after one that is not."""
 
 
-class _Watch:
-    """Pixels whose exposures are looked at as they are converted; the first chosen frame's are
-    kept to be timed, with the pixels as they stood."""
+class _Watch(Patches):
+    """Patches, which also time every plan on the largest exposure of the chosen frames."""
 
-    def __init__(self, pixels: Any, patches: Patches, frames: Sequence[int], ways: Any) -> None:
-        self.__dict__.update(
-            pixels=pixels, patches=patches, frames=frames, ways=ways, took={}, size=0
-        )
+    def __init__(
+        self, full: frozenset[str], ways: dict[str, frozenset[str]], seed: int, frames: list[int]
+    ) -> None:
+        super().__init__(full, ways, seed, frames)
+        self._timed, self._seed_of, self._numbers = ways | {REFERENCE: full}, seed, set(frames)
+        self._largest = 0
+        self.took: dict[str, float] = {}
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.__dict__["pixels"], name)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self.__dict__["pixels"], name, value)
-
-    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> Any:
-        values = self.pixels.convert(rows, seed, kept)
-        self.patches(rows, self.pixels)
-        if rows.frame in self.frames and rows.lux_seconds.size > self.size:
-            self.__dict__["size"] = rows.lux_seconds.size
-            for name, way in self.ways.items():
-                self.took[name] = _time(self.pixels, rows, seed, way)
-        return values
+    def __call__(self, rows: Exposed, pixels: PixelModel) -> None:
+        super().__call__(rows, pixels)
+        if rows.frame in self._numbers and rows.lux_seconds.size > self._largest:
+            self._largest = rows.lux_seconds.size
+            for name, kept in self._timed.items():
+                self.took[name] = _time(pixels, rows, self._seed_of, kept)
 
 
 def _time(pixels: PixelModel, rows: Exposed, seed: int, kept: frozenset[str]) -> float:
@@ -85,19 +80,17 @@ def accuracy_imager(
     effects = list(run.pixels.effects)
     full, plans = frozenset(effects), _plans(run)
     ways = {f"{tolerances[0]:g}": kept for tolerances, kept in plans}
-    chosen = watched(run.expected.frames)
-    patches = Patches(full, ways, scenario.seed, chosen)
+    patches = _Watch(full, ways, scenario.seed, watched(run.expected.frames))
     imager: Any = machine.make()
-    watch = _Watch(imager.pixels, patches, chosen, ways | {"reference": full})
-    imager.pixels = watch
+    imager.pixels = Taped(imager.pixels, NoTape(), patches)
     total = max(run.expected.frames, 1)
     progress.start(f"{name}: about {total} frames, everything kept", total)
     filmed = pixels = 0
     for frame in imager.film(run.view.scenery, run.stop, seed=scenario.seed, kept=full):
         filmed, pixels = filmed + 1, pixels + frame.values.size
         progress.advance(min(filmed, total))
-    took = watch.__dict__["took"]
-    rows = [_row("reference", None, 0.0, (0.0, 0.0), took.get("reference"), pixels, effects, None)]
+    took = patches.took
+    rows = [_row("reference", None, 0.0, (0.0, 0.0), took.get(REFERENCE), pixels, effects, None)]
     points = []
     for tolerances, kept in plans:
         label = f"{tolerances[0]:g}"
@@ -115,7 +108,7 @@ def accuracy_imager(
     return {
         "reference": {
             "tier": "reference", "patches": patches.seen, "frames": filmed,
-            "ns_per_pixel_cycle": took.get("reference"),
+            "ns_per_pixel_cycle": took.get(REFERENCE),
         },
         "order": fit_order(points),
         "floor": {"reference": 0.0, "monte_carlo": None},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ def plan_all(
     forced: Sequence[str] = (),
 ) -> tuple[Plan, ImagerSummary]:  # fmt: skip
     """The plan of a run whose pixels work in several settings: what one of them needs is kept in
-    all. Told are the bounds of the setting that promises the least."""
+    all. Each effect's bound is told of the setting in which it is largest."""
     need = set(forced)
     found: list[tuple[Plan, ImagerSummary]] = []
     for _ in range(2):  # what the others need is known the second time
@@ -62,7 +62,10 @@ def plan_all(
         need |= {name for plan, _ in found for name in plan.everywhere}
         if len(models) == 1:
             break
-    return max(found, key=lambda each: float(each[0].total.max()))
+    plan, summary = max(found, key=lambda each: float(each[0].total.max()))
+    rows = tuple(max(same, key=lambda row: row.bound)
+                 for same in zip(*(p.rows for p, _ in found), strict=True))  # fmt: skip
+    return replace(plan, rows=rows), summary
 
 
 def ready_imager(
@@ -82,8 +85,6 @@ def ready_imager(
 def forecast_imager(name: str, scenario: ImagerScenario, machine: Machine) -> dict[str, Any]:
     """The document of `viform plan --json`, which simulates nothing: what would be kept, and what
     it would take by the effects' own table of costs."""
-    from dataclasses import asdict
-
     run = ready_imager(name, scenario, machine)
     plan, (rows, columns) = run.plan, machine.shape
     per_cycle = rows * columns * run.expected.frames * 1e-9

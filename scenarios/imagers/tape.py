@@ -19,10 +19,11 @@ import numpy.typing as npt
 from cosim import InputError
 from sensor.imagers import Exposed, PixelModel
 
-__all__ = ["TAPE", "Tape", "Taped"]
+__all__ = ["TAPE", "NoTape", "Tape", "Taped"]
 
 TAPE = "checkpoint.tape"
 _MAGIC = b"viform imager tape 1\n"
+_OVER = 15
 _HEAD = struct.Struct("<4q")
 """Frame, first row, rows, columns; the values follow."""
 
@@ -91,11 +92,20 @@ class Tape:
         self._file.close()
 
 
+class NoTape:
+    """Plays and records nothing."""
+
+    def play(self, rows: Exposed) -> None:
+        return None
+
+    def record(self, rows: Exposed, values: npt.NDArray[np.uint16]) -> None: ...
+
+
 class Taped:
     """Pixels that answer from a tape as far as it reaches, and record what they give after. All
     else is that of the pixels themselves. watch: is shown every exposure with the values."""
 
-    def __init__(self, pixels: PixelModel, tape: Tape, watch: Any) -> None:
+    def __init__(self, pixels: PixelModel, tape: Tape | NoTape, watch: Any) -> None:
         self.__dict__.update(pixels=pixels, tape=tape, watch=watch)
 
     def __getattr__(self, name: str) -> Any:
@@ -112,3 +122,21 @@ class Taped:
             self.tape.record(rows, values)
         self.watch(rows, self.pixels)
         return values
+
+    def digitise(
+        self, rows: Exposed, seed: int, kept: frozenset[str]
+    ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
+        """Values and what the comparator beside an 8-bit converter says, which is the top bit on
+        the tape."""
+        packed = self.tape.play(rows)
+        if packed is None:
+            values, over = self.pixels.digitise(rows, seed, kept)
+            packed = values | (over.astype(np.uint16) << _OVER)
+            self.tape.record(rows, packed)
+        self.watch(rows, self.pixels)
+        mask = np.uint16((1 << _OVER) - 1)
+        return packed & mask, (packed >> _OVER).astype(bool)
+
+    def at(self, **changed: Any) -> Taped:
+        """The same device in another setting, on the same tape."""
+        return Taped(self.pixels.at(**changed), self.tape, self.watch)

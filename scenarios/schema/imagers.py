@@ -40,23 +40,30 @@ class AdaptiveSection(Section):
     """The adaptive-exposure CMOS sensor: rolling shutter, 8 bits, one exposure a frame."""
 
     kind: Literal["adaptive-exposure"]
-    rows: Annotated[int, Field(ge=2, le=2048)] = Field(default=256, description="not printed")
-    columns: Annotated[int, Field(ge=2, le=2048)] = Field(default=256, description="not printed")
+    rows: Annotated[int, Field(ge=2, le=2048, multiple_of=2)] = Field(
+        default=256, description="even; the document does not print it"
+    )
+    columns: Annotated[int, Field(ge=2, le=2048, multiple_of=2)] = Field(
+        default=256, description="even; the document does not print it"
+    )
     frame_rate: Annotated[float, Quantity("frequency", least=0.05, most=10_000)] = 100.0
     adapt: bool = Field(default=True, description="false: the exposure stays as it is written")
     search: Literal["256th", "root", "half"] = Field(
         default="root", description="what a saturated frame makes of the exposure: a 256th, the "
         "square root of its multiple, a half",
     )  # fmt: skip
-    multiplier: Annotated[int, Field(ge=1, lt=2**24)] = Field(
-        default=1, description="first exposure, in units of 1 us"
+    multiplier: Annotated[int, Field(ge=1, le=2**24)] = Field(
+        default=1, description="exposure while adapt is false, in units of 1 us"
+    )
+    longest: Annotated[int, Field(ge=0, le=24)] = Field(
+        default=16, description="n of the longest exposure that is chosen, 2^n us"
     )
     window: tuple[Side | Literal[0], Side | Literal[0], Side, Side] | None = Field(
         default=None, description="first row, first column, rows and columns in which saturated "
         "pixels are counted; all when absent",
     )  # fmt: skip
     threshold: Annotated[int, Field(ge=0, lt=2**24)] | None = Field(
-        default=None, description="saturated pixels beyond which the exposure is too long"
+        default=None, description="saturated pixels that are still allowed; one in 1024 when absent"
     )
     gain: Annotated[float, Field(gt=0, le=64)] = Field(default=1.0, description="before the ADC")
     temperature: Temperature = 27.0
@@ -77,6 +84,9 @@ class EbapsSection(Section):
     )
     darks: bool = Field(
         default=True, description="the mean of four dark frames at the live exposure is subtracted"
+    )
+    pedestal: Annotated[int, Field(ge=0, le=65535)] = Field(
+        default=0, description="DN added to the difference, which is cut at 0"
     )
     temperature: Temperature = 27.0
     device_seed: Device = 1
@@ -116,8 +126,8 @@ class EmccdSection(Section):
         for wrong, must in (
             (self.gain is not None and self.gain_step is not None, "with gain or gain_step alone"),
             (self.first_row + self.rows > 512, "with a window within its 512 rows"),
-            (self.sync == "external" and pulses != 1, "with either pulses or pulse_rate"),
-            (self.sync == "internal" and pulses, "without pulses where sync is internal"),
+            (self.sync == "external" and not pulses, "with pulses or pulse_rate to wait for"),
+            (pulses > 1, "with either pulses or pulse_rate"),
             (list(self.pulses) != sorted(self.pulses), "with pulses in order of time"),
         ):
             if wrong:
