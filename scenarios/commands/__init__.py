@@ -6,6 +6,7 @@ import typer as _typer
 from scenarios.commands.accuracy import accuracy as _accuracy
 from scenarios.commands.bench import bench as _bench
 from scenarios.commands.board import board as _board
+from scenarios.commands.compare import compare as _compare
 from scenarios.commands.convert import convert as _convert
 from scenarios.commands.design import design as _design
 from scenarios.commands.doctor import doctor as _doctor
@@ -40,6 +41,7 @@ app.add_typer(_link, name="link")
 app.add_typer(_board, name="board")
 app.add_typer(_design, name="design")
 app.command("bench")(_bench)
+app.command("compare")(_compare)
 app.command("stability")(_stability)
 app.command("paper")(_paper)
 app.command("doctor")(_doctor)
