@@ -19,10 +19,10 @@ _HEAD = """\
 Made from the tables in `rtl_model/imagers` by `python -m rtl_model.imagers.document`; do not edit.
 
 Every conventional imager has registers as the spike chip's board has, whose map is
-[registers.md](registers.md): 32-bit words behind LiteX's uartbone, the same head at the same addresses, the identifier at 0x800.
-`viform board virtual --imager NAME` puts one behind a serial port, and `viform board identify` and
-`viform board regs` speak to it as to a board; `--csr FILE` there writes the `csr.csv` for other
-tools. An imager's own registers begin at 0x300.
+[registers.md](registers.md): 32-bit words behind LiteX's uartbone, the same head at the same
+addresses, the identifier at 0x800. `viform board virtual --imager NAME` puts one behind a serial
+port, and `viform board identify` and `viform board regs` speak to it as to a board; `--csr FILE`
+there writes the `csr.csv` for other tools. An imager's own registers begin at 0x300.
 
 A register reads at once what was written to it. When the sequencer takes it to work is said with
 each: at once, with the next frame, or with the next cycle; those that wait for one instant are

@@ -9,6 +9,7 @@ from rtl_model.imagers.emccd.cooling import (
     PidSettings,
     run_cooling,
 )
+from rtl_model.imagers.emccd.counted import Counted, counted
 from rtl_model.imagers.emccd.imager import Emccd
 from rtl_model.imagers.emccd.machine import EmccdMachine, machine
 from rtl_model.imagers.emccd.plain import PlainSequencer
@@ -41,6 +42,7 @@ __all__ = [
     "Cooler",
     "CoolingFault",
     "CoolingRun",
+    "Counted",
     "Cycle",
     "Emccd",
     "EmccdMachine",
@@ -54,6 +56,7 @@ __all__ = [
     "Thermistor",
     "Timing",
     "after_printed",
+    "counted",
     "design",
     "exposure_range",
     "frame_clocks",

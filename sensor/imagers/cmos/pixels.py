@@ -26,6 +26,8 @@ from sensor.imagers.pixel import Exposed, ImagerSummary, Values
 
 __all__ = ["AdaptivePixels"]
 
+_FULL = 100.0
+"""Wells of light, or dark, beyond which a pixel is full whatever its noise; more is not drawn."""
 _DSNU, _PRNU, _COLUMN = 0, 1, 2
 
 
@@ -56,6 +58,7 @@ class AdaptivePixels:
         electrons: Values = rows.lux_seconds * s.sensitivity
         if "PRNU" in kept:
             electrons = electrons * self._response[here]
+        electrons = np.minimum(electrons, _FULL * s.well)
         if "shot noise" in kept:
             drawn = poisson(electrons, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
             electrons = drawn.astype(np.float64)
@@ -63,6 +66,7 @@ class AdaptivePixels:
             dark: Values = np.broadcast_to((s.dark_now * rows.seconds)[:, None], electrons.shape)
             if "DSNU" in kept:
                 dark = dark * self._darkness[here]
+            dark = np.minimum(dark, _FULL * s.well)
             if "dark shot noise" in kept:
                 electrons = electrons + poisson(dark, numbers, rows.frame, seed, Stream.IMAGER_DARK)
             else:

@@ -122,6 +122,29 @@ def test_a_parameter_written_in_a_frame_changes_nothing_before_the_next_cycle(se
     assert changed > 10
 
 
+def test_frames_up_to_the_write_are_the_very_same():
+    """A light that changes, a parameter at a random instant of frame 1: frames 0 and 1 have the
+    pixels and times that they have without it, frame 2 has not."""
+    rng = random.Random(8)
+    scene = still(30.0, Course(((0, 1.0), (10**10, 2.0))))
+    period = frame_clocks(Timing(), Settings(1, 0, 4)) * 100_000
+
+    def camera():
+        made = Emccd()
+        small_window(made)
+        return made
+
+    plain = filmed(camera(), 3 * period, scene)
+    for register, value in (("exposure", 9), ("rows", 3), ("first_row", 7), ("gain", 80)):
+        other = camera()
+        other.write(register, value, at=rng.randrange(period + 1, 2 * period - 100_000))
+        frames = filmed(other, 4 * period, scene)
+        for a, b in zip(plain[:2], frames[:2], strict=True):
+            assert np.array_equal(a.values, b.values)
+            assert (a.ready, a.exposure, a.state) == (b.ready, b.exposure, b.state)
+        assert frames[2].state != plain[2].state
+
+
 def command(address, value):
     return bytes([1, 1]) + (address // 4).to_bytes(4, "big") + value.to_bytes(4, "big")
 
