@@ -28,7 +28,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(
         "ebaps_loop", 0x30C, "rw", 1, 3, "exposure loop",
         fields=(
-            Field("on", 0, 0, "1 lets the loop set the exposure, but for while darks are taken"),
+            Field("on", 0, 0, "1 lets the loop set the exposure, except while darks are taken"),
             Field("every", 1, 1, "1 acts on every frame, 0 on those that show its last action"),
             Field("raw", 2, 2, "1 takes the mean before dark subtraction, 0 after it"),
         ),

@@ -7,22 +7,22 @@ from typing import Final
 
 __all__ = ["BASE", "COSTS"]
 
-BASE: Final = 30.0
+BASE: Final = 20.0
 """A frame with every effect left out."""
 COSTS: Final[dict[str, float]] = {
-    "shot noise": 60.0,
+    "shot noise": 105.0,
     "photocathode emission": 2.0,
-    "electron loss": 5.0,
-    "gain spread": 45.0,
-    "landing spread": 12.0,
-    "halo": 60.0,
-    "ion events": 35.0,
-    "direct light": 2.0,
-    "dark current": 3.0,
-    "silicon shot noise": 90.0,
-    "DSNU": 2.0,
+    "electron loss": 10.0,
+    "gain spread": 100.0,
+    "landing spread": 5.0,
+    "halo": 30.0,
+    "ion events": 90.0,
+    "direct light": 4.0,
+    "dark current": 2.0,
+    "silicon shot noise": 175.0,
+    "DSNU": 4.0,
     "offset FPN": 2.0,
     "PRNU": 2.0,
     "stripes": 2.0,
-    "read noise": 40.0,
+    "read noise": 100.0,
 }

@@ -95,11 +95,15 @@ class Tube:
         each collected with probability eta_c."""
         return 1 - self.collection * (1 - FANO)
 
-    def excess_noise(self, volts: float) -> float:
-        """F^2 = E[g^2]/E[g]^2 of a photoelectron, without ions: 1/(1 - eta_b), and a little from
-        the spread of the gain."""
-        gain = self.gain(volts)
-        return (1 + self.gain_variance / gain) / (1 - self.loss) if gain > 0 else math.inf
+    def excess_noise(self, volts: float, ions: bool = False) -> float:
+        """F^2 = n var/mean^2 of the electrons that n photoelectrons make, Poisson noise and all:
+        1/(1 - eta_b), and a little from the spread of the gain. ions: with their bursts."""
+        gain, q, b = self.gain(volts), self.ions if ions else 0.0, self.burst
+        if gain <= 0:
+            return math.inf
+        more = 1 + q * b
+        square = more**2 + q * b * (2 * b + 1) + more * self.gain_variance / gain
+        return square / (more**2 * (1 - self.loss))
 
     def landing_radius(self, volts: float) -> float:
         """r = 2 d sqrt(E_t/V), m: where an electron of the mean transverse energy lands."""
