@@ -44,9 +44,7 @@ def design_dynamic_range(
         from scenarios.design.figure import draw_budget
 
         with whole(out) as part:
-            drawn = part.with_name(part.name + out.suffix)  # the ending tells the kind
-            draw_budget(document, drawn)
-            drawn.replace(part)
+            draw_budget(document, part, out.suffix[1:].lower())
     if json:
         print_document(document)
     else:
@@ -66,7 +64,7 @@ def _text(document: dict[str, Any], top: int) -> str:
     rows, best, limits = document["rows"], document["best"], document["constraints"]
     lines = [f"{document['title']}: {len(rows)} choices, {limits['allowed']} within the limits"]
     if best is None:
-        lines.append("no choice is within the limits; the nearest below")
+        lines.append("no choice is within the limits; what would be best without them:")
     else:
         rule = best["adc_rule"]
         lines += [

@@ -32,8 +32,8 @@ def _varied(document: dict[str, Any], key: str) -> list[tuple[Any, float, float,
     return found
 
 
-def draw_budget(document: dict[str, Any], path: Path) -> None:
-    """Draws the document of `budget_document` to a PNG or SVG."""
+def draw_budget(document: dict[str, Any], path: Path, kind: str) -> None:
+    """Draws the document of `budget_document`. kind: png or svg."""
     plt = pyplot()
     keys = [key for key, values in document["swept"].items() if len(values) > 1] or ["sensor"]
     columns = min(len(keys), 3)
@@ -50,7 +50,7 @@ def draw_budget(document: dict[str, Any], path: Path) -> None:
         row[0].set_ylabel("dynamic range, dB", fontsize=9, color=INK)
     best = document["best"]
     shown = best or document["rows"][0]
-    words = "best choice" if best else "no choice is within the limits; nearest"
+    words = "best choice" if best else "no choice is within the limits; best without them"
     figure.suptitle(
         f"{words}: {shown['sensor']}, {shown['adc']}, {shown['temperature']:g} degC, "
         f"{shown['clock'] / 1e6:g} MHz, circuit {shown['circuit_noise'] * 1e3:g} mV, analog "
@@ -58,7 +58,7 @@ def draw_budget(document: dict[str, Any], path: Path) -> None:
         fontsize=11, color=INK,
     )  # fmt: skip
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, format=kind)
     plt.close(figure)
 
 

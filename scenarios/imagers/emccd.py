@@ -27,20 +27,6 @@ WARM: Final = 600 * PS
 KELVIN: Final = 273.15
 
 
-class _Running:
-    """A cooler that was switched on `WARM` before the run."""
-
-    def __init__(self, cooler: Cooler) -> None:
-        self.cooler = cooler
-
-    def advance(self, until: int) -> None:
-        self.cooler.advance(until + WARM)
-
-    @property
-    def kelvin(self) -> float:
-        return self.cooler.kelvin
-
-
 def cooler_of(section: EmccdSection) -> Cooler:
     """At ambient, just switched on."""
     air, target = section.ambient + KELVIN, section.temperature + KELVIN
@@ -82,7 +68,8 @@ class EmccdMachine:
         if s.pulse_rate is not None:
             period = PS / s.pulse_rate
             pulses = [round(n * period) for n in range(int(self.seconds * s.pulse_rate) + 1)]
-        cooler: Any = _Running(cooler_of(s))
+        cooler = cooler_of(s)
+        cooler.advance(WARM)
         imager = Emccd(self.pixels, high_voltage=self.voltage, pulses=pulses, cooler=cooler)
         imager.write("emccd_exposure", max(round(s.exposure / STEP), 1))
         imager.write("emccd_gain", self.step)

@@ -139,7 +139,8 @@ def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
         ["spread of a dark frame over its pixels", f"{fresh.std():.4g} DN"],
         ["of the mean of four", f"{darks.std():.4g} DN"],
         ["of a fresh dark frame less that mean", f"{left.std():.4g} DN"],
-        ["theory: its own noise and a quarter of it", f"{theory:.4g} DN"],
+        ["theory: its own noise and a quarter of it, before clipping; much of it is carried by a "
+         "few ion bursts", f"{theory:.4g} DN"],
     ]
 
 
@@ -203,16 +204,20 @@ def _grid(run: ImagerRun, machine: EbapsMachine, path: Path) -> list[list[str]]:
             axes.set_xticks([])
             axes.set_yticks([])
             axes.set_title(
-                f"{-volts:g} V, {lux:g} lx, {seconds * 1e3:.3g} ms: {cnr:.3g}", fontsize=8.5,
+                f"{_named(volts)}, {lux:g} lx, {seconds * 1e3:.3g} ms: {cnr:.3g}", fontsize=8.5,
                 color=INK if cnr >= ROSE else MARK,
             )  # fmt: skip
             told = "recognisable" if cnr >= ROSE else "nothing is recognised"
             rows.append(
-                [f"{-volts:g} V", f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
+                [_named(volts), f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
                  f"{shown.mean():.5g} DN", f"{cnr:.3g}", told]
             )  # fmt: skip
     finish(figure, path)
     return rows
+
+
+def _named(volts: float) -> str:
+    return f"-{volts:g} V" if volts else "0 V"
 
 
 def _live(

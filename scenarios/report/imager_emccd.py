@@ -169,7 +169,7 @@ def _gain(machine: EmccdMachine, path: Path) -> None:
     other.tick_params(labelsize=8)
     other.spines[["top"]].set_visible(False)
     for gain, colour in zip(GAINS, (INK, BLUE, GREEN, MARK), strict=True):
-        pixels = EmccdPixels(gain=gain, image_well=1e9, register_well=1e12)
+        pixels = EmccdPixels(gain=gain)
         electrons = np.array([5.0, 10.0, 20.0, 40.0, 80.0])
         seen = np.array([_transfer(pixels, mean) for mean in electrons])
         factor = excess_noise_squared(gain, pixels.stages)

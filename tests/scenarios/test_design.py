@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -158,6 +159,7 @@ def test_text_and_picture(viform: Callable[..., Any], tmp_path: Path) -> None:
         (["--set", "x"], "--set must be KEY=VALUE"),
         (["--out", "a.gif"], "--out must be a .png or .svg"),
         (["--out", "nowhere/a.png"], "in a folder that exists"),
+        (["."], "the budget must be a TOML file"),
         (["nowhere.toml"], "the budget must be a TOML file"),
         (["--set", f"clock={json.dumps([f'{n} MHz' for n in range(1, 99)])}"], "at most 20000"),
     ],
@@ -210,6 +212,18 @@ def test_no_assignment_breaks_it(assignments: dict[str, str]) -> None:
     from scenarios.result import dumps
 
     json.loads(dumps(budget_document("", budget)))
+
+
+@settings(max_examples=30)
+@given(st.binary(max_size=40) | st.text(max_size=40).map(lambda t: (OWN + t).encode()))
+def test_no_file_breaks_it(data: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "budget.toml"
+        path.write_bytes(data)
+        try:
+            load_budget(str(path))
+        except InputError as exc:
+            assert "\n" not in str(exc)
 
 
 amount = st.sampled_from(["0 e", "1e-300 e", "1 e", "1e6 e"])
