@@ -21,7 +21,9 @@ class Imager(Protocol):
     """
 
     name: str
-    pixels: PixelModel
+
+    @property
+    def pixels(self) -> PixelModel: ...
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
         """A register is written at this instant (ps; now when None, never in the past)."""

@@ -31,5 +31,6 @@ def list_scenarios(
     if json:
         print_document({"scenarios": rows})
         return
+    wide = max(len(row["name"]) for row in rows)
     for row in rows:
-        print(f"{row['name']:<14} {row['title']}")
+        print(f"{row['name']:<{wide}} {row['title']}")

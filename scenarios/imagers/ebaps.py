@@ -9,10 +9,18 @@ from typing import Any
 import numpy as np
 
 from cosim import seconds_to_ps
-from rtl_model.imagers.ebaps import Ebaps, ExposureRule, Timing
+from rtl_model.imagers.ebaps import (
+    DARKS,
+    LIVE,
+    Ebaps,
+    ExposureRule,
+    Timing,
+    residual_variance,
+)
 from scenarios.imagers.machine import Expected, Taken
 from scenarios.imagers.view import View
 from scenarios.result import Latency, Metric
+from scenarios.scenes.target_art import ASPECT, bar_width, regions
 from scenarios.schema import EbapsSection
 from sensor.imagers import PixelModel
 from sensor.imagers.ebaps import EbapsPixels
@@ -20,7 +28,6 @@ from sensor.imagers.ebaps import EbapsPixels
 __all__ = ["KELVIN", "EbapsMachine", "live", "settled_at"]
 
 KELVIN = 273.15
-_DARKS = 4
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ class EbapsMachine:
             "mean_brightness": Metric(last.state["mean"], "DN"),
             "settled": Metric(last.state["settled"], "1"),
             "frames_to_settle": Metric(None if at is None else at, "frames"),
-            "exposures_in_window": Metric(
+            "settled_share": Metric(
                 float(np.mean([t.state["settled"] for t in shown])) if shown else None, "1"
             ),
             "high_voltage": Metric(-last.state["high_voltage"], "V"),
@@ -100,7 +107,33 @@ class EbapsMachine:
                 self.pixels.tube.gain(last.state["high_voltage"]), "electrons/photoelectron"
             ),
             "dark_frames": Metric(sum(t.state["key"] for t in taken), "1"),
+            **self._seen(view, imager),
         }
+
+    def _seen(self, view: View, imager: Any) -> dict[str, Metric]:
+        """Of the frames in memory: the darks' pattern over the pixels, what their subtraction
+        leaves of a dark frame (its own noise and a quarter of it), and contrast to noise of the
+        chart's largest bar in the last live frame."""
+        if not imager.sequencer.subtracts():
+            return {}
+        darks = np.stack([imager.memory.read(n) for n in range(DARKS)]).astype(np.float64)
+        noise = float(darks.var(axis=0, ddof=1).mean())
+        pattern = max(float(darks.mean(axis=0).var()) - noise / DARKS, 0.0)
+        made = {
+            "dark_pattern": Metric(np.sqrt(pattern), "DN"),
+            "dark_noise": Metric(np.sqrt(noise), "DN"),
+            "dark_residual": Metric(np.sqrt(residual_variance(noise, noise)), "DN"),
+        }
+        bar = None if view.chart is None else bar_width(view.chart_name, self.shape)
+        if bar is None or view.chart is None:
+            return made
+        shown = imager.memory.read(LIVE).astype(np.float64) - darks.mean(axis=0)
+        white, black = (shown[part] for part in regions(view.chart))
+        sigma = np.sqrt((white.var() + black.var()) / 2)
+        step = abs(float(white.mean() - black.mean()))
+        made["bar_width"] = Metric(bar, "pixels")
+        made["contrast_to_noise"] = Metric(step * np.sqrt(ASPECT) * bar / sigma, "1")
+        return made
 
     def latency(self, taken: Sequence[Taken], view: View) -> list[Latency]:
         """From a row's exposure's beginning to the frame's last pixel read."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,12 +23,14 @@ from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["ROUNDING", "Compared", "Patches", "PlanPatches", "compared"]
 
-REPEATS: Final = 32
-"""Conversions of each patch in each way."""
+REPEATS: Final = (32, 256)
+"""Conversions of each patch in each way, least and most: `VALUES` of a strip between."""
+VALUES: Final = 1 << 16
 STRIP: Final = 8
 """Rows of a patch."""
 ACROSS: Final = 4
-"""Patches side by side in a strip."""
+"""Patches side by side in a strip, at most: none of fewer than `LEAST` pixels."""
+LEAST: Final = 512
 FRESH: Final = 1 << 24
 """Frame numbers of the repeats begin here, beyond any that a run reaches."""
 ROUNDING: Final = 1 / np.sqrt(12.0)
@@ -103,22 +105,26 @@ class Patches:
             self._strip(rows, pixels, slice(first, min(first + STRIP, end)))
 
     def _strip(self, rows: Exposed, pixels: PixelModel, at: slice) -> None:
-        every = {"read": None} if hasattr(rows, "read") else {}
+        every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
         cut = replace(
             rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
             waiting=rows.waiting[at], first=rows.first + at.start, **every,
         )  # fmt: skip
 
+        size = cut.lux_seconds.size
+        many = min(max(VALUES // size, REPEATS[0]), REPEATS[1])
+        across = min(max(size // LEAST, 1), ACROSS)
+
         def repeats(kept: frozenset[str]) -> list[Values]:
             """(repeats, pixels) of each patch of the strip."""
             made = [
                 pixels.convert(
-                    replace(cut, frame=FRESH + rows.frame * REPEATS + n), self._seed, kept
+                    replace(cut, frame=FRESH + rows.frame * REPEATS[1] + n), self._seed, kept
                 ).astype(np.float64)
-                for n in range(REPEATS)
+                for n in range(many)
             ]
-            parts = np.array_split(np.stack(made), ACROSS, axis=2)
-            return [part.reshape(REPEATS, -1) for part in parts if part.size]
+            parts = np.array_split(np.stack(made), across, axis=2)
+            return [part.reshape(many, -1) for part in parts if part.size]
 
         full = repeats(self._full)
         self.seen += len(full)

@@ -70,7 +70,7 @@ class Tape:
             return None
         self.found -= 1
         frame, first, high, wide = _HEAD.unpack(self._file.read(_HEAD.size))
-        if (frame, first, high) != (rows.frame, rows.first, rows.lux_seconds.shape[0]):
+        if (frame, first) != (rows.frame, rows.first):
             raise InputError(
                 "the checkpoint", "one of this same scenario", f"one that is at frame {frame}",
                 f"remove {self._path} to start afresh, or give the run another --out",

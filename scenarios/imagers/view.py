@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Block, Clock, Light, seconds_to_ps
+from cosim import Block, Clock, Light, seconds_to_ps
 from cosim.lens import Lens
 from scenarios.scenes.making import make_source
 from scenarios.scenes.survey import survey
@@ -15,7 +15,7 @@ from scenarios.scenes.target import target_course, target_plane
 from scenarios.schema import ImagerScenario, TargetScene
 from sensor.imagers import LightScenery, Scenery, Still
 
-__all__ = ["LIGHT_CLOCK", "View", "exposure_span", "make_view", "mean_lux"]
+__all__ = ["LIGHT_CLOCK", "View", "make_view"]
 
 LIGHT_CLOCK = Clock(1000)
 """On whose edges a scene that moves is drawn: a pixel's edge that moves faster than a pixel in a
@@ -27,7 +27,7 @@ Values = npt.NDArray[np.float64]
 class View:
     """scenery: the light. gain: lux on the plane for a lux of exitance. least, most: (H, W), lux on
     the plane at any instant of the run. certain: whether these are proven. chart: (H, W)
-    reflectance of a still scene, None of one that moves."""
+    reflectance of a still scene, None of one that moves. chart_name: of a drawn one."""
 
     scenery: Scenery
     gain: float
@@ -37,6 +37,7 @@ class View:
     chart: Values | None
     notes: list[str] = field(default_factory=list)
     degraded: list[str] = field(default_factory=list)
+    chart_name: str = ""
 
 
 def _gain(scenario: ImagerScenario) -> tuple[float, str]:
@@ -66,8 +67,9 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
         chart = target_plane(scene, shape)
         lux = chart * (scene.illuminance * gain)
         low, high = _factors(scene, stop)
-        still = Still(lux, target_course(scene))
-        return View(still, gain, lux * low, lux * high, True, chart, [told])
+        lit = Still(lux, target_course(scene))
+        name = scene.chart if scene.path is None else ""
+        return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
     clock = LIGHT_CLOCK
     cycles = clock.cycle_at(stop) + 1
     source = make_source(scene, shape, clock, cycles)
@@ -80,11 +82,11 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
     least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
     scenery = _Lensed(LightScenery(shape, light), gain)
     steady = bool(looked.steady.all())
-    chart = np.asarray(source.truth(0), np.float64) if steady else None
+    still = np.asarray(source.truth(0), np.float64) if steady else None
     every = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
     notes = [told, *source.notes, every]
     return View(
-        scenery, gain, least, most, bool(looked.certain.all()), chart, notes, source.degraded
+        scenery, gain, least, most, bool(looked.certain.all()), still, notes, source.degraded
     )
 
 
@@ -104,16 +106,3 @@ class _Lensed:
     ) -> Values:
         """See `Scenery`."""
         return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)
-
-
-def exposure_span(view: View, seconds: tuple[float, float]) -> tuple[float, float]:
-    """Least and most exposure that a pixel may see, lx s, in exposures between these."""
-    return float(view.least.min()) * seconds[0], float(view.most.max()) * seconds[1]
-
-
-def mean_lux(view: View, ps: int) -> float:
-    """Of the plane at an instant, over a picosecond-exact millisecond from it on."""
-    rows = view.scenery.shape[0]
-    begin = np.full(rows, ps, np.int64)
-    end = begin + PS // 1000
-    return float(view.scenery.lux_seconds(0, begin, end).mean() * 1000)

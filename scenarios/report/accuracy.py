@@ -69,7 +69,7 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
         )  # fmt: skip
         _labels(axes, points, _COLOURS[tier], bottom, below=n == 0)
     chance = "what these bits alone tell of their rate" if of_bits else _CHANCE
-    _lines(axes, floor | {"reference": own if own > bottom else None}, cost, chance)
+    _lines(axes, floor | {"reference": floor["reference"] if own > bottom else None}, cost, chance)
     failed = [r for r in rows if r.get("failed")]
     for n, row in enumerate(failed):
         text = f"{row['tier']}, tolerance {row['tolerance']:g}: failed, {row['failed'][:90]}"
@@ -77,7 +77,8 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     order = document["order"]
     told = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
     axes.set_title(f"{name}: error against run time; {told}", fontsize=11, color=INK)
-    axes.set_xlabel("time of the camera, ns a pixel-cycle", color=INK)
+    cycle = "pixel-frame" if "frames" in document["reference"] else "pixel-cycle"
+    axes.set_xlabel(f"time of the camera, ns a {cycle}", color=INK)
     told = "relative\n(worst tile; bars: 99.9 %)"
     if of_bits:
         told = f"of the\n{document['error_of']} (bars: 99.9 %)"

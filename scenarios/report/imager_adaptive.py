@@ -51,8 +51,9 @@ def adaptive_sections(run: ImagerRun) -> str:
         + _changes(run)
         + "<h2>Response</h2><p>The document's figure 6b, filmed: steady light of each level until "
         "the exposure stands, by a sensor of this kind of "
-        f"{SMALL} x {SMALL} pixels. Between two exposures the response is linear; all "
-        "of them together follow the light over decades.</p>"
+        f"{SMALL} x {SMALL} pixels. Between two exposures the response is linear. Put together, "
+        f"with {HALF} DN for every halving of the exposure, the frames' values follow the "
+        "logarithm of the light: light is close to an exponential of the output.</p>"
         + plot(folder / "response.png", "signal and exposure over light")
         + "<h2>Two reset counters</h2><p>The document's figures 4 and 5, from this sensor's own "
         "trace: above, the rows that are reset and read when the exposure changes; below, its "
@@ -132,7 +133,9 @@ def _response(machine: AdaptiveMachine, path: Path) -> None:
                 break
     multiple, value = np.array(found).T
     plt = pyplot()
-    figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 5.2), sharex=True, layout="constrained")
+    figure, (top, low, last) = plt.subplots(
+        3, 1, figsize=(9.5, 7), sharex=True, layout="constrained"
+    )
     top.plot(lux, value, "o-", color=GREEN, markersize=3.5, linewidth=0.9, label="signal, DN")
     combined = value / multiple
     top.set_xscale("log")
@@ -143,7 +146,10 @@ def _response(machine: AdaptiveMachine, path: Path) -> None:
     low.plot(lux, lux * 256e-6 * section.gain, color=INK, linewidth=0.7, label="A S E / LSB")
     low.set_yscale("log")
     low.legend(fontsize=8, frameon=False)
-    plain(low, "light on the sensor, lux")
+    plain(low)
+    together = value + HALF * (section.longest - np.log2(multiple))
+    last.plot(lux, together, "o-", color=GREEN, markersize=3.5, linewidth=0.9)
+    plain(last, "light on the sensor, lux", "frames put together, DN")
     finish(figure, path)
 
 

@@ -18,7 +18,7 @@ from scenarios.report.imager_figures import BLUE, GREEN, finish, plain, stretche
 from scenarios.report.parts import figure as picture
 from scenarios.report.parts import plot, table
 from scenarios.run_imager import ImagerRun
-from scenarios.scenes.target_art import draw, regions
+from scenarios.scenes.target_art import ASPECT, bar_width, draw, regions
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import EbapsPixels
 
@@ -55,8 +55,8 @@ def ebaps_sections(run: ImagerRun) -> str:
         "darks of its own exposure, by a device of this kind of "
         f"{SIZE[1]} x {SIZE[0]} pixels under the run's lens, stretched between the 0.5 % and "
         "99.5 % values. The exposure is the one at which the loop would stand. Contrast to noise "
-        "is |mean of white - mean of black| over the noise of a single pixel, times the root of a "
-        f"bar's pixels; below {ROSE:g} a bar is not recognised (Rose).</p>"
+        "is |mean of white - mean of black| over the noise of a single pixel, times the root of "
+        f"the largest bar's pixels; below {ROSE:g} a bar is not recognised (Rose).</p>"
         + plot(folder / "voltages.png", "the chart at four voltages under three lights")
         + table(["high voltage", "light", "exposure", "mean", "contrast to noise", ""], rows)
     )  # fmt: skip
@@ -139,8 +139,11 @@ def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
         ["spread of a dark frame over its pixels", f"{fresh.std():.4g} DN"],
         ["of the mean of four", f"{darks.std():.4g} DN"],
         ["of a fresh dark frame less that mean", f"{left.std():.4g} DN"],
-        ["theory: its own noise and a quarter of it, before clipping; much of it is carried by a "
-         "few ion bursts", f"{theory:.4g} DN"],
+        [
+            "theory: its own noise and a quarter of it, before clipping; a few ion bursts carry "
+            "much of it",
+            f"{theory:.4g} DN",
+        ],
     ]
 
 
@@ -178,7 +181,7 @@ def _grid(run: ImagerRun, machine: EbapsMachine, path: Path) -> list[list[str]]:
     gain = 1.0 if lens is None else Lens(lens.f_number, lens.transmission, lens.magnification).gain
     chart = draw("night", SIZE)
     white, black = regions(chart)
-    bar = 5 * (0.03 * 0.74 * min(SIZE)) ** 2
+    bar = ASPECT * (bar_width("night", SIZE) or 0.0) ** 2
     kept, seed = frozenset(machine.pixels.effects), run.run.scenario.seed
     device = EbapsPixels(SIZE, 0.0, machine.pixels.kelvin, machine.pixels.device)
     plt = pyplot()

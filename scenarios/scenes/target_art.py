@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHARTS", "Regions", "draw", "regions"]
+__all__ = ["ASPECT", "CHARTS", "Regions", "bar_width", "draw", "regions"]
 
 Values = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -26,6 +26,10 @@ CHARTS: Final = ("night", "bars", "landolt", "steps", "discs")
 
 _BARS: Final = (0.05, 0.03, 0.02, 0.0125, 0.008)
 """Widths of a bar in the five groups."""
+_NIGHT, _LARGE = 0.74, 0.95
+"""Size of the groups on the sheet with rings and steps, and alone."""
+ASPECT: Final = 5
+"""Length of a bar over its width (MIL-STD-150A)."""
 _RINGS: Final = (0.16, 0.1, 0.06, 0.036)
 """Diameters of the rings; the gap and the line are a fifth of it (ISO 8596:2017)."""
 _DISCS: Final = ((0.322, 0.42, 0.11), (0.70, 0.70, 0.07), (0.78, 0.25, 0.04), (0.25, 0.80, 0.05),
@@ -119,11 +123,11 @@ def draw(chart: str, shape: tuple[int, int]) -> Values:
     """Reflectance of a chart on so many rows and columns, (H, W) float64 within [0, 1]."""
     sheet = _Sheet(shape, 0.0 if chart == "discs" else PAPER)
     if chart == "night":
-        _bars(sheet, 0.0, 0.29, 0.74)
+        _bars(sheet, 0.0, 0.29, _NIGHT)
         _rings(sheet, 0.16, 0.755, 0.55)
         _steps(sheet, 0.89, 0.14)
     elif chart == "bars":
-        _bars(sheet, 0.01, 0.5, 0.95)
+        _bars(sheet, 0.01, 0.5, _LARGE)
     elif chart == "landolt":
         _rings(sheet, 0.03, 0.5, 1.0)
     elif chart == "steps":
@@ -132,6 +136,12 @@ def draw(chart: str, shape: tuple[int, int]) -> Values:
         for row, column, radius in _DISCS:
             sheet.lay(sheet.disc(row, column, radius), WHITE)
     return np.clip(sheet.plane, 0, 1)
+
+
+def bar_width(chart: str, shape: tuple[int, int]) -> float | None:
+    """Pixels across the largest bar; None of a chart without bars."""
+    size = {"night": _NIGHT, "bars": _LARGE}.get(chart)
+    return None if size is None else _BARS[0] * size * min(shape)
 
 
 def regions(plane: Values) -> Regions:

@@ -15,6 +15,7 @@ __all__ = [
 ]  # fmt: skip
 
 Side = Annotated[int, Field(ge=1, le=4096)]
+First = Annotated[int, Field(ge=0, le=4095)]
 Device = Annotated[int, Field(ge=0, lt=2**32)]
 Writes = Annotated[
     tuple[tuple[Time, str, Annotated[int, Field(ge=0, lt=2**32)]], ...],
@@ -58,7 +59,7 @@ class AdaptiveSection(Section):
     longest: Annotated[int, Field(ge=0, le=24)] = Field(
         default=16, description="n of the longest exposure that is chosen, 2^n us"
     )
-    window: tuple[Side | Literal[0], Side | Literal[0], Side, Side] | None = Field(
+    window: tuple[First, First, Side, Side] | None = Field(
         default=None, description="first row, first column, rows and columns in which saturated "
         "pixels are counted; all when absent",
     )  # fmt: skip

@@ -115,6 +115,7 @@ class TargetScene(Section):
         description="factor of all light: [time, factor] in order, linear between, constant "
         "outside; two at one time are a jump",
         examples=[[["0 ms", 1], ["500 ms", 1e4]]],
+        json_schema_extra={"default": [["0 s", 1.0]]},
     )
 
     @field_validator("course")

@@ -56,9 +56,14 @@ class PixelModel(Protocol):
     of those that are kept do not change with what is left out. shape: (H, W). bits: of a value.
     """
 
-    effects: dict[str, Effect]
-    shape: tuple[int, int]
-    bits: int
+    @property
+    def effects(self) -> dict[str, Effect]: ...
+
+    @property
+    def shape(self) -> tuple[int, int]: ...
+
+    @property
+    def bits(self) -> int: ...
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """(rows, W) DN of exposed rows. seed: of the temporal noise; the fixed pattern hangs on

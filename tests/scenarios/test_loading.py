@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cosim import InputError
 from scenarios.loading import load, shipped, to_toml
-from scenarios.schema import BoardScenario, LinkScenario, Scenario
+from scenarios.schema import AnyScenario
 
 FILM = shipped()["film"]
 
@@ -153,7 +153,7 @@ def scenario_or_line(name: str, assignments: list[str]) -> None:
         assert "\n" not in str(exc)
         assert " must be " in str(exc)
     else:
-        assert isinstance(scenario, Scenario | BoardScenario | LinkScenario)
+        assert isinstance(scenario, AnyScenario)
 
 
 KEYS = st.sampled_from(

@@ -9,11 +9,18 @@ import zarr
 from cosim import InputError, Interrupted
 from cosim.planner import make_plan
 from scenarios.imagers.accuracy import accuracy_imager
-from scenarios.imagers.paired import REPEATS, compared
+from scenarios.imagers.paired import compared
 from scenarios.imagers.planning import forecast_imager, ready_imager
+from scenarios.imagers.tape import Tape, Taped
+from scenarios.loading import load
+from scenarios.report.imager import write_imager_report
+from scenarios.report.imager_figures import read_vcd
 from scenarios.run_imager import run_imager
 from scenarios.schema import ImagerScenario
+from sensor.imagers import Exposed
 from tests.scenarios.linear_imager import ELECTRONS, READ, SLOPE, LinearMachine
+
+REPEATS = 32
 
 
 class Silent:
@@ -93,10 +100,37 @@ def test_a_tape_cut_anywhere_or_of_another_run_is_met(tmp_path):
     np.testing.assert_array_equal(both[0]["values"][:], both[1]["values"][:])
 
 
+def test_a_tape_gives_back_windows_and_what_a_comparator_said(tmp_path):
+    """Values of fewer rows than were exposed, and saturation beside values of 8 bits."""
+    rows = Exposed(np.zeros((6, 5)), np.ones(6), np.zeros(6), 2, 7)
+
+    class Windowed:
+        calls = 0
+
+        def convert(self, rows, seed, kept):
+            self.calls += 1
+            return np.arange(15, dtype=np.uint16).reshape(3, 5)
+
+        def digitise(self, rows, seed, kept):
+            self.calls += 1
+            return np.full((6, 5), 255, np.uint16), np.eye(6, 5, dtype=bool)
+
+    seen = []
+    for resume in (False, True):
+        tape, pixels = Tape(tmp_path / "tape", "a run", resume), Windowed()
+        taped = Taped(pixels, tape, lambda *given: None)
+        seen.append((taped.convert(rows, 1, frozenset()), *taped.digitise(rows, 1, frozenset())))
+        tape.close()
+        assert pixels.calls == (0 if resume else 2)
+    for one, two in zip(*seen, strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert seen[0][1].max() == 255 and seen[1][2].sum() == 5
+
+
 def test_the_plan_leaves_out_what_is_small_and_the_check_finds_its_size(tmp_path):
     result, _ = run(tmp_path / "a", LinearMachine())
     assert [row["effect"] for row in result.left_out] == ["leak"]
-    assert result.error.value < 5e-3 and result.error.ci[1] <= 1e-2  # patches of 64 pixels
+    assert result.error.value < 5e-3 and result.error.ci[1] <= 1e-2  # patches of 256 pixels
     document = forecast_imager("linear", scenario(tolerance=0.1), LinearMachine())
     assert {"leak", "PRNU"} == {row["effect"] for row in document["left_out"]}
     assert forecast_imager("linear", scenario(tolerance=0), LinearMachine())["left_out"] == []
@@ -142,8 +176,8 @@ def test_accuracy_has_a_row_for_each_tolerance(tmp_path):
     rows = {r["tolerance"]: r for r in document["rows"] if r["tier"] == "exact"}
     assert rows[0.0]["error"] == 0 and rows[0.0]["left_out"] == []
     assert rows[0.1]["left_out"] == ["PRNU", "leak"]
-    # The worst patch's RMS over 64 pixels; the offset is a part of the signal that has no pattern.
-    assert SLOPE * 0.4 < rows[0.1]["error"] < SLOPE * (1 + 4.5 / np.sqrt(2 * 64))
+    # The worst patch's RMS over 256 pixels; the offset is a part of the signal that has no pattern.
+    assert SLOPE * 0.4 < rows[0.1]["error"] < SLOPE * (1 + 4.5 / np.sqrt(2 * 256))
     for row in rows.values():
         assert row["ci"][0] <= row["tolerance"]  # small patches know it no better
     assert document["reference"]["ns_per_pixel_cycle"] > 0
@@ -157,3 +191,27 @@ def test_a_model_in_two_settings_keeps_what_either_needs():
     bright = ready.pixels.summary((50.0, 50.0), (1.0, 1.0), 10)  # 1e5 electrons
     assert READ**2 / (2 * 1e5) < 1e-3
     assert "read noise" not in make_plan(effects, bright, 0.1).everywhere
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "assignments", "figures"),
+    [
+        ("adaptive-exposure", ["duration=120 ms", "imager.rows=64", "imager.columns=64"], 3),
+        ("ebaps-night", ["duration=300 ms", "imager.rows=64", "imager.columns=80"], 3),
+        ("emccd-window", ["duration=110 ms"], 5),
+    ],
+)
+def test_a_shipped_scenario_runs_to_its_report(tmp_path, name, assignments, figures):
+    short, loaded = load(name, assignments)
+    trace = tmp_path / "trace.vcd"
+    result, folder = run_imager(
+        short, loaded, tmp_path / "run", progress=Silent(), began=0.0, trace=trace,
+        report=write_imager_report,
+    )  # fmt: skip
+    assert result.outcome == "ok" and result.error.ci[1] <= loaded.tolerance
+    drawn = [file for file in result.files if file.startswith("figures/")]
+    assert len(drawn) == figures and all((folder / file).exists() for file in result.files)
+    page = (folder / "report.html").read_text()
+    assert "http" not in page
+    assert len(read_vcd(trace)) >= 4 and any(read_vcd(trace).values())

@@ -192,6 +192,8 @@ LIMITS = {
     "exclusiveMinimum": lambda x, limit: x > limit,
     "exclusiveMaximum": lambda x, limit: x < limit,
     "maxItems": lambda x, limit: len(x) <= limit,
+    "minItems": lambda x, limit: len(x) >= limit,
+    "multipleOf": lambda x, unit: x % unit == 0,
 }
 SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discriminator"}
 
@@ -199,7 +201,7 @@ SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discrimina
 def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
     """Places where data breaks the schema."""
     known = {"$ref", "type", "properties", "required", "additionalProperties", "oneOf", "anyOf"}
-    known |= {"const", "enum", "items", *LIMITS, *SAID_ONLY}
+    known |= {"const", "enum", "items", "prefixItems", *LIMITS, *SAID_ONLY}
     assert set(node) <= known, f"a keyword that this check does not know: {set(node) - known}"
     if "$ref" in node:
         root, defs, name = node["$ref"].split("/")
@@ -221,6 +223,9 @@ def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
     for word, fits in (("oneOf", lambda n: n == 1), ("anyOf", lambda n: n >= 1)):
         if word in node and not fits(sum(not [*faults(n, data, at)] for n in node[word])):
             yield f"{at} fits not {word}"
+    for i, part in enumerate(node.get("prefixItems", ())):
+        if isinstance(data, list) and i < len(data):
+            yield from faults(part, data[i], f"{at}.{i}")
     if isinstance(data, list) and "items" in node:
         for i, item in enumerate(data):
             yield from faults(node["items"], item, f"{at}.{i}")
