@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.frames import Frame
+from rtl_model.imagers.ebaps.burst_memory import BurstMemory
 from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
-from rtl_model.imagers.ebaps.regions import LIVE, FrameMemory, PlainMemory
+from rtl_model.imagers.ebaps.drive import DRIVE_SIGNALS, drive_records
+from rtl_model.imagers.ebaps.regions import LIVE, FrameMemory
 from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
 from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.trace import Record, Signal, write_trace
@@ -22,15 +24,16 @@ from sensor.imagers.ebaps import EbapsPixels
 __all__ = ["SIGNALS", "TRACED", "Ebaps"]
 
 Image = npt.NDArray[np.uint16]
-SIGNALS = (Signal("vsync"), Signal("read"), Signal("key"), Signal("exposure_ns", 26))
-"""Of a trace: VSYNC, rows being read, KEY as the frame took it, exposure as it took it."""
+SIGNALS = (*DRIVE_SIGNALS, Signal("read"), Signal("key"), Signal("exposure_ns", 26))
+"""Of a trace: the drive signals, rows being read, KEY and exposure as the frame took them."""
 TRACED = 8
 """Frames in a trace."""
 
 
 class Ebaps:
     """See `Imager`. pixels: of any size up to the timing's; smaller ones are the array's upper left
-    corner, at its row times, and the mean is theirs alone. memory: where frames are stored.
+    corner, at its row times, and the mean is theirs alone. memory: where frames are stored;
+    as bursts at once when None.
 
     A dark frame (KEY = 1) is delivered as it was read; a live one with the mean of four darks taken
     away once four are stored. A frame's `state` has, besides its exposure and voltage, the mean,
@@ -48,7 +51,7 @@ class Ebaps:
         height, width = self.pixels.shape
         if height > self.timing.rows or width > self.timing.columns:
             raise ValueError(f"pixels must fit {self.timing.rows} x {self.timing.columns}")
-        self.memory: FrameMemory = PlainMemory() if memory is None else memory
+        self.memory: FrameMemory = BurstMemory() if memory is None else memory
         self.sequencer = Sequencer(self._expose, self.timing)
         self.now = 0
         self._writes: list[tuple[int, int, str, int]] = []
@@ -104,7 +107,7 @@ class Ebaps:
         """See `Imager`. The trace shows the first `TRACED` frames that are delivered."""
         self._film = (scene, seed, kept)
         records: list[Record] = []
-        traced = 0
+        traced: list[tuple[int, int]] = []
         while True:
             clock = self.sequencer.next_event()
             instant = self.timing.ps(clock)
@@ -115,13 +118,14 @@ class Ebaps:
             shot = self.sequencer.step()
             if shot is None:
                 continue
-            if trace is not None and traced < TRACED:
+            if trace is not None and len(traced) < TRACED:
                 records += self._records(shot)
-                traced += 1
+                traced.append((shot.number, shot.exposure))
             yield self._frame(shot, instant)
         self._until(until)
         self.now = max(self.now, until)
         if trace is not None:
+            records += drive_records(traced, self.timing)
             write_trace(trace, SIGNALS, sorted(records, key=lambda r: r[0]), top="ebaps")
 
     def _until(self, instant: int) -> None:
@@ -177,12 +181,10 @@ class Ebaps:
 
     def _records(self, shot: Shot) -> list[Record]:
         t, n = self.timing, shot.number
-        rise, fall = t.ps(t.rise(n, shot.exposure)), t.ps(t.vsync(n + 1))
+        fall = t.ps(t.vsync(n + 1))
         return [
             Record(t.ps(t.vsync(n)), "exposure_ns", shot.exposure),
             Record(t.ps(t.vsync(n)), "key", int(shot.key)),
-            Record(rise, "vsync", 1),
-            Record(fall, "vsync", 0),
             Record(fall, "read", 1),
             Record(t.ps(t.ready(n)), "read", 0),
         ]
