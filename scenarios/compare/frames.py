@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +10,8 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.frames import Frame
-from scenarios.compare.measure import Image, blur, moving, noise, truth_by_rows
+from scenarios.compare.measure import Image, noise, still_blur
+from scenarios.compare.motion import Motion
 from scenarios.compare.ranges import black_and_slope, one_frame, with_controls
 from scenarios.compare.row import Camera, Figure
 from scenarios.compare.run_in import Placed, RunIn, Seen, film_at, middle
@@ -24,19 +24,18 @@ from sensor.imagers.ebaps import COLUMNS, ROWS
 
 __all__ = ["film_frames"]
 
-REACH: Final = 4 * PS // 1000
-"""Around an exposure, in which a place is looked at for motion, ps."""
 _TITLES: Final = {
     "adaptive-exposure": "adaptive-exposure CMOS", "ebaps": "EBAPS", "emccd": "EMCCD",
 }  # fmt: skip
 
 
 def film_frames(
-    scenario: ImagerScenario, view: View, truth: Callable[[int], Image], white: float, instant: int
+    scenario: ImagerScenario, view: View, motion: Motion, white: float
 ) -> Camera:
-    """One imager. view: of the scene on `SHAPE`. truth: reflectance at an instant of the scene, ps.
-    white: lux on the plane of reflectance 1."""
+    """One imager. view: of the scene on `SHAPE`. motion: the scene around the instant. white: lux
+    on the plane of reflectance 1."""
     begin = time.perf_counter()
+    truth, instant = motion.truth, motion.instant
     kind = scenario.imager.kind
     machine = machine_of(scenario)
     imager = machine.make()
@@ -52,10 +51,8 @@ def film_frames(
     image = show.estimate(seen.frame)
     # The still frames are of the scene's first instant.
     first, now = truth(0), truth(instant)
-    own = truth_by_rows(truth, show.instants)
     quiet = np.ones(SHAPE, bool)
-    moves = moving(truth, instant, seen.frame.exposure // 2 + REACH)
-    still = int(moves.sum()) < 200
+    still = motion.moving() is None
     values = show.values(seen.frame)
     full = (1 << seen.frame.bits) - 1
     rate = PS / seen.period
@@ -67,7 +64,9 @@ def film_frames(
         "dynamic_range": Figure(one_frame(show.pixels, show.seconds), "dB"),
         "dynamic_range_controls": Figure(with_controls(kind, show.pixels), "dB"),
         "blur": Figure(
-            None if clipped > 0.5 else blur(image, own, quiet if still else moves), "pixels"
+            None if clipped > 0.5
+            else still_blur(image, now) if still
+            else motion.blur(image, show.instants), "pixels",
         ),
         "noise": Figure(noise([show.estimate(f) for f in seen.still], first, quiet), "1"),
         "data_rate": Figure(bits * rate, "bit/s"),
@@ -146,7 +145,7 @@ class _Shown:
         """In words."""
         text = f"{self._rate:.3g} frames/s, exposure {self.seconds * 1e3:.4g} ms"
         if isinstance(self.section, EbapsSection):
-            return f"{text}, {self.section.high_voltage:.0f} V"
+            return f"{text}, {self.section.high_voltage + 0.0:.0f} V"
         if isinstance(self.section, AdaptiveSection):
             return f"{text}, chosen by itself"
         return f"{text}, gain {self.pixels.gain:.3g}"

@@ -1,9 +1,10 @@
-"""Blur, noise and likeness of an estimate of reflectance, from the images themselves."""
+"""Blur of what stands still, and noise, of an estimate of reflectance, from the images themselves.
+Blur of what moves: `motion`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,51 +12,31 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize_scalar
 
-__all__ = ["EDGE", "blur", "moving", "noise", "truth_by_rows"]
+__all__ = ["EDGE", "noise", "still_blur"]
 
 Image = npt.NDArray[np.float64]
 EDGE: Final = 2.5631
 """10 to 90 % width of an edge under a Gaussian blur, in standard deviations: 2 x 1.28155."""
-BANDS: Final = 10
-"""Bands of rows, each compared with the scene at its own middle."""
 _WIDEST: Final = 40.0
 _LEAST: Final = 200
-"""Pixels at least that a blur or a noise is measured on."""
-_CHANGE: Final = 0.05
+"""Pixels at least that a noise is measured on."""
 _GREY: Final = (0.3, 0.7)
 
 
-def truth_by_rows(truth: Callable[[int], Image], instants: npt.NDArray[np.int64]) -> Image:
-    """The scene, each band of rows at the middle of its own exposures. instants: (H,) ps of the
-    scene."""
-    parts = []
-    for rows in np.array_split(np.arange(instants.size), BANDS):
-        parts.append(truth(int(np.median(instants[rows])))[rows])
-    return np.concatenate(parts).astype(np.float64)
-
-
-def moving(truth: Callable[[int], Image], instant: int, reach: int) -> npt.NDArray[np.bool_]:
-    """Where the scene changes within `reach` ps around an instant."""
-    planes = [truth(max(instant + step, 0)) for step in (-reach, -reach // 2, 0, reach // 2, reach)]
-    return np.asarray(np.ptp(np.stack(planes), axis=0) > _CHANGE)
-
-
-def blur(image: Image, truth: Image, where: npt.NDArray[np.bool_]) -> float | None:
+def still_blur(image: Image, truth: Image) -> float | None:
     """10 to 90 % width of an edge in pixels: of the Gaussian that makes of the truth what comes
-    nearest to the image, by least squares with a gain and an offset, over `where`.
+    nearest to the image, by least squares with a gain and an offset.
 
     Temporal noise adds the same to every trial. None where too little is to be seen: the best
     Gaussian must explain a tenth of what varies.
     """
-    if where.sum() < _LEAST:
-        return None
-    seen = image[where] - image[where].mean()
+    seen = (image - image.mean()).ravel()
     power = float(seen @ seen)
     if power <= 0:
         return None
 
     def left(sigma: float) -> float:
-        trial = gaussian_filter(truth, sigma)[where] if sigma > 0 else truth[where]
+        trial = (gaussian_filter(truth, sigma) if sigma > 0 else truth).ravel()
         trial = trial - trial.mean()
         own = float(trial @ trial)
         along = float(trial @ seen)

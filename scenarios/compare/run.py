@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim import InputError, seconds_to_ps
+from cosim import PS, InputError, seconds_to_ps
 from cosim.files.whole import whole
 from scenarios.compare.frames import film_frames
 from scenarios.compare.knobs import set_ebaps, set_emccd
+from scenarios.compare.motion import Motion
 from scenarios.compare.report import PICTURE, write_compare_report, write_picture
 from scenarios.compare.row import Camera
 from scenarios.compare.setting import IMAGERS, SHAPE, Comparison
@@ -26,6 +27,8 @@ __all__ = ["run_compare"]
 
 AT: Final = 0.6
 """Share of the duration at which the instant lies: long exposures then begin after the scene."""
+REACH: Final = 42 * PS // 1000
+"""Around the instant, ps: half of the longest exposure and the rows' own delays."""
 LONGEST: Final = 2.0
 """Seconds of scene at most."""
 
@@ -57,11 +60,12 @@ def run_compare(
             "each imager sees the first instant until its controls rest, then the scene; the "
             "middle of one exposure falls on the instant. Nothing is left out of any camera",
         ]
+        motion = Motion(truth, instant, REACH, PS // 2000, seconds_to_ps(seconds))
         for kind in IMAGERS:
             progress.start(kind, 1)
             scenario = _set(what.imagers[kind], white, mean, what.given[kind])
             view = make_view(scenario, SHAPE)
-            cameras.append(film_frames(scenario, view, truth, white, instant))
+            cameras.append(film_frames(scenario, view, motion, white))
             notes += [note for note in view.notes[1:] if note not in notes]
             progress.advance(1)
         return _finish(what, folder, cameras, truth(instant), instant, notes, began), folder

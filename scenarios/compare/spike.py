@@ -12,7 +12,8 @@ import numpy as np
 from cosim import PS
 from cosim.files import Recorder, ZarrStream
 from cosim.lens import Lens
-from scenarios.compare.measure import Image, blur, moving, noise
+from scenarios.compare.measure import Image, noise, still_blur
+from scenarios.compare.motion import Motion
 from scenarios.compare.row import Camera, Figure
 from scenarios.fidelity import psnr, to_white
 from scenarios.filming import STREAM, RelayStage, WiderStage, run_recorded
@@ -27,7 +28,11 @@ __all__ = ["film_spikes"]
 
 STILLS: Final = 24
 """Instants at which places that do not move are looked at for noise."""
-REACH: Final = PS // 1000
+REACH: Final = 2 * PS // 1000
+"""Around the instant, in which the scene's motion is looked at, ps."""
+PLANES: Final = 33
+QUIET: Final = 0.01
+"""Of reflectance: what changes less over so many planes of the film stands still."""
 
 
 def film_spikes(
@@ -70,11 +75,12 @@ def _cameras(
     span = clock.edge(stream.cycles)
     tau = isi(stream, cycle)
     longest = stream.cycles * period
-    quiet = ~moving(truth, span // 2, span // 2)
-    moves = moving(truth, instant, max(REACH, window * clock.edge(1)))
-    still = int(moves.sum()) < 200
-    where = np.ones_like(moves) if still else moves
+    near = Motion(truth, instant, max(REACH, window * clock.edge(1)), clock.edge(1), span)
     now = truth(instant)
+    still = near.moving() is None
+    planes = np.stack([truth(int(t)) for t in np.linspace(0, span, PLANES)])
+    quiet = np.asarray(np.ptp(planes, axis=0) < QUIET)
+    instants = np.full(now.shape[0], instant)
     steps = np.linspace(window, stream.cycles - 1 - window, STILLS).astype(int)
     median = float(np.median(tau[tau > 0])) if (tau > 0).any() else float("nan")
     current = 0.0 if setting.pattern is None else setting.pattern.dark
@@ -98,7 +104,9 @@ def _cameras(
         figures = {
             "dynamic_range": Figure(within, "dB"),
             "dynamic_range_controls": Figure(ever, "dB"),
-            "blur": Figure(blur(image, now, where), "pixels"),
+            "blur": Figure(
+                still_blur(image, now) if still else near.blur(image, instants), "pixels"
+            ),
             "noise": Figure(noise([look(int(at)) for at in steps], now, quiet), "1"),
             "data_rate": Figure(rate, "bit/s"),
             "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),

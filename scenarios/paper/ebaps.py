@@ -5,22 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from rtl_model.imagers.ebaps import (
+    CHANNELS,
     CLOCK_HZ,
     DARKS,
     DEFAULT_EXPOSURE,
     DESIGN,
+    DRIVES,
     HIGH_VOLTAGE,
+    LINK_HZ,
     LIVE,
     REGIONS,
+    SERIAL_BITS,
     SHORTEST_EXPOSURE,
     STEP,
     WINDOW,
+    WORD_BITS,
     Ebaps,
     ExposureRule,
     Linear,
+    LinkTiming,
     Timing,
+    deserialise,
+    drive_records,
     follow,
     region_bytes,
+    region_offset,
+    serialise,
     settle,
     settling_exposure,
 )
@@ -33,9 +43,12 @@ _ADC_HZ = 80e6
 """Of the converter, 80 MS/s as printed: what the pixel clock is held against."""
 
 
+_NAMES = {name.lower() for name in DRIVES}
+
+
 def ebaps_rows() -> list[Row]:
     """Every number in order."""
-    return [*_chip(), *_exposure(), *_loop(), *_memory(), *_board(), *_night()]
+    return [*_chip(), *_link(), *_exposure(), *_loop(), *_memory(), *_board(), *_night()]
 
 
 def _reset(name: str) -> int:
@@ -69,6 +82,33 @@ def _chip() -> list[Row]:
 def _least_volts(pixels: EbapsPixels) -> int:
     """The largest voltage that drives no photoelectron across."""
     return max(v for v in range(0, 3) if pixels.tube.gain(float(v)) == 0.0)
+
+
+def _link() -> list[Row]:
+    """Drive signals, and the Camera Link output."""
+    timing, words = LinkTiming(), np.array([0x5A5A5A5, (1 << WORD_BITS) - 1, 0], np.uint32)
+    made = serialise(words)
+    frames = timing.clock_hz / (timing.line_clocks * timing.rows)
+    back = deserialise(made)
+    return [
+        number("002 §1", "drive signals of the sensor", "9",
+               len({r[1] for r in drive_records([(0, DEFAULT_EXPOSURE)])} & _NAMES),
+               note="those that a frame's waveforms hold: " + ", ".join(DRIVES)),
+        number("002 §2", "parallel bits of a Camera Link word", "28", WORD_BITS, "bit",
+               note="of each clock, carried and read back the same"
+               if np.array_equal(back, words) else "not read back"),
+        number("002 §2", "serial channels", "5", CHANNELS,
+               note=f"four of {SERIAL_BITS} bits a clock and the clock's own"),
+        number("002 §2", "clock of the link", "85", LINK_HZ * 1e-6, "MHz",
+               note=f"pixels take {100 * timing.utilisation:.1f} % of its clocks; "
+               f"{timing.pair_rate * 1e-6:.0f} Mbit/s on a pair, "
+               f"{timing.bits_per_second * 1e-9:.2f} Gbit/s in all"),
+        number("002 §0", "frames a second that the link's lines allow", "30", frames, "1/s",
+               note="1280 x 1024, lines of whole clocks"),
+        listed("002 §2", "clock range of the link's chip, least and most", [True, True],
+               [10e6 <= LINK_HZ, LINK_HZ <= 90e6],
+               note="10 to 90 MHz, as printed, hold the 85 MHz"),
+    ]  # fmt: skip
 
 
 def _exposure() -> list[Row]:
@@ -119,6 +159,8 @@ def _memory() -> list[Row]:
         number("002 §3.2", "regions in memory", "5", REGIONS),
         number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}"),
         number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B"),
+        number("002 §3.2", "bytes from the base to the live frame's region", str(4 * 1280 * 1024 * 2),
+               region_offset(LIVE), "B", note="address = base + region's offset + running burst"),
         number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B"),
     ]  # fmt: skip
 
