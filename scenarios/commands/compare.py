@@ -19,7 +19,8 @@ def compare(
     assignments: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE",
+            "--set",
+            metavar="KEY=VALUE",
             help="override a key of scene, lens, spike, adaptive-exposure, ebaps or emccd, or "
             "duration",
         ),

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.frames import Frame
-from scenarios.compare.measure import Image, noise, still_blur
+from scenarios.compare.measure import noise, still_blur
 from scenarios.compare.motion import Motion
 from scenarios.compare.ranges import black_and_slope, one_frame, with_controls
 from scenarios.compare.row import Camera, Figure
@@ -20,6 +20,7 @@ from scenarios.fidelity import psnr
 from scenarios.imagers.kinds import machine_of
 from scenarios.imagers.view import View
 from scenarios.schema import AdaptiveSection, EbapsSection, ImagerScenario
+from sensor.imagers import Exposed
 from sensor.imagers.ebaps import COLUMNS, ROWS
 
 __all__ = ["film_frames"]
@@ -29,9 +30,7 @@ _TITLES: Final = {
 }  # fmt: skip
 
 
-def film_frames(
-    scenario: ImagerScenario, view: View, motion: Motion, white: float
-) -> Camera:
+def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: float) -> Camera:
     """One imager. view: of the scene on `SHAPE`. motion: the scene around the instant. white: lux
     on the plane of reflectance 1."""
     begin = time.perf_counter()
@@ -64,9 +63,12 @@ def film_frames(
         "dynamic_range": Figure(one_frame(show.pixels, show.seconds), "dB"),
         "dynamic_range_controls": Figure(with_controls(kind, show.pixels), "dB"),
         "blur": Figure(
-            None if clipped > 0.5
-            else still_blur(image, now) if still
-            else motion.blur(image, show.instants), "pixels",
+            None
+            if clipped > 0.5
+            else still_blur(image, now)
+            if still
+            else motion.blur(image, show.instants),
+            "pixels",
         ),
         "noise": Figure(noise([show.estimate(f) for f in seen.still], first, quiet), "1"),
         "data_rate": Figure(bits * rate, "bit/s"),
@@ -107,10 +109,20 @@ class _Shown:
         self.pixels = pixels
         rows = self._rows(frame)
         self.instants = (frame.begin[rows] + frame.end[rows]) // 2 - seen.offset
-        black, self._slope = black_and_slope(pixels, self.seconds)
+        black = self._dark(scenario.seed)
         subtracted = isinstance(self.section, EbapsSection) and self.section.darks
         self._black = float(getattr(self.section, "pedestal", 0)) if subtracted else black
         self._taken = black if subtracted else 0.0
+
+    def _dark(self, seed: int) -> float:
+        """Mean of a frame of this exposure without light: what a user would take off."""
+        high, wide = self.pixels.shape
+        none = Exposed(
+            np.zeros((high, wide)), np.full(high, self.seconds), np.zeros(high), 0, 2**20
+        )
+        values = self.pixels.convert(none, seed, frozenset(self.pixels.effects))
+        part = values[self._top : self._top + SHAPE[0], self._left : self._left + SHAPE[1]]
+        return float(part.mean())
 
     def _rows(self, frame: Frame) -> slice:
         start = self._top - self._first

@@ -24,8 +24,9 @@ def set_ebaps(section: EbapsSection, lux: float, given: frozenset[str]) -> Ebaps
     light wants, and the exposure at which the loop comes to rest. lux: mean on the plane."""
     rule = ExposureRule()
     target = sum(WINDOW) / 2
-    volts, wanted = -section.high_voltage, 0.0
-    for volts in VOLTS if "high_voltage" not in given else (volts,):
+    choices = (-section.high_voltage,) if "high_voltage" in given else VOLTS
+    volts, wanted = choices[-1], 0.0
+    for volts in choices:
         wanted = wanted_exposure(EbapsPixels(volts=volts), lux, target)
         if wanted * 1e9 >= rule.shortest:
             break

@@ -49,7 +49,7 @@ def still_blur(image: Image, truth: Image) -> float | None:
         return None
     low, high = grid[max(at - 1, 0)], grid[min(at + 1, grid.size - 1)]
     found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 0.01})
-    best = float(found.x) if float(found.fun) < values[at] else float(grid[at])
+    best = float(found.x) if float(found.fun) < values[at] - 1e-9 else float(grid[at])
     return EDGE * best
 
 

@@ -45,9 +45,7 @@ def told(name: str, figure: Figure) -> str:
     return f"{value:.3g} {figure.unit}"
 
 
-def write_picture(
-    path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]
-) -> None:
+def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
     """The same instant by every camera, and the truth."""
     plt = pyplot()
     height, width = truth.shape
@@ -95,14 +93,15 @@ def write_compare_report(
 
 
 _EXPLAINED: Final = (
-    "<p><b>Dynamic range</b>: light at which a pixel's values end over the light whose signal equals "
-    "the noise in the dark, 20 lg; of one image at its setting, and over everything that exposure, "
-    "gain and high voltage (of the spike camera: widths up to what dark current fills) reach. "
-    "<b>Edge</b>: 10 to 90 % width of an edge that moves as fast as the mean one: 0.8 of its way in "
-    "the span of the scene whose mean the image is, found by least squares, each row at its own "
-    "instant; where nothing moves, under the Gaussian that makes of the truth what was filmed. <b>Noise</b>: spread from image to image "
-    "where nothing moves, over the signal, at a reflectance of 0.3 to 0.7. <b>Data rate</b>: what "
-    "leaves the imager, all of its pixels. <b>Latency</b>: from the middle of a pixel's exposure "
-    "until the image has been read. <b>PSNR</b>: of the estimate of reflectance against the scene at "
-    "the instant. A dash: not to be measured in this scene.</p>"
+    "<p><b>Dynamic range</b>: light at which a pixel's values end over light whose signal is as "
+    "large as the noise in the dark, 20 lg; of one image at its setting, and over everything that "
+    "exposure, gain and high voltage (of the spike camera: widths up to what dark current fills) "
+    "reach. <b>Edge</b>: 10 to 90 % width of an edge that moves as fast as the mean: 0.8 of its "
+    "way in the span of the scene whose mean the image is, found by least squares, each row at its "
+    "own instant; where nothing moves, under the Gaussian that makes of the truth what was filmed. "
+    "<b>Noise</b>: spread from image to image where nothing moves, over the signal, at a "
+    "reflectance of 0.3 to 0.7. <b>Data rate</b>: what leaves the imager, all of its pixels. "
+    "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
+    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant. A dash: not to "
+    "be measured in this scene.</p>"
 )

@@ -48,14 +48,12 @@ def run_compare(
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * what.spike.sensor.clock))
     with claimed(f"compare-{what.name}", out, False) as folder:
         (folder / "spike").mkdir(exist_ok=True)
-        cameras, lens, truth = film_spikes(
-            what.spike, folder / "spike", instant, device, progress
-        )
+        cameras, lens, truth = film_spikes(what.spike, folder / "spike", instant, device, progress)
         white = what.spike.scene.illuminance * lens.gain
         mean = white * float(np.mean(truth(0)))
         notes = [
-            f"the scene falls on {SHAPE[1]} x {SHAPE[0]} pixels of every camera, pixel by pixel the "
-            f"same light: white is {white:.3g} lux on the pixels, f/{lens.f_number:.3g}",
+            f"the scene falls on {SHAPE[1]} x {SHAPE[0]} pixels of every camera, pixel by pixel "
+            f"the same light: white is {white:.3g} lux on the pixels, f/{lens.f_number:.3g}",
             *what.notes,
             "each imager sees the first instant until its controls rest, then the scene; the "
             "middle of one exposure falls on the instant. Nothing is left out of any camera",

@@ -36,7 +36,8 @@ ILLUMINANCE: Final = "700 lux"
 _NIGHT: Final = 1.4
 """f-number where the spike camera finds none for its white: of the EBAPS document, assumed."""
 _KINDS: Final = tuple(
-    get_args(part.model_fields["kind"].annotation)[0] for part in get_args(get_args(SceneSection)[0])
+    get_args(part.model_fields["kind"].annotation)[0]
+    for part in get_args(get_args(SceneSection)[0])
 )
 
 
@@ -84,7 +85,8 @@ def load_comparison(
 ) -> Comparison:
     """Raises InputError for a scene that is none, keys that do not exist, values out of range."""
     short, data = _scene(name)
-    data = {"duration": DURATION, "seed": 1, "lens": {}, "spike": {}} | data
+    defaults: dict[str, Any] = {"duration": DURATION, "seed": 1, "lens": {}, "spike": {}}
+    data = defaults | data
     data |= {kind: {} for kind in IMAGERS}
     for assignment in assignments:
         assign(data, assignment)
@@ -96,7 +98,8 @@ def load_comparison(
             raise InputError("--set", f"a key of {', '.join(known)}", key, "check its name")
         if key not in ("duration", "seed") and not isinstance(value, dict):
             raise InputError(f"--set {key}", "a section's key", "the section itself", "name a key")
-    lens, notes = dict(data["lens"]), []
+    lens: dict[str, Any] = dict(data["lens"])
+    notes: list[str] = []
     common = {"title": f"{short}: all imagers", **{k: data[k] for k in ("duration", "seed")}}
     sensor = {"chip": CHIP, "preset": "silicon", "threshold": "1000 e"} | data["spike"]
     if sensor["chip"] != CHIP or sensor.get("readout", "synchronous") != "synchronous":

@@ -9,9 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim import PS
+from cosim import PS, Viform
 from cosim.files import Recorder, ZarrStream
 from cosim.lens import Lens
+from cosim.viform import WORD
 from scenarios.compare.measure import Image, noise, still_blur
 from scenarios.compare.motion import Motion
 from scenarios.compare.row import Camera, Figure
@@ -26,7 +27,7 @@ from sensor.dynamic_range import decibels, longest_width, spike_dynamic_range
 
 __all__ = ["film_spikes"]
 
-STILLS: Final = 24
+STILLS: Final = 16
 """Instants at which places that do not move are looked at for noise."""
 REACH: Final = 2 * PS // 1000
 """Around the instant, in which the scene's motion is looked at, ps."""
@@ -55,7 +56,9 @@ def film_spikes(
         False, progress,
     )  # fmt: skip
     (folder / "checkpoint.npz").unlink(missing_ok=True)
-    stream = ZarrStream(folder / STREAM)
+    kept = ZarrStream(folder / STREAM)
+    words = kept.read_words(0, -(-kept.cycles // WORD))
+    stream = Viform(words, kept.cycles, kept.clock)
 
     def truth(ps: int) -> Image:
         return np.asarray(source.truth(ps), np.float64)
@@ -67,7 +70,7 @@ def film_spikes(
 
 
 def _cameras(
-    stream: ZarrStream, setting: CameraSetting, truth: Callable[[int], Image], cycle: int,
+    stream: Viform, setting: CameraSetting, truth: Callable[[int], Image], cycle: int,
     window: int, white_rate: float, spent: float,
 ) -> list[Camera]:  # fmt: skip
     clock = setting.clock

@@ -27,8 +27,8 @@ from rtl_model.imagers.adaptive import (
     light_range_db,
     longest_exposure,
     search_path,
-    shortest_exposure,
     shortened,
+    shortest_exposure,
 )
 from rtl_model.imagers.adaptive.codes import changed_bits, ring
 from scenarios.paper.row import Row, listed, number, unprinted
@@ -49,7 +49,7 @@ def adaptive_rows() -> list[Row]:
 
 def _light() -> list[Row]:
     longest = longest_exposure()
-    value, full = _SETTING.value(0.1, longest)
+    value, _ = _SETTING.value(0.1, longest)
     return [
         number("001 abstract", "shortest exposure", "1", shortest_exposure() * 1e6, "us"),
         number("001 abstract", "longest exposure", "65", longest * 1e3, "ms",
@@ -124,7 +124,7 @@ def _registers() -> list[Row]:
     seconds = (1 << 24) * shortest_exposure()
     return [
         number("001 §3.3", "bits of the minimum-exposure register", "8", least.width, "bit"),
-        number("001 §3.3", "its value for 1 us at 20 MHz (14H)", "20", least.reset, "clocks",
+        number("001 §3.3", "its value for 1 us at 20 MHz (14H)", "20", int(least.reset), "clocks",
                note=f"{MINIMUM_CLOCKS} clocks of {CLOCK_HZ / 1e6:g} MHz"),
         number("001 §3.3", "bits of the multiplier register", "24", register.width, "bit",
                proof=needed == MULTIPLIER_BITS == PRINTED_MULTIPLIER_BITS + 1,
@@ -153,7 +153,7 @@ def _sequence() -> list[Row]:
         number("001 §4.2", "reset counters in turn", "2", len(both)),
         listed("001 §4.1", "frame time less hold less exposure", [0], sorted(whole), "clocks"),
         number("001 §4.1", "frames from N to the first with the new exposure, at the latest", "3",
-               most, "frames", note="measured on the sensor at 36 instants, exposures and falls of light"),
+               most, "frames", note="on the sensor: 36 instants, exposures, falls of light"),
         number("001 §5", "frames a second", "100", CLOCK_HZ / timing.period(20), "1/s"),
         number("001 §5", "frames a second at an exposure of 65 ms", "100", rate, "1/s",
                proof=longest_exposure() > 1 / FRAME_RATE,
@@ -184,7 +184,7 @@ def _response() -> list[Row]:
     return [
         number("001 fig. 6", "exposure of 2^16 T", "65", longest_exposure(max(ends)) * 1e3, "ms"),
         number("001 fig. 6", "exposure of 2^12 T", "4", longest_exposure(12) * 1e3, "ms",
-               note=f"of {len(points)} lights the loop rests from 2^{max(ends)} to 2^{min(ends)} T"),
+               note=f"where the loop rests: from 2^{max(ends)} to 2^{min(ends)} T"),
         unprinted("001 fig. 6", "how far the combined response is off an exponential",
                   100 * deviation, "%", holds=deviation <= 0.05,
                   note="the document says close to one, here taken for 5 %; straight lines "

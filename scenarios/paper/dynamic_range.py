@@ -59,7 +59,7 @@ def _power(part: str, warm: bool) -> float:
     25 degC and 27 MHz."""
     noise = KODAK.noise
     if part in ("reset", "white") and getattr(noise, part) == 0:
-        noise = replace(noise, **{part: 10.0})
+        noise = replace(noise, reset=10.0, white=10.0)
     t, f, step = noise.celsius, _HERTZ, 1e-4
     zero = t + 273.15
     at = (t + zero * step, f) if warm else (t, f * (1 + step))

@@ -81,7 +81,7 @@ def _chip() -> list[Row]:
 
 def _least_volts(pixels: EbapsPixels) -> int:
     """The largest voltage that drives no photoelectron across."""
-    return max(v for v in range(0, 3) if pixels.tube.gain(float(v)) == 0.0)
+    return max(v for v in range(3) if pixels.tube.gain(float(v)) == 0.0)
 
 
 def _link() -> list[Row]:
@@ -106,7 +106,7 @@ def _link() -> list[Row]:
         number("002 §0", "frames a second that the link's lines allow", "30", frames, "1/s",
                note="1280 x 1024, lines of whole clocks"),
         listed("002 §2", "clock range of the link's chip, least and most", [True, True],
-               [10e6 <= LINK_HZ, LINK_HZ <= 90e6],
+               [LINK_HZ >= 10e6, LINK_HZ <= 90e6],
                note="10 to 90 MHz, as printed, hold the 85 MHz"),
     ]  # fmt: skip
 
@@ -147,8 +147,9 @@ def _loop() -> list[Row]:
                   limit, "ms", holds=abs((limit + STEP * 1e-6) / limit - WINDOW[1] / WINDOW[0])
                   < 1e-9, note=f"for shorter ones a fixed step of {STEP} ns hunts or meets it by "
                   f"chance; {middle:.2f} ms in terms of the window's middle"),
-        listed("002 fig. 6 and 7", "the loop comes to rest from below (20 ms) and above (10 ms)",
-               ["rest", "rest"], kinds[:2], note=f"where 2.1 ms are wanted it ends in a {kinds[2]}"),
+        listed("002 fig. 6 and 7", "the loop rests from below (20 ms) and above (10 ms)",
+               ["rest", "rest"], kinds[:2],
+               note=f"where 2.1 ms are wanted it ends in a {kinds[2]}"),
     ]  # fmt: skip
 
 
@@ -159,8 +160,9 @@ def _memory() -> list[Row]:
         number("002 §3.2", "regions in memory", "5", REGIONS),
         number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}"),
         number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B"),
-        number("002 §3.2", "bytes from the base to the live frame's region", str(4 * 1280 * 1024 * 2),
-               region_offset(LIVE), "B", note="address = base + region's offset + running burst"),
+        number("002 §3.2", "bytes from the base to the live frame's region",
+               str(4 * 1280 * 1024 * 2), region_offset(LIVE), "B",
+               note="address = base + region's offset + running burst"),
         number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B"),
     ]  # fmt: skip
 
@@ -192,4 +194,3 @@ def _night() -> list[Row]:
             f"smallest bar {text}; f/1.4 assumed",
         ))  # fmt: skip
     return rows
-

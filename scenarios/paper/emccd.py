@@ -136,15 +136,15 @@ def _rows() -> list[Row]:
     whole = [Settings(200, 0, k).within(timing).rows for k in (0, 1, 512, 600)]
     cycle = Cycle(0, 0, timing, Settings(200, 100, 128).within(timing))
     before, read = cycle.before, cycle.settings.rows
-    printed = after_printed(before, read)
+    forgetful = after_printed(before, read)
     left = timing.rows - before - read
     dumped = _shifts(timing, cycle.settings)
     made += [
         listed("003 §2", "least and most rows of a window", [1, 512], [whole[0], whole[-1]],
                "rows"),
-        number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N", str(printed),
-               cycle.after, "rows", proof=left == cycle.after == printed + 1
-               and dumped == timing.rows and before + read + printed == timing.rows - 1,
+        number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N", str(forgetful),
+               cycle.after, "rows", proof=left == cycle.after == forgetful + 1
+               and dumped == timing.rows and before + read + forgetful == timing.rows - 1,
                note=f"the document's error: M + K + (527 - M - K) is 527 of {timing.rows} rows, "
                f"and its N is the K of its next page; 528 - M - K is used: {dumped} rows leave "
                "the store in the clock-by-clock sequence"),

@@ -1,4 +1,4 @@
-"""Document 000, sections 5.2 and 6: rates of spikes, SpikeOne and SpikeTwo, the figures' windows."""
+"""Document 000, sections 5.2 and 6: rates of spikes, the two chips, the figures' windows."""
 
 from __future__ import annotations
 

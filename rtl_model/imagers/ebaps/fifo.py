@@ -5,8 +5,8 @@ burst go on. The rest is the usual asynchronous FIFO: each side keeps its own po
 than the address, and sees the other's Gray code two of its own clocks later. A flip-flop that
 samples while a bit changes may take either value (`window`): of a Gray code only one bit is open
 then, so the pointer it sees is the old or the new one; of a binary one (`gray=False`, for the
-proof) it may be one that never was. A pointer seen late only makes a FIFO look fuller to its writer and
-emptier to its reader than it is.
+proof) it may be one that never was. A pointer seen late only makes a FIFO look fuller to its writer
+and emptier to its reader than it is.
 """
 
 from __future__ import annotations
