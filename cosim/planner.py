@@ -67,6 +67,13 @@ class Plan:
         return tuple(name for name, tiles in self.kept.items() if not tiles.all())
 
     @property
+    def kind(self) -> Kind:
+        """Of `total`: proof where every bound in it is one."""
+        gone = self.left_out
+        proven = all(row.kind == "proof" for row in self.rows if row.effect in gone)
+        return "proof" if proven else "estimate"
+
+    @property
     def sets(self) -> dict[tuple[str, ...], int]:
         """Every distinct set of effects with the number of tiles that keep it."""
         names = list(self.kept)

@@ -104,6 +104,7 @@ def forecast(name: str, scenario: Scenario, device_name: str | None) -> dict[str
             for r in plan.rows if r.effect in plan.left_out
         ],
         "promised": float(plan.total.max()) + run.own,
+        "promised_kind": plan.kind if run.own == 0 else "estimate",
         "rows": [asdict(row) for row in plan.rows],
         "sets": [
             {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()
@@ -142,6 +143,7 @@ def forecast_events(name: str, scenario: Scenario) -> dict[str, Any]:
             for r in rows if r["share"] < 1
         ],
         "promised": None,
+        "promised_kind": None,
         "rows": [
             {
                 "effect": r["effect"], "kept": r["share"], "bound": r["bound"], "kind": r["kind"],

@@ -104,6 +104,7 @@ def forecast_link(
             for r in plan.rows if r.effect in made.left_out
         ],
         "promised": float(plan.total.max()) + made.own,
+        "promised_kind": plan.kind if made.own == 0 else "estimate",
         "rows": [asdict(row) for row in plan.rows],
         "sets": [{"effects": made.kept, "tiles": 1}],
         "predicted": {

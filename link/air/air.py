@@ -18,9 +18,9 @@ from link.air.geometry import image_of, lengths
 from link.air.kernel import Psf
 from link.air.motion import vibration
 from link.air.names import NAMES, Scene, simplified
+from link.air.patches import FlickerSeries, flicker_of
 from link.air.projection import Places, Projection, cut
 from link.air.radiometry import levels
-from link.air.scintillation import flicker
 from link.air.setting import Aim, AirSetting, Optics
 from link.air.sun import sun_glare, sun_image
 from link.timing import Registration
@@ -122,13 +122,10 @@ class Air:
             aim.vibration, aim.vibration_frequency, seconds, self.symbols, air.seed
         )
         """(symbols, 2) camera pixels."""
-        self.flicker = flicker(
-            air.structure, optics.wavelength_nm, air.distance,
-            optics.focal_length / optics.f_number, air.wind,
-        )  # fmt: skip
-        """Of the air."""
-        self.factors = self.flicker.series(seconds, self.symbols, air.seed)
-        """(symbols,) of the panel's own light."""
+        self.flicker, self.patches = flicker_of(optics, air)
+        """Of the air, and where on the panel it is alike."""
+        self.factors = FlickerSeries(self.flicker, seconds, self.patches.count, air.seed)
+        """Of a symbol, (patches,), of the panel's own light."""
         self._hidden = round(aim.occluded * optics.width)
         self._glare, self._stray = air.glare, sun_glare(optics, air, aim, shape)
         self._halo = lengths(optics, air.distance).camera * halo_angle(optics.wavelength_nm)
@@ -146,7 +143,7 @@ class Air:
         self._pieces: dict[int, tuple[Piece, ...]] = {}
         self._resume = 0
         end = first_light + panel.clock.edge(planes)
-        dark = self._lux(np.zeros(panel.shape, np.bool_), (0.0, 0.0), 1.0)
+        dark = self._lux(np.zeros(panel.shape, np.bool_), (0.0, 0.0), np.ones(self.patches.count))
         self._before = Piece(0, first_light, dark, dark) if first_light > 0 else None
         self._after = Piece(end, max(end + 1, _FOREVER), dark, dark)
 
@@ -208,8 +205,8 @@ class Air:
         if symbol not in self._pieces:
             begin = symbol * self._ticks
             stop = min(begin + self._ticks, self._planes)
-            shift, factor = self.shift(self._edge(begin)), float(self.factors[symbol])
-            shown = [self._lux(plane, shift, factor) for plane in self._emission.planes(symbol)]
+            shift, factors = self.shift(self._edge(begin)), self.factors[symbol]
+            shown = [self._lux(plane, shift, factors) for plane in self._emission.planes(symbol)]
             edges = range(begin, stop + 1) if len(shown) > 1 else (begin, stop)
             at = [self._edge(n) for n in edges]
             self._pieces[symbol] = tuple(
@@ -221,12 +218,15 @@ class Air:
     def _edge(self, plane: int) -> int:
         return self._first + self._panel.clock.edge(plane)
 
-    def _lux(self, plane: npt.NDArray[Any], shift: tuple[float, float], factor: float) -> Plane:
-        """Lux on the sensor while the panel shows this plane, in units of a pixel that is on."""
+    def _lux(
+        self, plane: npt.NDArray[Any], shift: tuple[float, float], factors: npt.NDArray[np.float64]
+    ) -> Plane:
+        """Lux on the sensor while the panel shows this plane, in units of a pixel that is on.
+        factors: (patches,)."""
         made = self._levels
         # What differs from the surroundings is projected, so that the panel's edge is right.
         light = plane.astype(np.float32)
-        light *= np.float32(made.panel * factor)
+        self.patches.multiply(light, made.panel * factors)
         light += np.float32(made.face - made.around)
         light[:, : self._hidden] = 0
         if self._weights is None:

@@ -7,7 +7,10 @@ be wrong, whatever the panel shows:
 - a shift by (x, y) camera pixels: what a pixel sees changes by |x| + |y| of its area;
 - any displacement up to r: 4 r + pi r^2 of its area;
 - light that is added or taken away: its share, the largest in the image;
-- chance (vibration, scintillation): its standard deviation, and how long it lasts.
+- vibration: its standard deviation, and how long it lasts.
+
+Scintillation is no such share, but a factor of the light of a patch of the panel, on and off alike:
+its law, how long it lasts and how many patches have their own (`flicker_units`).
 
 `ber_units` (summary.py) says what that does to the bit error rate of a decision of its own, by a
 few pixels and ticks in the panel's middle, the panel taken as alike all over. The receiver decides
@@ -32,9 +35,10 @@ from link.air.geometry import affine_at, image_of, panel_corners
 from link.air.kernel import Psf, kernel_table, taps
 from link.air.motion import DAMPING
 from link.air.names import Scene
+from link.air.patches import flicker_of
 from link.air.radiometry import levels
-from link.air.scintillation import flicker
-from link.air.summary import LinkSummary, ber_units
+from link.air.scintillation import Flicker
+from link.air.summary import LinkSummary, ber_units, flicker_units
 from link.air.sun import sun_glare, sun_image
 from sensor import CameraSetting
 
@@ -77,16 +81,20 @@ _SOURCES: Final = {
 @dataclass(frozen=True)
 class Change:
     """size: e; a standard deviation where `lasts` is above 0, cycles for which what chance brings
-    stays about the same. together: one factor of all the panel's light, on and off alike."""
+    stays about the same. law: of a factor of the panel's light, on and off alike, of which `size`
+    is the deviation; patches: parts of the panel that have one each."""
 
     size: float
     lasts: float = 0.0
-    together: bool = False
+    law: Flicker | None = None
+    patches: int = 1
 
     def units(self, scene: LinkSummary) -> float:
         """What it does to the link's bit error rate."""
         times = max(scene.cycles / self.lasts, 1.0) if self.lasts > 0 else 0.0
-        return ber_units(scene, self.size, times, together=self.together)
+        if self.law is not None:
+            return flicker_units(scene, self.law, times * self.patches)
+        return ber_units(scene, self.size, times)
 
 
 def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> float:
@@ -142,24 +150,17 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
         disc = float(sun_image(optics, aim, air, shape).max())
         out["sun"] = (disc + stray) / lit
         out["glare"] += air.glare * disc / lit
-    flickers = flicker(
-        air.structure, optics.wavelength_nm, air.distance,
-        optics.focal_length / optics.f_number, air.wind,
-    )  # fmt: skip
-    out["scintillation"] = math.sqrt(flickers.index)
+    law, patches = flicker_of(optics, air)
     late = max(panel.rise, panel.decay) * panel.clock.hz
     out["emitter response"] = -late * math.expm1(-1 / late) if late > 0 else 0.0
     hz = camera.clock.hz
     # Two correlation times, of a resonance 1 / (damping 2 pi f).
-    lasts = {
-        "vibration": hz / (math.pi * DAMPING * aim.vibration_frequency),
-        "scintillation": 2 * min(flickers.time, _STILL) * hz,
-    }
-    return {
-        name: Change(size, lasts.get(name, 0.0), name == "scintillation")
-        for name, size in out.items()
-        if size > 0
-    }
+    lasts = {"vibration": hz / (math.pi * DAMPING * aim.vibration_frequency)}
+    changes = {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
+    if law.index > 0:
+        lasting = 2 * min(law.time, _STILL) * hz
+        changes["scintillation"] = Change(math.sqrt(law.index), lasting, law, patches.count)
+    return changes
 
 
 def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:

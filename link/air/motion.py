@@ -24,12 +24,17 @@ DAMPING: Final = 0.1
 """Of critical."""
 
 
-def normal_draws(seed: int, stream: Stream, axis: int, count: int) -> Values:
-    """(count, 2) standard normal, of counter (axis, 0, n, 0)."""
+def normal_draws(
+    seed: int, stream: Stream, axis: int | npt.NDArray[np.intp], count: int, first: int = 0
+) -> Values:
+    """(count, 2) standard normal, of counter (axis, 0, n, 0), n from `first` on; (count, axes, 2)
+    of several axes."""
     from scipy.special import ndtri
 
-    words = philox4x32((axis, 0, np.arange(count, dtype=np.uint64), 0), (seed, int(stream)))
-    uniform = (np.stack([words[0], words[1]], axis=1) + 0.5) / 2.0**32
+    n = np.arange(first, first + count, dtype=np.uint64)
+    axes = np.asarray(axis, np.uint64)
+    words = philox4x32((axes, 0, n if axes.ndim == 0 else n[:, None], 0), (seed, int(stream)))
+    uniform = (np.stack([words[0], words[1]], axis=-1) + 0.5) / 2.0**32
     return np.asarray(ndtri(uniform), np.float64)
 
 

@@ -22,14 +22,18 @@ from link.air.geometry import affine_at, image_of
 from link.air.names import Scene
 from link.air.projection import Projection
 from link.air.radiometry import levels
+from link.air.scintillation import Flicker
 from sensor import CameraSetting
 
-__all__ = ["LinkSummary", "ber", "ber_units", "link_summary"]
+__all__ = ["LinkSummary", "ber", "ber_units", "flicker_units", "link_summary"]
 
 Values = npt.NDArray[np.float64]
 _RISK: Final = 0.001
 """Of the interval: 99.9 %."""
+_DEVIATIONS: Final = 3.29
+"""Of a normal quantity, within which 99.9 % lie."""
 _NODES: Final = 15
+_FACTORS: Final = 49
 _TICKS: Final = 3
 """At most that are taken to decide a bit: fewer make more errors."""
 
@@ -77,23 +81,35 @@ def _outcomes(chances: Values, ticks: int) -> Values:
     return np.asarray(out.mean(axis=0))
 
 
-def ber(scene: LinkSummary, epsilon: float = 0.0, gain: float = 0.0) -> float:
-    """Bit error rate of the best decision by the flags of the pixels and ticks that decide a cell,
-    its neighbours showing what they will. epsilon: of the charge of a pixel that is on, by which
-    all charges are wrong, the way that makes errors likelier (above 0) or rarer. gain: share by
-    which all of the panel's light is more, of on and off alike."""
+def _both(scene: LinkSummary, epsilon: float, gain: float) -> tuple[Values, Values]:
+    """Chance of each outcome of a cell that is on, and of one that is off; see `ber`."""
     shares = np.array(scene.shares)
     neighbours = shares.shape[1] - 1
     patterns = np.arange(1 << neighbours)[:, None] >> np.arange(neighbours) & 1
     others = patterns @ shares[:, 1:].T  # (patterns, pixels)
-    swing = (scene.on - scene.off) * max(1 + gain, 0.0)
+    swing = (scene.on - scene.off) * gain
     # Charges that have met can only pass each other, and then tell of the bit again.
     wrong = np.minimum(epsilon * scene.on, swing * shares[:, 0] / 2)
-    both = [
+    on, off = (
         _outcomes(_fires(scene, scene.off + swing * light + more), scene.ticks)
         for light, more in ((others + shares[:, 0], -wrong), (others, wrong))
-    ]
-    return float(min(np.minimum(*both).sum() / 2, 0.5))
+    )
+    return on, off
+
+
+def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
+    """Bit error rate of the best decision by the flags of the pixels and ticks that decide a cell,
+    its neighbours showing what they will. epsilon: of the charge of a pixel that is on, by which
+    all charges are wrong, the way that makes errors likelier (above 0) or rarer."""
+    return float(min(np.minimum(*_both(scene, epsilon, 1.0)).sum() / 2, 0.5))
+
+
+def _rates(scene: LinkSummary, factors: Values) -> Values:
+    """(n,) bit error rates where all of the panel's light, of on and off alike, is times each of
+    (n,) factors, which the decision does not know: it is the best one at 1."""
+    is_on = np.greater(*_both(scene, 0.0, 1.0))
+    both = (_both(scene, 0.0, float(factor)) for factor in factors)
+    return np.array([np.where(is_on, off, on).sum() / 2 for on, off in both])
 
 
 def _half_width(rate: float, bits: int) -> float:
@@ -105,9 +121,7 @@ def _half_width(rate: float, bits: int) -> float:
     return float(high - low) / 2
 
 
-def ber_units(
-    scene: LinkSummary, epsilon: float, times: float = 0.0, *, together: bool = False
-) -> float:
+def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
     """|BER(with) - BER(without)| in half-widths, where every charge changes by no more than
     `epsilon` of that of a pixel that is on, at most: errors are the rarer the more the charges of
     on and off differ, so the ends of what these may become bound all between.
@@ -116,28 +130,57 @@ def ber_units(
     the panel's middle, not of a receiver's, and over the half-width at `ber`'s own rate.
 
     times: where above 0, `epsilon` is a standard deviation instead, of a change that comes anew so
-    often in the run (at least once); the RMS of what it does to the run's rate. together: the
-    change is one factor of all the panel's light, which on and off share, so that it does not bring
-    them nearer as changes of each charge by itself may.
+    often in the run (at least once); the RMS of what it does to the run's rate.
     """
     if epsilon <= 0:
         return 0.0
     if not epsilon < 1:
         return float("inf")
     middle = ber(scene)
-
-    def changed(by: float) -> float:
-        return ber(scene, 0.0, by) if together else ber(scene, by)
-
     if times <= 0:
-        change = max(abs(changed(side * epsilon) - middle) for side in (1, -1))
+        change = max(abs(ber(scene, side * epsilon) - middle) for side in (1, -1))
         return change / _half_width(middle, scene.bits)
     z, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     weight = weight / weight.sum()
-    rates = np.array([changed(epsilon * float(at)) for at in z])
+    rates = np.array([ber(scene, epsilon * float(at)) for at in z])
     mean = float(weight @ rates)
     variance = float(weight @ (rates - mean) ** 2) / max(times, 1.0)
     return float(np.hypot(mean - middle, np.sqrt(variance))) / _half_width(middle, scene.bits)
+
+
+def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
+    """|BER(with) - BER(without)| in half-widths, of a factor of the panel's light that comes anew
+    `times` times in the run (at least once), from patch to patch and in time, B(x) the rate at x:
+
+        |E B(x) - B(1)| + z sqrt(Var B(x) / times),  z = 3.29 of 99.9 %.
+
+    The first is what bending makes of the flicker, half its variance times B'' where it is weak,
+    and stays however large the panel; the second is the linear part, which patches average. For
+    patches on their own and a correlation in time that is never below 0 the variance of the mean is
+    no more (by Hermite's series no function of such a course is correlated longer, and over T it
+    leaves at most 2 t_c / T), so it holds at 99.9 % for a normal mean.
+
+    An estimate all the same: B is `ber`'s, of a decision in the panel's middle that knows nothing
+    of the factor; cells with data count as even over the patches. Of bits at the edge that fall one
+    way or the other by chance it says nothing, nor of a receiver that errs for other reasons.
+    """
+    if law.index <= 0:
+        return 0.0
+    z, weight = np.polynomial.hermite_e.hermegauss(_NODES)
+    weight = weight / weight.sum()
+    normal = np.stack(np.meshgrid(z, z if law.shape else z[:1], indexing="ij"), -1).reshape(-1, 2)
+    if law.shape:
+        weight = np.multiply.outer(weight, weight).ravel()
+    factors = law.factors(normal)
+    if law.shape:  # 225 of them: between 49 rates
+        grid = np.geomspace(factors.min(), factors.max(), _FACTORS)
+        rates = np.interp(np.log(factors), np.log(grid), _rates(scene, grid))
+    else:
+        rates = _rates(scene, factors)
+    middle = ber(scene)
+    mean = float(weight @ rates)
+    deviation = math.sqrt(float(weight @ (rates - mean) ** 2) / max(times, 1.0))
+    return (abs(mean - middle) + _DEVIATIONS * deviation) / _half_width(middle, scene.bits)
 
 
 def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[float, ...], ...]:

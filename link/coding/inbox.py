@@ -39,8 +39,12 @@ class Inbox:
         self._needed: int | None = None
         self.file: Delivered | None = None
         """The first file that is whole: every frame's CRC and its own are right."""
+        self._whole: tuple[int, int] | None = None
+        self.over = False
+        """Whether a block came after the whole file that has no right frame of it: what follows is
+        no longer its transmission, and nothing of it is counted."""
         self.frames_seen = self.frames_right = 0
-        """Frames that blocks had, and those with the right CRC."""
+        """Frames that blocks had, and those with the right CRC, up to the transmission's end."""
         self.codewords = self.codewords_wrong = self.bytes_corrected = 0
         """Codewords read, those that could not be mended or whose frame was wrong all the same, and
         bytes mended in the others."""
@@ -67,6 +71,8 @@ class Inbox:
         for name, given in (("values", values), ("quality", quality)):
             if given.shape != (self.layout.cells,):
                 raise ValueError(f"{name} must be ({self.layout.cells},), not {given.shape}")
+        if self.over:
+            return 0
         block, within = divmod(group, self._blocks.groups)
         right = self.flush() if self._open not in (None, block) else 0
         self._open = block
@@ -75,13 +81,16 @@ class Inbox:
         return right + (self.flush() if len(self._here) == self._blocks.groups else 0)
 
     def flush(self) -> int:
-        """Reads the block that is open though groups of it are missing. Returns right frames."""
+        """Reads the block that is open though groups of it are missing, unless the file is whole.
+        Returns right frames."""
         if self._open is None:
             return 0
         missing = [n for n in range(self._blocks.groups) if n not in self._here]
         self._quality[missing] = 0
         block, self._open = self._open, None
         self._here.clear()
+        if missing and self._whole is not None:
+            return 0
         words, quality = self._blocks.gather(self._values, self._quality, block)
         return self._read(words, quality)
 
@@ -91,14 +100,19 @@ class Inbox:
         used = form.frames * form.frame_words
         data = mended[:used, : form.data_bytes].reshape(form.frames, form.frame_bytes)
         whole = np.all(ok[:used].reshape(form.frames, form.frame_words), axis=1).tolist()
-        right = 0
+        right = mine = 0
+        before = self._whole
         for n in range(form.frames):
             frame = read_frame(data[n], form.symbol_bytes) if whole[n] else None
             if whole[n]:
                 sound[n * form.frame_words : (n + 1) * form.frame_words] = frame is not None
             if frame is not None:
                 right += 1
+                mine += (frame.session, frame.length) == before
                 self._take(frame)
+        if before is not None and not mine:
+            self.over = True
+            return 0
         wrong = (mended != words) & sound[:, None]
         self.frames_seen += form.frames
         self.frames_right += right
@@ -138,3 +152,4 @@ class Inbox:
         if self.file is None:
             self._needed = session.needed
             self.file = session.put(frame.packet)
+            self._whole = key if self.file is not None else None

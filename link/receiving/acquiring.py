@@ -16,18 +16,17 @@ from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
 from link.receiving.clocking import Clocking, clock_by_pilots, pilot_signal
 from link.receiving.fitting import fit_by_known
+from link.receiving.pacing import Pace
+from link.receiving.phasing import Fit, fit_levels, fit_timing, nudge
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
     Witnesses,
     choose_witnesses,
-    fit_levels,
-    fit_timing,
     known_cells,
     known_pilots,
     match,
-    nudge,
 )
 from link.receiving.tags import Found, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
@@ -75,15 +74,20 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Acquired:
-    """trained: symbols of the training that the recording holds, from first to last, excluded."""
+    """pace: the timing, and how well it is known. trained: symbols of the training that the
+    recording holds, from first to last, excluded."""
 
     layout: Layout
     refined: Refined
-    timing: Timing
+    pace: Pace
     levels: Levels
     lit: tuple[int, int]
     trained: tuple[int, int] | None
     evidence: Evidence
+
+    @property
+    def timing(self) -> Timing:
+        return self.pace.timing
 
 
 def _brightest(recording: Recording) -> tuple[int, int]:
@@ -221,19 +225,21 @@ def _time(
         known = known_cells(layout, low, training(layout.cells)[low:high])
         w = choose_witnesses(recording, layout, registration, begun, known, low)
         if w is not None and match(w, begun) > _MATCH:
-            timing, levels, late = fit_timing(w, begun, clocking.span)
+            fit = fit_timing(w, begun, clocking.span)
+            timing, levels = fit.timing, fit.levels
             mixed = choose_witnesses(
                 recording, layout, registration, timing, known, low, pure=False
             )
             if mixed is not None:
                 levels = fit_levels(mixed, timing, levels)
-            timing = _phased(w, timing, levels, late)
+            pace = _phased(w, fit, levels)
+            timing = pace.timing
             scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
             if scale * layout.module < _SMALL_TAG:
                 better = fit_by_known(recording, layout, registration, timing, levels, known, low)
                 if better is not None:
                     refined = replace(refined, homography=better)
-            return Acquired(layout, refined, timing, levels, lit, (low, high), evidence)
+            return Acquired(layout, refined, pace, levels, lit, (low, high), evidence)
     # it does not: symbols are counted so that the first one seen is of a group
     count = int(np.ceil((seen - rough.first) / rough.period))
     turns = (count - TRAINING) // PERIOD
@@ -243,16 +249,20 @@ def _time(
     w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
     if w is None:
         return None
-    timing, levels, late = fit_timing(w, begun, clocking.span)
-    timing = _phased(w, timing, levels, late)
-    return Acquired(layout, refined, timing, levels, lit, None, evidence)
+    fit = fit_timing(w, begun, clocking.span)
+    pace = _phased(w, fit, fit.levels)
+    return Acquired(layout, refined, pace, fit.levels, lit, None, evidence)
 
 
-def _phased(w: Witnesses, timing: Timing, levels: Levels, late: float) -> Timing:
+def _phased(w: Witnesses, fit: Fit, levels: Levels) -> Pace:
     """With the phase that the pilots told, where it explains the spikes as well as that which was
-    found, `late` ticks from it."""
-    told = replace(timing, first=timing.first - late)
+    found."""
+    timing = fit.timing
+    told = replace(timing, first=timing.first - fit.late)
     better = nudge(w, told, levels)
-    if abs(late) < _NEAR and abs(better) < _NEAR:
-        return replace(told, first=told.first + better)
-    return replace(timing, first=timing.first + nudge(w, timing, levels))
+    if abs(fit.late) < _NEAR and abs(better) < _NEAR:
+        timing = replace(told, first=told.first + better)
+    else:
+        timing = replace(timing, first=timing.first + nudge(w, timing, levels))
+    ticks = w.bits.shape[1]
+    return Pace.fitted(timing, w.tick + ticks / 2, ticks, fit.drift)

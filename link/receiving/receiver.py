@@ -90,7 +90,7 @@ class Receiver:
             registration=Registration(
                 session.refined.homography, session.all_drift, session.refined.blur
             ),
-            timing=session.timing, clock_error=session.clock_error,
+            timing=session.timing, clock_error=session.pace.limit,
             first_light=round(first) if acquired.trained is not None else None,
             on=session.levels.on, background=session.levels.background,
             score=acquired.evidence.clocking.score if acquired.evidence.clocking else 0.0,

@@ -7,7 +7,6 @@ image's drift and the symbols' timing are measured anew.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -15,11 +14,13 @@ import numpy.typing as npt
 
 from link.layout import TRAINING, training
 from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.pacing import Late
+from link.receiving.phasing import find_late, nudge
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
-from link.receiving.synthesis import choose_witnesses, known_cells, nudge
+from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
 from link.receiving.tracking import drift_by_tags
-from link.timing import Registration
+from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
     from link.coding import Inbox
@@ -36,7 +37,9 @@ _CHECK: Final = 128.0
 _WITNESSED: Final = 24
 """Symbols of a look."""
 _LATE: Final = 0.03
-"""Ticks that the timing may be off before it is changed."""
+"""Ticks that the timing may move before the detector learns again."""
+_SHARP, _FAR = 0.05, 0.45
+"""Ticks of a look's error beyond which its top is not believed, and of lateness."""
 _MOVED: Final = 1 / 16
 """Ticks that the phase may move before the detector learns again."""
 _SLACK: Final = 4.0
@@ -60,11 +63,9 @@ class Session:
         self, acquired: Acquired, detector: str, inbox: Inbox, shape: tuple[int, int]
     ) -> None:
         self.layout, self.refined = acquired.layout, acquired.refined
-        self.timing, self.levels = acquired.timing, acquired.levels
+        self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
         self.trained = acquired.trained
-        self.anchor = float(self.timing.start(24, self.rows / 2))
-        """Tick at which the timing is known best."""
         self.drift: list[Floats] = []
         self.instants: list[Instant] = []
         self.delivered_tick: int | None = None
@@ -83,9 +84,7 @@ class Session:
         self._confidence: float | None = None
         """Factor on soft values, once it was learned from the training."""
         self._next: int | None = None
-        self._checked = self.anchor
-        self._sure = TRAINING * self.timing.period
-        """Ticks over which the timing is known to `_LATE`: what it was fitted to, then more."""
+        self._checked = self.pace.at
         self._learned = 0.0
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         """Tick until which what was decided is known to be right."""
@@ -111,10 +110,9 @@ class Session:
         return max(0, int(np.ceil((symbol - TRAINING) / self.layout.group)))
 
     @property
-    def clock_error(self) -> float:
-        """Parts per million by which the timing's period may be off: symbols that are late by less
-        than `_LATE` at the last look are left so."""
-        return _LATE / self._sure * 1e6
+    def timing(self) -> Timing:
+        """As it is known by now."""
+        return self.pace.timing
 
     def ready(self, recording: Recording) -> float:
         """Ticks held that have not been decoded."""
@@ -124,7 +122,9 @@ class Session:
 
     def advance(self, recording: Recording) -> None:
         """Decodes the groups that a recording holds whole, and lets go of what is not needed."""
-        lit = lit_span(recording, self.layout, self.refined.homography)
+        lit = None
+        if not self.inbox.over:
+            lit = lit_span(recording, self.layout, self.refined.homography)
         if lit is None:
             recording.forget(recording.stop)
             return
@@ -154,6 +154,9 @@ class Session:
             soft *= np.float32(1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft)
             self._next += count
+            if self.inbox.over:
+                recording.forget(recording.stop)
+                return
             seen, right = (
                 a - b for a, b in zip((self.inbox.frames_seen, self.inbox.frames_right), before,
                                       strict=True)
@@ -210,25 +213,27 @@ class Session:
                 recording, self.layout, registration, self.timing,
                 known_cells(self.layout, at, decided[some]), at,
             )  # fmt: skip
-            late = nudge(w, self.timing, self.levels) if w is not None else 0.0
-            if w is not None and abs(late) < 0.45:
-                self._sure = max(self._sure, now - self.anchor)
-            if abs(late) > _LATE and abs(late) < 0.45:
-                self._retime(late, now)
-                return self._detector(recording, registration, (recording.first, recording.stop))
+            look = self._late(w) if w is not None else None
+            if look is not None:
+                self.pace = self.pace.seen(now, look)
+                middle = begin + len(decided) / 2, self.rows / 2
+                if abs(float(self.timing.start(*middle) - detector.timing.start(*middle))) > _LATE:
+                    return self._detector(
+                        recording, registration, (recording.first, recording.stop)
+                    )
         if abs(phase - self._learned) > _MOVED:
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
         return detector
 
-    def _retime(self, late: float, now: float) -> None:
-        """Symbols at tick `now` are late by so much: the period is another, and the timing stays
-        where it was at its anchor."""
-        t = self.timing
-        span = max(now - self.anchor, _CHECK)
-        symbols = (self.anchor - t.first) / t.period
-        period = t.period * (1 + late / span)
-        self.timing = replace(t, period=period, first=t.first + symbols * (t.period - period))
+    def _late(self, w: Witnesses) -> Late | None:
+        """How late symbols are; None where the spikes do not say."""
+        look = find_late(w, self.timing, self.levels)
+        if look.error > _SHARP:  # many phases explain the spikes: is this one of them?
+            look = Late(nudge(w, self.timing, self.levels), _SHARP)
+            if look.late == 0:
+                return None
+        return look if abs(look.late) < _FAR else None
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
         from link.coding import decode_line
@@ -238,6 +243,9 @@ class Session:
         for n in range(len(values)):
             number = (first - TRAINING) // group + n
             right = self.inbox.put(number, values[n], quality[n])
+            if self.inbox.over:
+                soft = soft[: n * group]
+                break
             tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:

@@ -21,46 +21,32 @@ from link.receiving.refining import project
 from link.timing import Registration, Timing
 
 __all__ = [
+    "FLOOR",
+    "NOISE",
+    "RULES",
+    "SKIP",
     "Levels",
     "Witnesses",
     "choose_witnesses",
-    "fit_levels",
-    "fit_timing",
     "known_cells",
     "known_pilots",
     "light_on",
+    "likelihood",
     "likelihoods",
     "match",
-    "nudge",
 ]
 
 Floats = npt.NDArray[np.float64]
-_PHASES: Final = (-1.0, 1.0, 0.125)
-_ONS: Final = (0.6, 1.0, 1.4, 2.0, 3.0)
-_BACKGROUNDS: Final = (0.02, 0.1, 0.25)
-_NOISE: Final = 0.09
+NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
-_FLOOR: Final = 0.02
+FLOOR: Final = 0.02
 """Least probability of anything: a pixel that the model does not describe has no veto."""
-_FEW: Final = 200
-"""Pixels of the first search."""
-_MIDDLE: Final = 0.5
-"""Of the rows."""
-_SLOPE_ERROR, _PERIOD_ERROR = 0.1, 0.1
-"""Ticks over the rows, and over the time that pilots were seen, by which their plane may be wrong.
-"""
-_REACH, _TRIED = 0.5, 17
-"""Ticks to each side in which a middle is looked for, and phases that are tried at a time."""
+RULES: Final = ("residual", "hard", "subtract")
+SKIP: Final = 4
+"""Ticks until a pixel's charge is known."""
 _PURE, _ENOUGH = 0.98, 400
 """Share of light from one cell of pixels that see it alone, and how many of them are enough."""
-_KEPT: Final = 3.0
-"""Nats below the likeliest phase down to which one that is held is kept."""
-_LIKELY: Final = 10.0
-"""Nats below the likeliest phase down to which others count."""
 _LEAST_PIXELS, _LEAST_TICKS = 100, 16
-_RULES: Final = ("residual", "hard", "subtract")
-_SKIP: Final = 4
-"""Ticks until a pixel's charge is known."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +213,7 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
     return np.asarray(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,
-            levels.background, _RULES.index(levels.reset), _NOISE, _FLOOR, _SKIP,
+            levels.background, RULES.index(levels.reset), NOISE, FLOOR, SKIP,
         )
     )  # fmt: skip
 
@@ -235,77 +221,7 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
 def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
     """Mean ln P of the observed bits."""
     total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
-    return total / (len(w.rows) * max(w.bits.shape[1] - _SKIP, 1))
-
-
-def fit_timing(w: Witnesses, timing: Timing, span: float) -> tuple[Timing, Levels, float]:
-    """The timing that makes the spikes likeliest, the light's levels, and ticks by which symbols
-    are later in it than in `timing`. span: ticks over which
-    the pilots told the period of `timing`, which is believed within three errors."""
-    from scipy.optimize import minimize
-
-    few = w.some(_FEW)
-    late = np.arange(_PHASES[0], _PHASES[1], _PHASES[2])
-    tried = [
-        (likelihood(few, _moved(timing, w, float(a), 0, 0), on, _BACKGROUNDS[0], rule),
-         float(a), on, _BACKGROUNDS[0], rule)
-        for rule in _RULES for on in _ONS for a in late
-    ]  # fmt: skip
-    best = max(tried)
-    _, a, on, _, rule = best
-    moved = _moved(timing, w, a, 0, 0)
-    tried = [(likelihood(few, moved, on, b, rule), a, on, b, rule) for b in _BACKGROUNDS]
-    _, a, on, background, rule = max(best, *tried)
-
-    ticks = w.bits.shape[1]
-    period_error = _PERIOD_ERROR * min(ticks / span, 1.0)
-
-    def cost(p: Floats) -> float:
-        if not (abs(p[0]) < 1.5 and abs(p[3]) < 0.5 and abs(p[4]) < 3 * period_error):
-            return 1e3
-        moved = _moved(timing, w, p[0], p[3], p[4])
-        held = (p[3] / _SLOPE_ERROR) ** 2 + (p[4] / period_error) ** 2
-        fit = likelihood(w, moved, float(np.exp(p[1])), float(np.exp(p[2])), rule)
-        return held / (2 * w.bits.size * w.independent) - fit
-
-    start = np.array([a, np.log(on), np.log(background), 0.0, 0.0])
-    simplex = np.vstack([start, start + np.diag([0.05, 0.1, 0.4, 0.04, 0.4 * period_error])])
-    got = minimize(
-        cost, start, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 130, "xatol": 2e-3, "fatol": 1e-6},
-    )  # fmt: skip
-    p = [float(value) for value in got.x]
-    levels = Levels(float(np.exp(p[1])), float(np.exp(p[2])), rule, -float(got.fun))
-    return _moved(timing, w, p[0], p[3], p[4]), levels, p[0]
-
-
-def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
-    """The light's levels by witnesses that are not pure: those tell them best, since light that
-    fills a threshold or does not in whole cells does either in parts of them."""
-    from scipy.optimize import minimize
-
-    def cost(p: Floats) -> float:
-        return -likelihood(w, timing, float(np.exp(p[0])), float(np.exp(p[1])), levels.reset)
-
-    tried = [(np.log(on), np.log(levels.background + 1e-4)) for on in (*_ONS, levels.on)]
-    start = np.array(min(tried, key=lambda p: cost(np.array(p))))
-    simplex = np.vstack([start, start + np.diag([0.1, 0.4])])
-    got = minimize(
-        cost, start, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 40, "xatol": 2e-3, "fatol": 1e-6},
-    )  # fmt: skip
-    on, background = (float(value) for value in np.exp(got.x))
-    return Levels(on, background, levels.reset, -float(got.fun))
-
-
-def _moved(timing: Timing, w: Witnesses, late: float, slope: float, stretch: float) -> Timing:
-    """Later by `late` ticks in the middle of the witnesses, by `slope` more over all rows, and by
-    `stretch` more over the witnesses' time."""
-    ticks = w.bits.shape[1]
-    middle = (w.tick + ticks / 2 - timing.first) / timing.period
-    period = timing.period * (1 + stretch / ticks)
-    first = timing.first + late - slope * _MIDDLE + middle * (timing.period - period)
-    return replace(timing, first=first, period=period, slope=timing.slope + slope)
+    return total / (len(w.rows) * max(w.bits.shape[1] - SKIP, 1))
 
 
 def match(w: Witnesses, timing: Timing) -> float:
@@ -319,26 +235,3 @@ def match(w: Witnesses, timing: Timing) -> float:
     b = w.bits - w.bits.mean(1, keepdims=True)
     size = float(np.sqrt((a * a).sum() * (b * b).sum()))
     return float((a * b).sum()) / size if size > 0 else 0.0
-
-
-def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
-    """Ticks by which the symbols are late against a timing that is nearly right: 0 where that
-    explains the spikes as well as any, else the mean of what is likely. Where light fills a
-    threshold or does not, many phases explain the same spikes, and the likeliest of them is one by
-    chance."""
-    low, high = -_REACH, _REACH
-    for _ in range(2):
-        late = np.linspace(low, high, _TRIED)
-        fit = np.array(
-            [
-                likelihoods(w, replace(timing, first=timing.first + float(a)), levels).sum()
-                for a in late
-            ]
-        )
-        nats = (fit - fit.max()) * w.independent
-        if nats[_TRIED // 2] > -_KEPT and late[_TRIED // 2] == 0:
-            return 0.0
-        likely, step = late[nats > -_LIKELY], late[1] - late[0]
-        low, high = float(likely[0] - step), float(likely[-1] + step)
-    weight = np.exp(nats)
-    return float(weight @ late / weight.sum())

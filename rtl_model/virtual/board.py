@@ -68,6 +68,7 @@ class VirtualBoard:
 
     Attributes:
         speed: clocks that a second of simulation holds, nominal or more or less.
+        clock: of the board, as far as it has been simulated; from 0 again after a loss of power.
 
     Raises InputError for a fault that the level cannot have, and where Verilator is missing.
     """
@@ -101,6 +102,7 @@ class VirtualBoard:
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
         self.speed = float(self.geometry.clock_hz)
+        self.clock = 0
 
     @property
     def port(self) -> str:
@@ -172,7 +174,7 @@ class VirtualBoard:
         try:
             server = _Server(self, simulator, self._terminal, self._waker)
             while server.turn():
-                self.speed = server.speed
+                self.speed, self.clock = server.speed, simulator.clock
         except BaseException as exc:  # handed to whoever stops the board
             self._failure = exc
         finally:

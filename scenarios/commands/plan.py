@@ -99,6 +99,16 @@ def _spans(planes: int) -> str:
     return "each by itself" if planes == 1 else f"spans of {planes}"
 
 
+def _promise(document: dict[str, Any]) -> str:
+    """What all that is left out and the tier's own arithmetic change together: "at most" only where
+    every part of the sum is proven."""
+    size = f"{_number(document['promised'])} of {_what(document)}"
+    where = "" if "mode" in document or "imager" in document else " in the worst tile"
+    if document["promised_kind"] == "proof":
+        return f"error promised: at most {size}{where}, a sum of proven bounds"
+    return f"error foreseen: {size}{where}, a sum with estimates in it, each at twice its size"
+
+
 def _imager(document: dict[str, Any]) -> list[str]:
     seen, predicted = document["expected"], document["predicted"]
     (low, high), (dark, bright) = seen["exposure_s"], seen["photoelectrons"]
@@ -129,13 +139,10 @@ def _text(document: dict[str, Any]) -> str:
         cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
         lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
     lines.append("")
-    if document["promised"] == 0:
+    if document["promised"] == 0 and not document.get("left_out"):
         lines.append("nothing is left out")
     elif document["promised"] is not None:
-        lines.append(
-            f"error promised: at most {_number(document['promised'])} of {_what(document)}"
-            f"{'' if 'mode' in document or 'imager' in document else ' in the worst tile'}"
-        )
+        lines.append(_promise(document))
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
             "that is more than the tolerance: what is left out is not the cause, but the circuit's "

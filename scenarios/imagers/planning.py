@@ -108,6 +108,7 @@ def forecast_imager(name: str, scenario: ImagerScenario, machine: Machine) -> di
             for r in plan.rows if r.effect in plan.left_out
         ],
         "promised": float(plan.total.max()),
+        "promised_kind": plan.kind,
         "rows": [asdict(row) for row in plan.rows],
         "sets": [
             {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()

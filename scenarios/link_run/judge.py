@@ -104,7 +104,8 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
     received, theory, rates = finished.received, finished.theory, finished.rates
     sent = run.sent.outbox.frames_by(run.sent.groups)
     right = received.frames_right
-    lost = max(sent - right, 0)
+    listened = _listened(run, received)
+    lost = max(listened - right, 0)
     low, high = theory.interval or (None, None)
     delays = finished.delays
     needed = received.frames_needed
@@ -123,7 +124,7 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ber_theory_high": Metric(theory.closed_interval and theory.closed_interval[1], "1"),
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(finished.errors.bits, "bits"),
-        "fer": Metric(lost / sent if sent else None, "1"),
+        "fer": Metric(lost / listened if listened else None, "1"),
         "frames_sent": Metric(sent, "frames"),
         "frames_received": Metric(right, "frames"),
         "frames_lost": Metric(lost, "frames"),
@@ -143,6 +144,15 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         **_compared(finished.check),
         "camera": Metric(finished.seconds["air"] + finished.seconds["sensor"], "s"),
     }
+
+
+def _listened(run: PreparedLink, received: Any) -> int:
+    """Frames sent while the receiver listened: all, unless it has ended with the file whole, as it
+    does where nothing more of it is right. What it left alone is not lost."""
+    groups = run.sent.groups
+    if received.whole and received.instants:
+        groups = min(groups, max(instant.group for instant in received.instants) + 1)
+    return run.sent.outbox.frames_by(groups)
 
 
 def _compared(check: LinkCheck) -> dict[str, Metric]:

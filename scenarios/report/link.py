@@ -308,6 +308,7 @@ def _delay(run: LinkRun) -> str:
     if not run.delays.size:
         return "<h2>Latency</h2><p>No group was verified.</p>"
     delay_figure(run, path)
+    told = float(np.median(run.delays)) / 1e6
     rows = [
         [row.stage, f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
         for row in run.result.latency
@@ -317,7 +318,9 @@ def _delay(run: LinkRun) -> str:
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
         "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's "
         "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
-        "takes no time here.</p>"
+        f"takes no time here.</p><p><code>latency_us</code>, {told:.6g} us, counts from a group's "
+        "first light on the panel to the end of the camera cycle in which it was verified, the "
+        "median over groups: the encoder's wait is not in it.</p>"
         + plot(path, "latency by stage")
         + table(["stage", "least, us", "median, us", "most, us"], rows)
     )  # fmt: skip

@@ -166,11 +166,11 @@ def cells_figure(
         drawn = left.imshow(
             sure, cmap="viridis", vmin=0, vmax=max(high, 1e-6), interpolation="nearest"
         )
-        left.set_title("mean |soft value|: sure is bright", fontsize=10, color=INK)
-        figure.colorbar(drawn, ax=left, shrink=0.8)
+        left.set_title("how sure decisions are: sure is bright", fontsize=10, color=INK)
+        figure.colorbar(drawn, ax=left, shrink=0.8, label="mean |soft value| (nats)")
         rate = np.where(carries, errors / max(symbols, 1), np.nan)
         most = float(np.nanmax(rate)) if carries.any() else 0.0
-        top, title = max(most, 1 / max(symbols, 1)), "share of its symbols decided wrong"
+        top, title = max(most, 1 / max(symbols, 1)), "how often decisions are wrong"
         row, column = np.nonzero(np.nan_to_num(rate) > 0)
         if 0 < row.size <= _DOTTED * carries.sum():
             pale = np.where(carries, quality / max(high, 1e-6), np.nan)
@@ -180,11 +180,11 @@ def cells_figure(
             drawn = right.scatter(
                 column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
             )
-            title = f"{row.size:,} cells with errors, by the share of their symbols decided wrong"
+            title = f"{row.size:,} cells with errors, drawn larger than they are"
         else:
             drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
         right.set_title(title, fontsize=10, color=INK)
-        figure.colorbar(drawn, ax=right, shrink=0.8)
+        figure.colorbar(drawn, ax=right, shrink=0.8, label="share of symbols decided wrong")
         for ax in (left, right):
             ax.set_xticks([])
             ax.set_yticks([])
@@ -224,9 +224,9 @@ def reach_figure(run: LinkRun, path: Path) -> None:
         here = run.setting.air.distance
         ends = [here, *distance[works]]
         ax.set_xlim(min(ends) / 1.1, max(ends) * 1.25)
-        for first, last, rate_there, text in _stretches(run.reach, *ax.get_xlim()):
+        for middle, rate_there, text in _stretches(run.reach, *ax.get_xlim()):
             ax.annotate(
-                text, (math.sqrt(first * last), rate_there), (0, 5), textcoords="offset points",
+                text, (middle, rate_there), (0, 5), textcoords="offset points",
                 fontsize=7.5, color=INK, ha="center",
             )  # fmt: skip
         ax.plot(here, run.rates.coded, "o", color=PALE, label="coded rate of this run's mode")
@@ -242,24 +242,25 @@ def reach_figure(run: LinkRun, path: Path) -> None:
         ax.legend(frameon=False, fontsize=8.5)
 
 
-def _stretches(
-    rows: list[Reach], left: float, right: float
-) -> list[tuple[float, float, float, str]]:
-    """Where one cell and symbol length is the best: first and last distance, its highest rate, and
-    a name; those left out for whose names an axis from left to right has no room."""
-    found: list[tuple[float, float, float, str]] = []
+def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float, float, str]]:
+    """Where one cell and symbol length is the best: the distance of its name's middle, its highest
+    rate, and the name, which stands right of the line that falls to it; those left out for whose
+    names an axis from left to right has no room."""
+    found: list[tuple[float, float, str]] = []
     free = 0.0
     per_letter = 0.0068 * math.log(right / left)
+    before = None
     for size, each in itertools.groupby(rows, lambda r: r.mode and (r.mode.cell, r.mode.ticks)):
         held = list(each)
+        first, last = held[0].distance, held[-1].distance
+        falls, before = (before + first) / 2 if before else left, last
         if size is None:
             continue
-        first, last = held[0].distance, held[-1].distance
         text = f"{size[0]}x{size[0]}, {size[1]} ticks"
         half = len(text) * per_letter / 2
-        middle = math.log(first * last) / 2
+        middle = max(math.log(first * last) / 2, math.log(falls) + per_letter + half)
         if middle - half >= free or not found:
-            found.append((first, last, max(r.rate for r in held), text))
+            found.append((math.exp(middle), max(r.rate for r in held), text))
             free = middle + half
     return found
 

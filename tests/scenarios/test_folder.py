@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -66,13 +67,14 @@ def test_a_stream_larger_than_the_disk_is_refused_before_anything_is_written(
 
 def test_a_request_to_end_is_met_as_an_interrupt(tmp_path: Path) -> None:
     out = tmp_path / "d"
-    words = ["run", "step", "--set", "sensor.chip=spikeone", "--set", "duration=5 s"]
+    words = ["run", "step", "--set", "sensor.chip=spikeone", "--set", "duration=2 s"]
     code = "import sys; from scenarios.cli import main; sys.argv[1:] = sys.argv[1:]; main()"
     child = subprocess.Popen(
         [sys.executable, "-c", code, *words, "--out", str(out)], stderr=subprocess.PIPE, text=True
     )
     while not (out / "stream.zarr" / "words").exists():
         assert child.poll() is None
+        time.sleep(0.02)
     os.kill(child.pid, signal.SIGTERM)
     _, text = child.communicate(timeout=60)
     assert child.returncode == 130

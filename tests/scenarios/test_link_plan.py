@@ -11,6 +11,8 @@ import pytest
 from cosim import InputError
 from cosim.opencl import Device
 from cosim.planner import SHARE
+from link.air import Scene, charge_changes
+from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
 from link.theory import clopper_pearson
@@ -161,6 +163,47 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
 def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
     look = look_link(small("link.air.structure=1e-9"), MODE, sent.symbols, 200)
     assert "scintillation" in look.plan(0.1, device).kept
+
+
+@pytest.mark.parametrize(("structure", "out"), [("1e-14", True), ("1.5e-14", False)])
+def test_the_default_link_at_ten_metres_leaves_scintillation_out(structure: str, out: bool) -> None:
+    given = ["link.distance=10 m", f"link.air.structure={structure}"]
+    setting = link_setting(linked(load("light-link", given)[1], "test"))
+    look = look_link(setting, Mode(960, 960, 8, 2, "8b10b", 64), 3700, 7400)
+    plan = look.plan(0.1, None)
+    assert ("scintillation" in plan.left_out) == out
+    assert plan.plan.kind == ("estimate" if out else "proof")  # of nothing left out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("distance", "cell"), [("6 m", 4), ("10 m", 8)])
+def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int) -> None:
+    """Paired: the same bits and chance of pixels, with and without, in much stronger turbulence and
+    three airs. The change of the rate less what the bits that flip do by chance, 4.9 deviations of
+    it, is within what the plan counts, twice the estimate; and something is seen to change."""
+    given = small(f"link.distance={distance}", "link.air.structure=1e-10")
+    data = np.random.default_rng(1).bytes(900)
+    sending = Transmission(replace(MODE, cell=cell), data, "a.bin", overhead=0.0)
+    changes = charge_changes(
+        Scene(given.panel, given.optics, given.aim, given.air), given.camera
+    )  # fmt: skip
+    kept = frozenset(changes) - {"scintillation"}
+    seen = []
+    for seed in (1, 2, 3):
+        one = replace(given, air=replace(given.air, seed=seed))
+        patches = LinkPatches(one, sending, 1)
+        cycles = (TRAINING + patches.symbols) * MODE.ticks
+        scene = look_link(one, sending.mode, sending.symbols, cycles).scene
+        bound = changes["scintillation"].units(replace(scene, bits=patches.bits))
+        found = patches.film(
+            {"with": Variant("exact", one.camera), "out": Variant("exact", one.camera, kept)},
+            None, Silent(),
+        )  # fmt: skip
+        pair = compare(found["with"].wrong, found["out"].wrong, patches.bits)
+        chance = math.sqrt(pair.more + pair.fewer) / pair.bits / pair.unit
+        assert pair.counted[0] <= 2 * bound + 4.9 * chance
+        seen.append((pair.fewer - pair.more) / pair.bits / pair.unit / chance)
+    assert max(seen) > 2
 
 
 @pytest.mark.slow

@@ -102,15 +102,6 @@ def test_units_count_what_an_interval_resolves() -> None:
     assert ber_units(scene, 0.01) == pytest.approx(change / half, rel=0.01)
     # A change by chance of the same size matters less, the less the more often it comes anew.
     assert 0 < ber_units(scene, 0.01, 100) < ber_units(scene, 0.01, 1) < ber_units(scene, 0.02)
-    # One factor of all light does not bring on and off nearer, as a change of each may: it errs by
-    # the mean over the factor, its linear part gone where it comes anew often enough.
-    together = ber_units(scene, 0.01, 100, together=True)
-    assert 0 < together < ber_units(scene, 0.01, 100)
-    less, more = (ber(scene, 0.0, side * 0.01) - rate for side in (-1, 1))
-    assert less > 0 > more  # the on bits' misses are most of the errors here
-    assert ber_units(scene, 0.01, 1e12, together=True) == pytest.approx(
-        abs(less + more) / 2 / half, rel=0.1
-    )
     assert ber_units(scene, 0.0) == 0
     assert ber_units(scene, 1.0) == float("inf")
     with pytest.raises(TypeError, match="LinkSummary"):

@@ -10,13 +10,10 @@ import pytest
 
 from cosim import PS
 from link.air.motion import DAMPING, resonance_step, vibration
-from link.air.scintillation import (
-    Flicker,
-    aperture_averaging,
-    flicker,
-)
+from link.air.patches import FlickerSeries, flicker_of
+from link.air.scintillation import Flicker, aperture_averaging, flicker
 from link.theory import rytov
-from tests.link.air.scenes import AIR, FIRST, make
+from tests.link.air.scenes import AIR, FIRST, OPTICS, make
 
 Z = 4.9
 """Normal deviations of alpha 1e-6."""
@@ -121,7 +118,8 @@ def test_aperture_averaging_is_that_of_the_integral() -> None:
 def test_flickers_index_and_time(air: Flicker) -> None:
     """Mean 1 and the index, over independent seeds; the Ornstein-Uhlenbeck correlation of the
     logarithm of log-normal light a symbol later."""
-    pairs = np.array([air.series(1e-3, 2, seed) for seed in range(2500)])
+    series = [FlickerSeries(air, 1e-3, 1, seed) for seed in range(2500)]
+    pairs = np.array([[one[0][0], one[1][0]] for one in series])
     for x in pairs.T:
         n = len(x)
         assert abs(x.mean() - 1) < Z * math.sqrt(air.index / n)
@@ -153,13 +151,17 @@ def test_flicker_of_a_path() -> None:
 
 
 def test_the_panels_light_flickers_and_nothing_else() -> None:
+    """A small panel before a large lens is one patch."""
     strong = replace(AIR, structure=1e-9, glare=0.0, ambient=500.0)
-    air = make(air=strong, kept=["scintillation", "surroundings"])
-    assert air.flicker.index > 1e-4
-    plain = make(air=replace(strong, structure=0.0), kept=["surroundings"])
+    optics = replace(OPTICS, pitch=100e-6)
+    air = make(air=strong, optics=optics, kept=["scintillation", "surroundings"])
+    assert air.flicker.index > 1e-4 and air.patches.count == 1
+    plain = make(air=replace(strong, structure=0.0), optics=optics, kept=["surroundings"])
     for symbol in (0, 3):
         (one,), (two,) = air._symbol_pieces(symbol), plain._symbol_pieces(symbol)
         lit = two.first > two.first.max() * 0.9
         found = one.first[lit] / two.first[lit]
         assert found == pytest.approx(np.full(lit.sum(), air.factors[symbol]), rel=0.02)
         assert one.first[0, 0] == two.first[0, 0]
+    law, patches = flicker_of(optics, strong)
+    assert law == air.flicker and patches.shape == (1, 1)

@@ -106,7 +106,7 @@ def test_an_even_panel_gives_the_camera_equations_lux() -> None:
     exact = math.pi * 1000 * 0.9 / (4 * 1.864**2 * (1 + m) ** 2)
     assert levels(OPTICS, AIR).on == pytest.approx(exact, rel=1e-12)
     assert Lens(1.864, 0.9, m).gain * math.pi * 1000 == pytest.approx(exact, rel=1e-12)
-    lit = air._lux(np.ones((32, 40), np.bool_), (0.0, 0.0), 1.0)
+    lit = air._lux(np.ones((32, 40), np.bool_), (0.0, 0.0), np.ones(air.patches.count))
     assert lit[24, 32] == pytest.approx(
         exact * (1 - AIR.glare) + AIR.glare * exact * _share(), 1e-3
     )

@@ -107,6 +107,52 @@ def test_too_few_frames_deliver_nothing():
     assert 0 < inbox.frames_gathered < inbox.frames_needed == outbox.frames_needed
 
 
+def chance(rows: int, seed: int = 11) -> np.ndarray:
+    """What a panel shows that sends no file."""
+    rng = np.random.default_rng(seed)
+    return rng.integers(0, 256, (rows, SMALL.cells)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("after", ["chance", "another file"])
+def test_frames_are_counted_to_the_end_of_the_file_that_is_whole(after):
+    data = full(SMALL, 3, spare=2)
+    outbox = Outbox(data, "x", SMALL, overhead=0.7)  # of five blocks three are needed
+    values = all_values(outbox)
+    assert len(values) == 5
+    more = chance(4) if after == "chance" else all_values(Outbox(bytes_of(60_000, 9), "y", SMALL))
+    inbox = Inbox(SMALL)
+    put_all(inbox, values)
+    assert inbox.file is not None and inbox.file.data == data and not inbox.over
+    mended = inbox.codewords
+    put_all(inbox, more)
+    assert inbox.over
+    assert inbox.frames_seen == inbox.frames_right == outbox.frames
+    assert inbox.codewords == mended and inbox.codewords_wrong == 0
+
+
+def test_frames_of_the_file_that_are_lost_once_it_is_whole_are_counted():
+    """As long as some of a block are right the transmission goes on, and errors are its own."""
+    outbox = Outbox(full(SMALL, 3, spare=2), "x", SMALL, overhead=0.7, interleave=False)
+    values = all_values(outbox)
+    half = slice(0, SMALL.cells // 2)
+    values[4, half] = chance(1)[0, half]
+    inbox = Inbox(SMALL, interleave=False)
+    put_all(inbox, values)
+    assert inbox.file is not None and not inbox.over
+    assert inbox.frames_seen == outbox.frames
+    lost = inbox.frames_seen - inbox.frames_right
+    assert 0.4 < lost / Blocks(SMALL, False).frames < 0.7
+
+
+def test_frames_are_lost_as_long_as_the_file_is_not_whole():
+    outbox = Outbox(full(SMALL, 3, spare=2), "x", SMALL, overhead=0.3)
+    values = all_values(outbox)
+    inbox = Inbox(SMALL)
+    put_all(inbox, np.concatenate([values[:2], chance(2)]))
+    assert inbox.file is None and not inbox.over
+    assert inbox.frames_seen == 2 * inbox.frames_right
+
+
 @pytest.mark.parametrize("seen", [True, False])
 def test_a_burst_is_survived_with_the_interleaver_alone(seen):
     """Neighbouring cells, 8 % of the panel, show chance: hidden where seen to be (quality 0), else

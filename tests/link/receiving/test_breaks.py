@@ -9,7 +9,8 @@ import pytest
 from link.layout import Layout, pilots
 from link.mode import Mode
 from link.receiving.clocking import PilotSignal, clock_by_pilots
-from link.receiving.synthesis import Levels, Witnesses, fit_timing, nudge
+from link.receiving.phasing import fit_timing, nudge
+from link.receiving.synthesis import Levels, Witnesses
 from link.timing import Timing
 from link.verdict import Cause
 from tests.link.receiving.test_receiving import DATA, receive
@@ -81,7 +82,7 @@ def witnesses(first: float, cells: int = 30, ticks: int = 43) -> Witnesses:
 def test_a_period_that_the_spikes_leave_open_is_that_of_the_pilots() -> None:
     w = witnesses(12.0)
     told = Timing(12.0, 1.00001, 0.0, ROWS)
-    got, _, _ = fit_timing(w, told, 400.0)
+    got = fit_timing(w, told, 400.0).timing
     # a tenth of a tick over what the pilots were seen for, and three of those at most
     assert abs(got.period / told.period - 1) < 3 * 0.1 / 400
     # so little that no symbol of this transmission slips
@@ -118,3 +119,17 @@ def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
     much = receive(toy, np.concatenate([planes[:140], planes[241:]]))
     assert much.verdict.cause is Cause.INTERRUPTED, much.verdict
     assert much.delivered is None and much.frames_right > 0
+
+
+def test_what_a_panel_shows_after_a_file_is_not_lost() -> None:
+    """It goes on with cells by chance: three more groups of 20 ticks."""
+    toy = small(DATA)
+    planes, stop = toy.planes(), 14 + toy.sent.planes
+    rng = np.random.Generator(np.random.Philox(key=12))
+    later = planes[stop - 60 : stop].copy()
+    middle = later[:, 40:-40, 40:-40]
+    middle ^= rng.random(middle.shape) < 0.4
+    got = receive(toy, np.concatenate([planes[:stop], later, planes[stop:]]))
+    assert got.delivered == (DATA, "a.bin")
+    assert got.frames_seen == toy.sent.outbox.frames == got.frames_right, got.verdict
+    assert f"{got.frames_right} frames of {got.frames_right}" in got.verdict.told

@@ -51,7 +51,7 @@ def test_a_file_is_written_only_when_it_is_whole(
 def test_a_recording_cut_anywhere_is_truncated_and_hands_out_nothing(
     tmp_path: Path, cycles: int, told: str
 ) -> None:
-    toy = small(DATA * 2)
+    toy = small(DATA * 6)
     toy.cycles = cycles
     assert cycles < 14 + toy.sent.planes and cycles % 32
     write_stream(toy.stream(), tmp_path / "cut.zarr")

@@ -88,6 +88,16 @@ class Host:
         raise AssertionError("a begun frame does not end")
 
 
+def pass_time(made: VirtualBoard, seconds: float) -> None:
+    """Waits for that much of the board's own time, which the wall clock runs away from where the
+    machine is busy. Not across a loss of power."""
+    until = made.clock + round(seconds * made.geometry.clock_hz)
+    end = time.monotonic() + PATIENCE_S
+    while made.clock < until:
+        assert time.monotonic() < end, "the board's clock stands"
+        time.sleep(0.005)
+
+
 @contextmanager
 def board(
     level: Level, *faults: str, geometry: Geometry = SMALL, baud: int | None = None

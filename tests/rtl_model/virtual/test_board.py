@@ -20,6 +20,7 @@ from tests.rtl_model.virtual.hosts import (
     Host,
     board,
     needs_verilator,
+    pass_time,
 )
 
 
@@ -55,16 +56,17 @@ def test_a_burst_is_over_while_the_host_waits(level: Level) -> None:
 def test_half_a_request_is_cut_by_the_watchdog(level: Level) -> None:
     with board(level) as (made, host):
         host.send(2, 1, 0)
-        time.sleep(0.2 * made.time_scale)
+        pass_time(made, 0.2)
         assert host.ask("ctrl_magic") == MAGIC_BYTES
         assert host.read("uart_watchdog_aborts") == 1
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_lost_byte_is_silence_and_then_the_board_is_well(level: Level) -> None:
-    with board(level, "drop:rx@8") as (_, host):
+    with board(level, "drop:rx@8") as (made, host):
         assert host.ask("ctrl_magic") == MAGIC_BYTES
         assert host.ask("ctrl_magic", short=True) == b""
+        pass_time(made, 0.2)
         assert host.ask("ctrl_magic") == MAGIC_BYTES
         assert host.read("uart_watchdog_aborts") == 1
 
@@ -86,7 +88,7 @@ def test_a_cut_write_is_not_done(level: Level) -> None:
     with board(level, "cut@17") as (made, host):
         host.write("ctrl_scratch", 1)
         host.write("ctrl_scratch", 2)  # its seventh byte does not come
-        time.sleep(0.25 * made.time_scale)
+        pass_time(made, 0.25)
         assert host.read("ctrl_scratch") == 1
         assert host.read("uart_watchdog_aborts") == 1
 
@@ -104,7 +106,7 @@ def test_power_is_lost(level: Level) -> None:
         host.write("ctrl_scratch", 1)
         before = host.read("ctrl_scratch"), host.read("ctrl_uptime")
         assert host.ask("ctrl_scratch", short=True) == b""  # its first byte is the 23rd
-        time.sleep(0.25 * made.time_scale)
+        pass_time(made, 0.25)
         assert before[0] == 1
         assert host.read("ctrl_scratch") == 0x12345678
         assert host.read("uart_rx_bytes") == 12
@@ -230,7 +232,7 @@ def test_noise_is_seen_and_survived() -> None:
         for _ in range(12):
             right.append(host.ask("ctrl_magic", 2, short=True) == wanted)
             if not right[-1]:  # silence brings both ends together again
-                time.sleep(0.15 * made.time_scale)
+                pass_time(made, 0.15)
                 host.forget()
     assert any(right)
     assert not all(right)
