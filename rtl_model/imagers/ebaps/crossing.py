@@ -36,8 +36,8 @@ __all__ = [
 
 FIFO_WORDS = 512
 """Depth of each FIFO, words of 128 bits: assumed (two block memories of 36 Kbit)."""
-_STUCK = 4096
-"""Memory clocks without any movement after which a transfer has failed."""
+_STUCK = 512
+"""Edges of every clock without movement after which a transfer has failed, if nothing stalls."""
 
 Image = npt.NDArray[np.uint16]
 
@@ -139,8 +139,10 @@ def transfer(
     if regions:
         reader.begin(regions, 2 * shape[0] * shape[1])
     hertz = {"pixel": at.pixel, "memory": at.memory, "display": at.display}
-    still, before = 0, (0, 0, 0)
+    patience = (_STUCK + 4 * latency) / (1 - stall)
+    still, before = dict.fromkeys(hertz, 0), (0, 0, 0)
     for now, name in edges_of(hertz, dict(zip(hertz, at.phases, strict=True))):
+        still[name] += 1
         if name == "pixel":
             source.edge(now)
         elif name == "display":
@@ -155,9 +157,9 @@ def transfer(
             writer.edge(now, seen)
             reader.edge(now, seen)
             moved = (inward.inside, len(writer.bursts), sum(map(len, display.values)))
-            still = still + 1 if moved == before else 0
-            before = moved
-            if (writer.idle and display.done) or still > _STUCK:
+            if moved != before:
+                still, before = dict.fromkeys(hertz, 0), moved
+            if (writer.idle and display.done) or min(still.values()) > patience:
                 break
     fifos = [inward, *outward]
     return Transfer(

@@ -9,9 +9,10 @@ empties the sense node, RD1 samples that, T carries the charge over (its fall en
 RD2 samples again. HSYNC hands both samples to the output register at b + 72, and 1280 clocks of
 HCLK shift them out, while the next row is sampled. Resetting row r begins at VSYNC's rise + 1280 r:
 T and RST together, at the same place in the row as T in a reading, so the exposure between two
-falls of T is that of VSYNC, to the clock. RST acts on the row under SEL while T is low and on the
-row to be reset while T is high. One row's two instants lie 48 clocks (1.2 us) after those that
-`Timing.row_times` gives, and a frame's last pixel comes 72 clocks after `Timing.ready`.
+falls of T is that of VSYNC, to the clock. T acts on the row under SEL and, with RST, on the row
+to be reset; RST without T acts on the row under SEL. A row's two instants lie 48 clocks (1.2 us)
+after those that `Timing.row_times` gives; a frame's last pixel comes 72 clocks after
+`Timing.ready`.
 
 Both sequences share the lines. A reset's T that falls within another row's SEL, but not upon its T,
 moves that row's charge at the wrong time: `disturbed_rows`. Where the exposure is a whole number of
@@ -114,6 +115,16 @@ class Drive:
         begin = timing.vsync(frame + 1)
         rises = (timing.rise(frame, exposure), timing.rise(frame + 1, following))
         return sum(self._disturbed(rise - begin) for rise in rises)
+
+    def resets_at_once(self, frame: int, exposure: int, following: int) -> int:
+        """Rows that the next frame's reset begins before this frame's has reached the last row.
+
+        There are some when the exposure grows by more than the blanking of a period (0.565 ms): a
+        step of 0.64 ms up gives 3. A shift register holds two rows at a time; a counter would need
+        a second one. exposure, following: ns.
+        """
+        apart = self.timing.rise(frame + 1, following) - self.timing.rise(frame, exposure)
+        return max(0, -((apart - self.timing.readout_clocks) // self.timing.columns))
 
     def _disturbed(self, ahead: int) -> int:
         """Rows that a reset sequence, which begins so many clocks after the reading, disturbs."""
