@@ -6,6 +6,7 @@ import typer as _typer
 from scenarios.commands.accuracy import accuracy as _accuracy
 from scenarios.commands.bench import bench as _bench
 from scenarios.commands.board import board as _board
+from scenarios.commands.compare import compare as _compare
 from scenarios.commands.convert import convert as _convert
 from scenarios.commands.design import design as _design
 from scenarios.commands.doctor import doctor as _doctor
@@ -13,6 +14,7 @@ from scenarios.commands.image import image as _image
 from scenarios.commands.link import link as _link
 from scenarios.commands.listing import list_scenarios as _list
 from scenarios.commands.live import live as _live
+from scenarios.commands.paper import paper as _paper
 from scenarios.commands.plan import plan as _plan
 from scenarios.commands.run import run as _run
 from scenarios.commands.stability import stability as _stability
@@ -39,7 +41,9 @@ app.add_typer(_link, name="link")
 app.add_typer(_board, name="board")
 app.add_typer(_design, name="design")
 app.command("bench")(_bench)
+app.command("compare")(_compare)
 app.command("stability")(_stability)
+app.command("paper")(_paper)
 app.command("doctor")(_doctor)
 # Everything after `test` goes to pytest as it is.
 _PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}

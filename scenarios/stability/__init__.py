@@ -4,6 +4,7 @@ from scenarios.stability.bright import BRIGHT as _BRIGHT
 from scenarios.stability.case import Case, Row
 from scenarios.stability.chance import CHANCE as _CHANCE
 from scenarios.stability.circuits import CIRCUITS as _CIRCUITS
+from scenarios.stability.controlling import CONTROLLING as _CONTROLLING
 from scenarios.stability.cutting import SAMENESS as _SAMENESS
 from scenarios.stability.denormals import DENORMALS as _DENORMALS
 from scenarios.stability.firing import FIRING as _FIRING
@@ -17,7 +18,7 @@ __all__ = ["CASES", "Case", "Row"]
 
 _ALL = (
     *_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_CIRCUITS, *_SOLVING, *_DENORMALS,
-    *_SAMENESS, *_SHOWING, *_LINKING,
+    *_SAMENESS, *_SHOWING, *_LINKING, *_CONTROLLING,
 )  # fmt: skip
 CASES = {case.number: case for case in sorted(_ALL, key=lambda case: case.number)}
 """Every case by its number."""
