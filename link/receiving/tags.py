@@ -21,6 +21,11 @@ __all__ = ["Found", "art_of", "find_tags", "fit_homography", "tag_places"]
 Floats = npt.NDArray[np.float64]
 _ENLARGED: Final = (1.0, 2.0, 3.0)
 """How often the image is enlarged, in turn, until four tags are found."""
+_WHITES: Final = (0.995, 0.9999)
+"""Quantiles of the rates that are taken for a tag's white, in turn: those of a small panel are too
+few for the first, which then is the data's grey and makes white of it."""
+_BRIGHTER: Final = 1.1
+"""Times the first white from which the second is tried."""
 _LARGEST: Final = 4096
 """Pixels to the side of an enlarged image."""
 _OFF: Final = 4.0
@@ -54,11 +59,19 @@ def dictionary() -> Any:
 
 def find_tags(rates: npt.NDArray[np.float32]) -> Found:
     """Tags in an image of spike rates, (height, width)."""
+    white, brighter = (float(n) for n in np.quantile(rates, _WHITES))
+    best = _find(rates, white) if white > 0 else Found({})
+    if best.mode is None and brighter > _BRIGHTER * white:
+        other = _find(rates, brighter)
+        if len(other.tags) > len(best.tags) or other.mode is not None:
+            return other
+    return best
+
+
+def _find(rates: npt.NDArray[np.float32], white: float) -> Found:
+    """Tags in the image where `white` and all that is brighter is shown white."""
     import cv2
 
-    white = float(np.percentile(rates, 99.5))
-    if white <= 0:
-        return Found({})
     grey = np.clip(rates * (255.0 / white), 0, 255).astype(np.uint8)
     best = Found({})
     for factor in _ENLARGED:

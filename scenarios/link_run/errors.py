@@ -20,12 +20,14 @@ Symbols = Callable[[int, int], npt.NDArray[np.bool_]]
 class Errors:
     """Decisions on single symbols beside what was sent, before any code. symbols: compared.
     by_cell: (rows, columns) int64, wrong ones of each cell, -1 where a cell carries no data. by_
-    symbol: (symbols,) int64, wrong ones of each symbol."""
+    symbol: (symbols,) int64, wrong ones of each symbol. at_end: wrong ones of the transmission's
+    last symbol, 0 where that was not compared."""
 
     wrong: int
     symbols: int
     by_cell: npt.NDArray[np.int64]
     by_symbol: npt.NDArray[np.int64]
+    at_end: int = 0
 
     @property
     def bits(self) -> int:
@@ -38,8 +40,9 @@ class Errors:
         return self.wrong / self.bits if self.bits else None
 
 
-def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int]) -> Errors:
-    """symbols: numbers of those that are compared."""
+def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int],
+                 last: int | None = None) -> Errors:  # fmt: skip
+    """symbols: numbers of those that are compared. last: that of the transmission's last one."""
     by_cell = np.zeros(layout.cells, np.int64)
     by_symbol = np.zeros(len(symbols), np.int64)
     for n, symbol in enumerate(symbols):
@@ -48,4 +51,5 @@ def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Seque
         by_symbol[n] = wrong.sum()
     grid = np.full(layout.shape, -1, np.int64)
     grid.ravel()[layout.data] = by_cell
-    return Errors(int(by_cell.sum()), len(symbols), grid, by_symbol)
+    at_end = sum(int(by_symbol[n]) for n, symbol in enumerate(symbols) if symbol == last)
+    return Errors(int(by_cell.sum()), len(symbols), grid, by_symbol, at_end)

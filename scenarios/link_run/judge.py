@@ -44,7 +44,9 @@ def _errors(run: PreparedLink, received: Any) -> Errors:
     """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
     held = sorted(received.packed) if received.mode == run.mode else []
     symbols = [n for n in held if TRAINING <= n < run.sent.symbols]
-    return count_errors(run.sent.bits, received.decided, run.sent.layout, symbols)
+    return count_errors(
+        run.sent.bits, received.decided, run.sent.layout, symbols, run.sent.symbols - 1
+    )
 
 
 def _soft(run: PreparedLink, received: Any) -> SoftValues | None:

@@ -29,6 +29,8 @@ _PLACES = 5
 """Places of a camera pixel within the cell's grid that are averaged over, each way."""
 _WORTH = 1e-3
 """Share of its cell's light below which a look is not counted."""
+_ALIVE = 1e-12
+"""Chance of no spike so far below which pixels have fired."""
 _LOST = 0.03
 """Frames that a transmission may lose: what the default overhead makes good."""
 LEAST_CELL = 1.2
@@ -95,7 +97,8 @@ def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
         width = np.sqrt(tick * np.maximum(mean, 1e-12) / q + (scene.noise / q) ** 2
                         + tick * spread**2)  # fmt: skip
         full = np.maximum(ndtr((tick * mean - 1) / width), before)
-        out += (full - before) / np.maximum(alive, 1e-300)
+        # Where all have fired already, light alone fills the threshold: they fire again.
+        out += np.where(alive > _ALIVE, (full - before) / np.maximum(alive, _ALIVE), 1.0)
         alive, before, total = np.maximum(1 - full, 1e-300), full, total + 1
     return np.clip(out / total, 0.0, 1.0)
 

@@ -13,6 +13,7 @@ from link.verdict import Cause
 from scenarios.link_run.eye import RARE
 from scenarios.link_run.finished import LinkRun
 from scenarios.loading import to_toml
+from scenarios.report.link_errors import of_end, of_theory
 from scenarios.report.link_figures import (
     bits,
     cells_figure,
@@ -128,21 +129,6 @@ def _choice(run: LinkRun) -> str:
     )  # fmt: skip
 
 
-def _of_theory(run: LinkRun) -> str:
-    """What the theory beside the measured rate is, and what it leaves out."""
-    span = run.theory.closed_interval
-    if span is None:
-        return (
-            "The theory is a coarse estimate, by Bhattacharyya's bound for looks that err "
-            "independently, with the neighbours' light normal: the run may err many times more."
-        )
-    return (
-        "The theory has the exact law of spikes under drawn light of the cells beside and before, "
-        f"99.9 % limits of the drawing {span[0]:.2g} to {span[1]:.2g}. It takes place, phase and "
-        "the spikes' laws as known, and leaves out turbulence, fog blur and fixed pattern."
-    )
-
-
 def _errors(run: LinkRun) -> str:
     path, theory = run.folder / "figures" / "errors.png", run.theory
     errors_figure(run, path)
@@ -155,7 +141,7 @@ def _errors(run: LinkRun) -> str:
         "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
         "They take a cell's pixels and ticks as independent of each other, though the cells beside "
         "light them together; the receiver shrinks them by the factor that the training asks for. "
-        f"{_of_theory(run)}</p>"
+        f"{of_theory(run.theory)}{of_end(run.errors)}</p>"
         + plot(path, "bit error rates") + _eye(run) + _soft(run)
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,8 @@ _DOTS = 110
 _DOTTED = 0.02
 """Share of cells with errors up to which each is drawn as a dot."""
 _HOT = "autumn_r"
+_LOWEST = 1e-18
+"""At which an axis of bit error rates begins at the lowest."""
 
 
 def _plain(ax: Any) -> None:
@@ -78,29 +80,39 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
         ax.xaxis.set_major_formatter(_bits_axis)
 
 
+def lowest_rate(values: Sequence[float | None], bits: int) -> float:
+    """Where an axis of bit error rates begins: below all that are above 0, `_LOWEST` at
+    least, and below one error in `bits`."""
+    seen = [value for value in values if value] + [1 / max(bits, 1), 3e-8]
+    return max(min(seen) / 3, _LOWEST)
+
+
 def errors_figure(run: LinkRun, path: Path) -> None:
     """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
     with _drawn(path, 8.2, 1.9) as (_, ax):
         theory, errors = run.theory, run.errors
-        least = 0.3 / max(errors.bits, 1)
         shown = [
             ("measured", errors.rate, theory.interval, MARK),
             ("the soft values' own promise", theory.soft, None, BLUE),
             ("theory (estimate)", theory.closed, theory.closed_interval, BLUE),
         ]
+        least = lowest_rate([value for _, value, *_ in shown], errors.bits)
         for n, (_, value, interval, colour) in enumerate(shown):
             if interval is not None:
                 low, high = (max(x, least) for x in interval)
                 ax.plot([low, high], [n, n], color=colour, linewidth=5, alpha=0.35)
-            if value is not None:
-                ax.plot(max(value, least), n, "o", color=colour, markersize=6)
+            if value is not None:  # one below the axis points there
+                ax.plot(
+                    max(value, least), n, "o" if value >= least else "<", color=colour,
+                    markersize=6, clip_on=False,
+                )  # fmt: skip
                 told = "none" if value == 0 else f"{value:.2g}"
                 ax.annotate(
                     told, (max(value, least), n), (8, 6), textcoords="offset points", fontsize=8.5,
                     color=INK,
                 )  # fmt: skip
         ax.set_xscale("log")
-        ax.set_xlim(min(least, 1e-8), 1)
+        ax.set_xlim(least, 1)
         ax.set_yticks(range(len(shown)), [name for name, *_ in shown], fontsize=9, color=INK)
         ax.set_ylim(len(shown) - 0.4, -0.6)
         ax.set_xlabel("raw bit error rate, before line code and Reed-Solomon")

@@ -22,6 +22,13 @@ def _sight(*assignments):
     return setting, cell_sight(setting, true_timing(setting, late, 2), 400)
 
 
+def test_where_stray_light_alone_fires_every_pixel_a_bit_is_a_coin_to_the_coarse_estimate():
+    setting, _ = _sight()
+    mode = Mode(960, 960, 2, 2, "8b10b", 32)
+    assert predict_errors(replace(cell_scene(setting), background=10.0), mode) == 0.5
+    assert predict_errors(cell_scene(setting), mode) < 1e-3
+
+
 def test_without_light_a_bit_is_a_coin():
     _, sight = _sight()
     found = cell_errors(

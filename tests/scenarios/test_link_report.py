@@ -1,0 +1,42 @@
+"""What a link's report says of its errors, and the axis that they are drawn on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from link.layout import Layout
+from link.mode import Mode
+from scenarios.link_run.errors import count_errors
+from scenarios.report.link_errors import of_end
+from scenarios.report.link_figures import lowest_rate
+
+LAYOUT = Layout(Mode(128, 128, 8, 2, "8b10b", 32))
+
+
+def _errors(wrong: dict[int, int], last: int):
+    """Of symbols 48 to 57, so many wrong in some of them."""
+
+    def decided(symbol: int, count: int) -> np.ndarray:
+        return np.arange(LAYOUT.cells)[None, :] < wrong.get(symbol, 0)
+
+    def sent(symbol: int, count: int) -> np.ndarray:
+        return np.zeros((count, LAYOUT.cells), np.bool_)
+
+    return count_errors(sent, decided, LAYOUT, range(48, 58), last)
+
+
+def test_errors_of_the_transmissions_last_symbol_are_told_apart():
+    errors = _errors({50: 2, 57: 5}, 57)
+    assert (errors.wrong, errors.at_end) == (7, 5)
+    told = of_end(errors)
+    assert told.startswith(" 5 of the wrong bits")
+    assert f"{2 / (9 * LAYOUT.cells):.2g} are wrong" in told
+    for other in (_errors({50: 2}, 57), _errors({50: 2, 57: 5}, 59), _errors({}, 57)):
+        assert other.at_end == 0
+        assert not of_end(other)
+
+
+def test_the_axis_of_error_rates_begins_below_all_that_is_drawn():
+    assert lowest_rate([8.7e-5, 1.9e-5, 2.4e-9], 854_400) < 2.4e-9
+    assert lowest_rate([0.0, 1e-5, None], 10**6) < 1e-6
+    assert lowest_rate([1e-3, 0.0, 1e-200], 10**6) == 1e-18
