@@ -100,6 +100,9 @@ _MUST = {
     "greater_than_equal": "at least {ge:g}",
     "less_than": "below {lt}",
     "less_than_equal": "at most {le:g}",
+    "multiple_of": "a multiple of {multiple_of:g}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
     "literal_error": "{expected}",
 }
 """What a key must be, by pydantic's type of error; the braces are filled from its context."""
