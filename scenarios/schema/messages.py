@@ -75,6 +75,8 @@ def _resolve(node: dict[str, Any]) -> dict[str, Any]:
     alternatives = node.get("oneOf") or node.get("anyOf")
     if alternatives:
         merged: dict[str, Any] = {"properties": {}}
+        if "examples" in node:  # the field's own go before its type's
+            merged["examples"] = node["examples"]
         for inner in map(_resolve, alternatives):
             merged["properties"] = inner.get("properties", {}) | merged["properties"]
             if "examples" in inner:

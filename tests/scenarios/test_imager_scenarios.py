@@ -114,6 +114,11 @@ def test_a_refusal_says_what_would_do(assignment, says):
         load("adaptive-exposure", [assignment])
 
 
+def test_sync_pulses_faster_than_any_cycle_are_refused():
+    with pytest.raises(InputError, match="at most 10000 Hz, .* write --set .*='50 Hz'"):
+        load("emccd-window", ["imager.pulse_rate=1 GHz"])
+
+
 def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
     _, loaded = load("emccd-window")
     with pytest.raises(InputError, match="one of a spike camera for `viform live`, not one of ano"):
