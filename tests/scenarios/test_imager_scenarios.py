@@ -115,7 +115,7 @@ def test_a_refusal_says_what_would_do(assignment, says):
 
 
 def test_sync_pulses_faster_than_any_cycle_are_refused():
-    with pytest.raises(InputError, match="at most 10000 Hz, .* write --set .*='50 Hz'"):
+    with pytest.raises(InputError, match=r"at most 10000 Hz, .* write --set .*='50 Hz'"):
         load("emccd-window", ["imager.pulse_rate=1 GHz"])
 
 
