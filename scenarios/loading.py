@@ -16,6 +16,7 @@ from scenarios.schema import (
     ImagerScenario,
     LinkScenario,
     Scenario,
+    scene_keys,
     validate,
 )
 
@@ -97,6 +98,26 @@ def assign(data: dict[str, Any], assignment: str) -> None:
     node[names[-1]] = _value(text)
 
 
+_EITHER = (("imager.gain", "imager.gain_step"), ("imager.pulses", "imager.pulse_rate"))
+"""Keys of which a scenario may have one."""
+
+
+def _make_way(data: dict[str, Any], assignments: list[str]) -> None:
+    """Takes out of a scenario's own keys what --set speaks against: the other one of two, and,
+    where it names another kind of scene, keys that only the former kind has."""
+    given = {text.partition("=")[0].strip(): text.partition("=")[2] for text in assignments}
+    for pair in _EITHER:
+        for key, other in (pair, pair[::-1]):
+            section, _, name = other.partition(".")
+            inner = data.get(section)
+            if key in given and other not in given and isinstance(inner, dict):
+                inner.pop(name, None)
+    scene, kind = data.get("scene"), given.get("scene.kind")
+    keys = scene_keys(kind) if kind is not None else None
+    if isinstance(scene, dict) and keys is not None and scene.get("kind") != kind:
+        data["scene"] = {key: value for key, value in scene.items() if key in keys}
+
+
 _PATHS = (("scene", "path"), ("link", "file"), ("board", "csr"))
 """Sections and their keys that name a file."""
 
@@ -135,6 +156,7 @@ def load(
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])
+    _make_way(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)
     if tolerance is not None:

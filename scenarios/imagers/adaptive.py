@@ -27,6 +27,8 @@ from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 
 __all__ = ["HALF", "AdaptiveMachine", "Change", "changes", "right"]
 
+FULL: Final = 255
+"""Largest value of 8 bits; the controller says 256 for no value."""
 HALF: Final = 128
 """DN: from here on an exposure is right, if no more pixels than allowed are saturated."""
 SEARCHES: Final = {"256th": Search.PART, "root": Search.ROOT, "half": Search.HALF}
@@ -133,19 +135,23 @@ class AdaptiveMachine:
 
     def metrics(self, taken: Sequence[Taken], view: View, imager: Any) -> dict[str, Metric]:
         met = changes(taken, view)
-        frames = [c.frames for c in met if c.frames is not None]
+        frames = [c.frames for c in met]
+        settled = (
+            None if None in frames else max((f for f in frames if f is not None), default=None)
+        )
         step = self.setting.lsb / self.setting.responsivity / self.setting.gain
         fine = [t for t in taken if right(t)] or list(taken)
         seconds = [t.seconds for t in fine]
-        covered = 255 * max(seconds) / min(seconds)
+        covered = FULL * max(seconds) / min(seconds)
         last = taken[-1]
+        largest = last.state["largest"]
         return {
             "exposure": Metric(last.seconds * 1e6, "us"),
             "exposure_shortest": Metric(min(t.seconds for t in taken) * 1e6, "us"),
             "exposure_longest": Metric(max(t.seconds for t in taken) * 1e6, "us"),
-            "frames_to_settle": Metric(max(frames) if frames else None, "frames"),
+            "frames_to_settle": Metric(settled, "frames"),
             "saturated": Metric(last.state["saturated"], "pixels"),
-            "largest": Metric(last.state["largest"], "DN"),
+            "largest": Metric(largest if largest <= FULL else None, "DN"),
             "dynamic_range": Metric(20 * np.log10(covered), "dB"),
             "brightest": Metric(256 * step / min(seconds), "lux"),
             "dimmest": Metric(step / max(seconds), "lux"),

@@ -102,7 +102,7 @@ class EbapsMachine:
             "settled_share": Metric(
                 float(np.mean([t.state["settled"] for t in shown])) if shown else None, "1"
             ),
-            "high_voltage": Metric(-last.state["high_voltage"], "V"),
+            "high_voltage": Metric(0 - last.state["high_voltage"], "V"),
             "gain": Metric(
                 self.pixels.tube.gain(last.state["high_voltage"]), "electrons/photoelectron"
             ),

@@ -133,8 +133,8 @@ class EmccdMachine:
         celsius = [t.state["kelvin"] - KELVIN for t in taken]
         excess = excess_noise_squared(last.state["gain"], self.pixels.stages)
         return {
-            "frame_rate_slowest": Metric(min(rates), "Hz"),
-            "frame_rate_fastest": Metric(max(rates), "Hz"),
+            "cycle_rate_slowest": Metric(min(rates), "Hz"),
+            "cycle_rate_fastest": Metric(max(rates), "Hz"),
             "gain": Metric(last.state["gain"], "1"),
             "gain_largest": Metric(max(gains), "1"),
             "excess_noise_squared": Metric(excess, "1"),

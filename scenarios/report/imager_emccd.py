@@ -55,7 +55,7 @@ def emccd_sections(run: ImagerRun) -> str:
         "columns that follow.</p>"
         + plot(folder / "modes.png", "a frame of each setting")
         + table(
-            ["frame", "exposure", "gain", "rows", "sync", "frame rate", "least and most, DN"],
+            ["frame", "exposure", "gain", "rows", "sync", "cycle rate", "least and most, DN"],
             shown,
         )
         + "<h2>Settings over time</h2><p>Lines are register writes. Each takes effect at the start "
@@ -136,7 +136,7 @@ def _course(run: ImagerRun, path: Path) -> None:
         ("exposure, ms", [t.state["exposure_steps"] * STEP * 1e3 for t in taken]),
         ("gain", [t.state["gain"] for t in taken]),
         ("rows", [t.state["rows"] for t in taken]),
-        ("frames/s", [Timing().clock_hz / t.state["frame_clocks"] for t in taken]),
+        ("1 / cycle, Hz", [Timing().clock_hz / t.state["frame_clocks"] for t in taken]),
         ("mean, DN", [t.mean for t in taken]),
     )
     plt = pyplot()

@@ -33,6 +33,7 @@ from scenarios.schema.scenes import (
     SunAndStarsScene,
     TargetScene,
     WaveScene,
+    scene_keys,
 )
 from scenarios.schema.sensor import SPIKING, LensSection, PatternSection, SensorSection
 
@@ -71,5 +72,6 @@ __all__ = [
     "WaveScene",
     "export",
     "first_fault",
+    "scene_keys",
     "validate",
 ]

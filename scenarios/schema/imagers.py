@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from scenarios.schema.quantity import Duration, Frequency, Quantity, Section, Temperature, Time
+from scenarios.schema.quantity import Duration, Quantity, Section, Temperature, Time
 from scenarios.schema.scenes import SceneSection
 
 __all__ = [
@@ -47,7 +47,9 @@ class AdaptiveSection(Section):
     columns: Annotated[int, Field(ge=2, le=2048, multiple_of=2)] = Field(
         default=256, description="even; the document does not print it"
     )
-    frame_rate: Annotated[float, Quantity("frequency", least=0.05, most=10_000)] = 100.0
+    frame_rate: Annotated[float, Quantity("frequency", least=0.05, most=10_000)] = Field(
+        default=100.0, examples=["100 Hz"]
+    )
     adapt: bool = Field(default=True, description="false: the exposure stays as it is written")
     search: Literal["256th", "root", "half"] = Field(
         default="root", description="what a saturated frame makes of the exposure: a 256th, the "
@@ -113,9 +115,10 @@ class EmccdSection(Section):
     pulses: tuple[Time, ...] = Field(
         default=(), max_length=100_000, description="instants of external sync"
     )
-    pulse_rate: Frequency | None = Field(
-        default=None, description="of external sync, the first at 0, in the place of pulses"
-    )
+    pulse_rate: Annotated[float, Quantity("frequency", above=0, most=10_000)] | None = Field(
+        default=None, examples=["50 Hz"],
+        description="of external sync, the first at 0, in the place of pulses",
+    )  # fmt: skip
     temperature: Temperature = Field(default=-10.0, description="that the cooling loop holds")
     ambient: Temperature = Field(default=25.0, description="of the camera's body")
     device_seed: Device = 1

@@ -75,6 +75,8 @@ def _resolve(node: dict[str, Any]) -> dict[str, Any]:
     alternatives = node.get("oneOf") or node.get("anyOf")
     if alternatives:
         merged: dict[str, Any] = {"properties": {}}
+        if "examples" in node:  # the field's own go before its type's
+            merged["examples"] = node["examples"]
         for inner in map(_resolve, alternatives):
             merged["properties"] = inner.get("properties", {}) | merged["properties"]
             if "examples" in inner:
@@ -101,6 +103,8 @@ _MUST = {
     "less_than": "below {lt}",
     "less_than_equal": "at most {le:g}",
     "multiple_of": "a multiple of {multiple_of:g}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
     "literal_error": "{expected}",
 }
 """What a key must be, by pydantic's type of error; the braces are filled from its context."""

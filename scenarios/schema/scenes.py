@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, field_validator
 
@@ -10,7 +10,7 @@ from scenarios.schema.quantity import Frequency, Illuminance, Quantity, Reflecta
 
 __all__ = [
     "FilmScene", "SceneSection", "ShockwaveScene", "StarScene", "StepScene", "SunAndStarsScene",
-    "TargetScene", "WaveScene",
+    "TargetScene", "WaveScene", "scene_keys",
 ]  # fmt: skip
 
 
@@ -131,3 +131,11 @@ SceneSection = Annotated[
     FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene | TargetScene,
     Field(discriminator="kind"),
 ]
+
+
+def scene_keys(kind: str) -> frozenset[str] | None:
+    """Keys of one kind of scene; None where there is no such kind."""
+    for scene in get_args(get_args(SceneSection)[0]):
+        if kind in get_args(scene.model_fields["kind"].annotation):
+            return frozenset(scene.model_fields)
+    return None

@@ -1,5 +1,7 @@
 """Scenarios of the other imagers: what is refused, what is seen, what is foreseen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,47 @@ def test_a_wrong_key_is_refused_in_one_line(assignment, says):
 def test_an_emccd_that_cannot_be_is_refused(keys, says):
     with pytest.raises(InputError, match=says):
         scenario("emccd", **keys)
+
+
+@pytest.mark.parametrize(
+    ("given", "left", "gone"),
+    [
+        ('imager.pulses=["5 ms"]', "pulses", "pulse_rate"),
+        ("imager.gain=40", "gain", "gain_step"),
+    ],
+)
+def test_a_key_that_is_set_goes_before_the_other_of_its_pair(given, left, gone):
+    _, loaded = load("emccd-window", [given])
+    assert getattr(loaded.imager, left) and getattr(loaded.imager, gone) is None
+    with pytest.raises(InputError, match="with gain or gain_step alone"):
+        load("emccd-window", ["imager.gain=40", "imager.gain_step=3"])
+
+
+def test_another_kind_of_scene_drops_the_keys_of_the_former():
+    _, loaded = load("adaptive-exposure", ["scene.kind=film", "scene.frame_rate=1 kHz"])
+    assert loaded.scene.kind == "film" and loaded.scene.illuminance == 200
+    with pytest.raises(InputError, match=r"scene\.chart must be"):
+        load("adaptive-exposure", ["scene.kind=film", "scene.chart=bars"])
+    with pytest.raises(InputError, match=r"scene\.kind must be"):
+        load("adaptive-exposure", ["scene.kind=fog"])
+
+
+@pytest.mark.parametrize(
+    ("assignment", "says"),
+    [
+        ("imager.rows=7", "imager.rows must be a multiple of 2, not '7'"),
+        ("scene.course=[]", r"scene.course must be a list of at least 1, not \[\]"),
+        ("imager.frame_rate=1 MHz", "write --set imager.frame_rate='100 Hz'"),
+    ],
+)
+def test_a_refusal_says_what_would_do(assignment, says):
+    with pytest.raises(InputError, match=says):
+        load("adaptive-exposure", [assignment])
+
+
+def test_sync_pulses_faster_than_any_cycle_are_refused():
+    with pytest.raises(InputError, match=r"at most 10000 Hz, .* write --set .*='50 Hz'"):
+        load("emccd-window", ["imager.pulse_rate=1 GHz"])
 
 
 def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
@@ -172,6 +215,10 @@ def test_what_is_foreseen_holds_what_the_controller_does():
     assert start.frames is not None and jump.after == 300 and jump.frames >= 3
     metrics = machine.metrics(taken, ready.view, imager)
     assert metrics["frames_to_settle"].value == max(start.frames, jump.frames)
+    short = [t for t in taken if t.ready < jump.ps + jump.delay]  # ends before it has settled
+    assert machine.metrics(short, ready.view, imager)["frames_to_settle"].value is None
+    blind = replace(taken[-1], state=taken[-1].state | {"largest": 256})  # no value below full
+    assert machine.metrics([*taken, blind], ready.view, imager)["largest"].value is None
     # Full scale at 1 V/(lx s) and this exposure; the right one leaves the white step below it.
     assert metrics["exposure"].value * 1e-6 * 0.9 * 30_000 < 1.0
     assert machine.latency(taken, ready.view)[0].max_us == pytest.approx(
