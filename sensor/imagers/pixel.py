@@ -23,8 +23,8 @@ class ImagerSummary(Summary):
     well, and window and cycles the frames that the run takes).
 
     exposure: seconds, shortest and longest. kelvin: of the chip. gain: electron multiplication at
-    work, shortest and largest mean; (1, 1) for none. repeats: frames over which a pixel's mean and
-    noise are judged. step: electrons of one DN at the pixel, before any multiplication.
+    work, least and largest mean; (1, 1) for none. step: electrons of one DN at the pixel, before
+    any multiplication.
     """
 
     exposure: tuple[float, float] = (0.0, 0.0)
