@@ -39,9 +39,6 @@ from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognis
 
 __all__ = ["ebaps_rows"]
 
-_ADC_HZ = 80e6
-"""Of the converter, 80 MS/s as printed: what the pixel clock is held against."""
-
 
 _NAMES = {name.lower() for name in DRIVES}
 

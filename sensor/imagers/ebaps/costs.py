@@ -5,10 +5,8 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["BASE", "COSTS"]
+__all__ = ["COSTS"]
 
-BASE: Final = 20.0
-"""A frame with every effect left out."""
 COSTS: Final[dict[str, float]] = {
     "shot noise": 105.0,
     "photocathode emission": 2.0,
