@@ -9,6 +9,7 @@ import numpy as np
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from scenarios.board_frames import uploaded_image
+from scenarios.folder import check_trace_file
 
 __all__ = ["check_trace", "write_waves"]
 
@@ -25,10 +26,7 @@ def check_trace(trace: Path | None, geometry: Geometry | None) -> None:
             "--trace", "given with board.port=virtual", "with a real board",
             "leave it out: the insides of a real board are not seen over its line",
         )  # fmt: skip
-    if trace.suffix.lower() not in (".fst", ".vcd"):
-        raise InputError("--trace", "a name that ends in .fst or .vcd", str(trace), "rename it")
-    if not trace.absolute().parent.is_dir():
-        raise InputError("--trace", "in a folder that exists", str(trace), "make the folder")
+    check_trace_file(trace)
 
 
 def write_waves(trace: Path, geometry: Geometry, seed: int) -> None:

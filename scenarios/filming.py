@@ -6,7 +6,8 @@ from __future__ import annotations
 import errno
 import json
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from shutil import rmtree
@@ -26,7 +27,8 @@ from scenarios.scenes import Source
 from scenarios.verifier import BrokenPromise, Finding
 
 __all__ = [
-    "CHECKPOINT", "PUT_BACK", "STREAM", "WiderStage", "film_as_promised", "mend", "run_recorded",
+    "CHECKPOINT", "PUT_BACK", "STREAM", "WiderStage", "film_as_promised", "mend", "room_for",
+    "run_recorded",
 ]  # fmt: skip
 
 CHECKPOINT = "checkpoint.npz"
@@ -76,20 +78,27 @@ def run_recorded(
         progress.note(note)
     height, width = stages["sensor"].shape
     progress.start(f"{name}: {cycles} cycles of {width} x {height}", cycles)
-    try:
+    with room_for("the stream", folder):
         seconds = run_blocks(
             stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
             every_s=every_s, mend=mend(folder),
         )  # fmt: skip
         checkpoint.save(cycles, stages)
+    return seconds
+
+
+@contextmanager
+def room_for(what: str, folder: Path) -> Iterator[None]:
+    """Makes a disk that is full, while `what` is written into a run's folder, an InputError."""
+    try:
+        yield
     except OSError as exc:
         if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise
         raise InputError(
-            "--out", "where there is room for the stream", f"{folder} ({exc.strerror})",
+            "--out", f"where there is room for {what}", f"{folder} ({exc.strerror})",
             f"make room, then {mend(folder)}",
         ) from exc  # fmt: skip
-    return seconds
 
 
 def _film(

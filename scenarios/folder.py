@@ -14,7 +14,9 @@ from cosim.files.whole import whole
 from scenarios.fidelity import METHODS, Imaged
 from scenarios.png import write_linear_png
 
-__all__ = ["begin_folder", "check_room", "claimed", "output_folder", "write_images"]
+__all__ = [
+    "begin_folder", "check_room", "check_trace_file", "claimed", "output_folder", "write_images",
+]  # fmt: skip
 
 _GIB = 2**30
 
@@ -111,3 +113,11 @@ def claimed(name: str, out: Path | None, resume: bool) -> Iterator[Path]:
         yield folder
     finally:
         os.close(handle)
+
+
+def check_trace_file(trace: Path) -> None:
+    """InputError for a waveform file of another ending than .fst or .vcd, or in no folder."""
+    if trace.suffix.lower() not in (".fst", ".vcd"):
+        raise InputError("--trace", "a name that ends in .fst or .vcd", str(trace), "rename it")
+    if not trace.absolute().parent.is_dir():
+        raise InputError("--trace", "in a folder that exists", str(trace), "make the folder")

@@ -10,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from cosim import InputError, Interrupted
+from cosim import Interrupted
 from scenarios.filming import PUT_BACK, mend
-from scenarios.folder import begin_folder, check_room, claimed, output_folder
+from scenarios.folder import (
+    begin_folder,
+    check_room,
+    check_trace_file,
+    claimed,
+    output_folder,
+)
 from scenarios.imagers.filming import Filmed, film_as_promised
 from scenarios.imagers.machine import Machine
 from scenarios.imagers.planning import Ready, ready_imager
@@ -76,7 +82,8 @@ def run_imager(
 
         machine = machine_of(scenario)
     place = output_folder(name, out, resume)
-    _check_trace(trace)
+    if trace is not None:
+        check_trace_file(trace)
     run = ready_imager(name, scenario, machine)
     rows, columns = machine.shape
     check_room(place, 16 * rows * columns * run.expected.frames * _TAPED)
@@ -108,15 +115,6 @@ def run_imager(
             done = len(filmed.taken)
             raise Interrupted(done, done, mend(folder), "frames") from None
     return result, folder
-
-
-def _check_trace(trace: Path | None) -> None:
-    if trace is None:
-        return
-    if trace.suffix.lower() not in (".fst", ".vcd"):
-        raise InputError("--trace", "a name that ends in .fst or .vcd", str(trace), "rename it")
-    if not trace.absolute().parent.is_dir():
-        raise InputError("--trace", "in a folder that exists", str(trace), "make the folder")
 
 
 def _result(filmed: Filmed) -> Result:

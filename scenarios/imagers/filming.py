@@ -3,7 +3,6 @@ effect put back where the plan changed more than it may."""
 
 from __future__ import annotations
 
-import errno
 import json
 import time
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from typing import Any
 from cosim import InputError, Interrupted
 from cosim.files.whole import whole
 from rtl_model.imagers import Imager
-from scenarios.filming import PUT_BACK, mend
+from scenarios.filming import PUT_BACK, mend, room_for
 from scenarios.imagers.machine import Taken, take
 from scenarios.imagers.paired import Compared, PlanPatches
 from scenarios.imagers.planning import Ready, ready_imager
@@ -95,24 +94,18 @@ def film(run: Ready, folder: Path, resume: bool, progress: Progress, trace: Path
     began = time.perf_counter()
     storing = 0.0
     try:
-        frames = _frames(imager, scenery, run, trace)
-        for frame in frames:
-            begin = time.perf_counter()
-            store.append(frame)
-            taken.append(take(frame))
-            storing += time.perf_counter() - begin
-            progress.advance(min(len(taken), total))
-        store.finish()
+        with room_for("the frames", folder):
+            frames = _frames(imager, scenery, run, trace)
+            for frame in frames:
+                begin = time.perf_counter()
+                store.append(frame)
+                taken.append(take(frame))
+                storing += time.perf_counter() - begin
+                progress.advance(min(len(taken), total))
+            store.finish()
     except KeyboardInterrupt:
         tape.sync()
         raise Interrupted(len(taken), total, mend(folder), "frames") from None
-    except OSError as exc:
-        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise
-        raise InputError(
-            "--out", "where there is room for the frames", f"{folder} ({exc.strerror})",
-            f"make room, then {mend(folder)}",
-        ) from exc  # fmt: skip
     finally:
         tape.close()
     light = scenery.lux_seconds.seconds

@@ -18,6 +18,7 @@ from rtl_model.imagers.adaptive.signals import signal_list, signals_of
 from rtl_model.imagers.adaptive.statistics import gather
 from rtl_model.imagers.adaptive.timing import FRAME_RATE, FrameTiming, Timing
 from rtl_model.imagers.trace import trace_ending, write_trace
+from rtl_model.imagers.writing import write_instant
 from rtl_model.registers.table import Register
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.cmos import AdaptivePixels
@@ -63,20 +64,7 @@ class AdaptiveExposure:
         """See `Imager`. InputError for no such register, one that is not written, a value that
         does not fit, a time that has passed."""
         entry = self._entry(register)
-        if entry.mode == "ro":
-            raise InputError(
-                register, "a register that is written", "one that is only read", "write another"
-            )
-        if not 0 <= value < 1 << entry.width:
-            raise InputError(
-                register, f"0 to {(1 << entry.width) - 1}", str(value), f"it has {entry.width} bits"
-            )
-        when = self._now if at is None else at
-        if when < self._now:
-            raise InputError(
-                register, f"written at {self._now} ps or later", f"at {when} ps",
-                "time does not go back",
-            )  # fmt: skip
+        when = write_instant(entry, register, value, at, self._now)
         insort(self._waiting, (when, self._written, register, value))
         self._written += 1
         self._apply(self._now)

@@ -21,6 +21,7 @@ from rtl_model.imagers.emccd.machine import EmccdMachine
 from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.timing import Timing
 from rtl_model.imagers.trace import Signal, trace_ending, write_trace
+from rtl_model.imagers.writing import write_instant
 from sensor.imagers import Scenery
 from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
 
@@ -76,20 +77,7 @@ class Emccd:
         such register, one that is only read, a value that does not fit, a time that has passed."""
         name = self._name(register)
         entry = self.machine.registers.table[name]
-        if entry.mode == "ro":
-            raise InputError(
-                register, "a register that is written", "one that is only read", "write another"
-            )
-        if not 0 <= value < 1 << entry.width:
-            raise InputError(
-                register, f"0 to {(1 << entry.width) - 1}", str(value), f"it has {entry.width} bits"
-            )
-        when = self._now if at is None else at
-        if when < self._now:
-            raise InputError(
-                register, f"written at {self._now} ps or later", f"at {when} ps",
-                "time does not go back",
-            )  # fmt: skip
+        when = write_instant(entry, register, value, at, self._now)
         edge = max(self._edge(when), self.machine.clock - 1) if when else -1
         insort(self._waiting, (edge, self._written, name, value))
         self._written += 1
