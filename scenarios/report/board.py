@@ -69,15 +69,17 @@ def _cards(report: Report) -> str:
         ("first", "ok" if report.ok else "not passed", verdict),
         ("first", f"{passed} of {len(report.stages)}", "stages"),
     ]
-    for stage, name, unit, what in (
-        ("patterns", "bits_wrong", "", "bits wrong of those compared"),
-        ("patterns", "frames_compared", "", "frames compared"),
-        ("counters", "round_trips_per_s", "/s", "round trips"),
-        ("patterns", "capture_bytes_per_s", " B/s", "captured"),
+    if report.bursts:
+        wrong = sum(0 if burst.wrong is None else burst.wrong.bits for burst in report.bursts)
+        rows.append(("", f"{wrong}", "bits wrong of those compared"))
+        rows.append(("", f"{sum(len(burst.got) for burst in report.bursts)}", "frames compared"))
+    for stage, name, scale, unit, what in (
+        ("counters", "round_trips_per_s", 1, "/s", "round trips"),
+        ("patterns", "capture_bytes_per_s", 1e-3, " kB/s", "captured, in the patterns' bursts"),
     ):
         value = report.figure(stage, name)
         if value is not None:
-            rows.append(("", f"{value:.4g}{unit}", what))
+            rows.append(("", f"{value * scale:.4g}{unit}", what))
     rows.append(("", f"{report.wall_s:.1f} s", "in all"))
     return cards(rows)
 

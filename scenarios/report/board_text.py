@@ -55,7 +55,7 @@ def _patterns(stage: Stage) -> str:
     f = stage.figures
     return (
         f"{f['frames_compared']} frames, {f['bits_compared']} bits against the cycle model, none "
-        f"wrong; capture {f['capture_bytes_per_s']:.4g} B/s"
+        f"wrong; capture {f['capture_bytes_per_s'] / 1e3:.4g} kB/s"
     )
 
 
