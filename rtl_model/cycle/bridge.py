@@ -81,7 +81,7 @@ class Bridge:
         self.byte_clocks = 10 * size.bit_clocks if byte_clocks is None else max(1, byte_clocks)
         self.watchdog_clocks = size.clock_hz // 10
         self._since = 0  # when the command byte of the transaction came
-        self._got = b""  # bytes of the transaction; empty is idle
+        self._got = bytearray()  # of the transaction; empty is idle
         self._free = 0  # until then an answer goes out
         self._coming: deque[int] = deque()  # when bytes come that are not counted yet
         self._last = -1  # when the last byte came
@@ -103,18 +103,24 @@ class Bridge:
             clock += self.byte_clocks
         self._coming.extend(arrivals)
         for byte, arrival in zip(data, arrivals, strict=True):
-            self.wait(arrival)
-            self._count(arrival + 1)
+            self._watch(arrival)
             if arrival >= self._free:
                 sent += self._take(byte, arrival)
+        if arrivals:  # what stands behind has run up to the last strobe until now
+            self.wait(arrivals[-1])
+            self._count(arrivals[-1] + 1)
         return Reply(bytes(byte for _, byte in sent), [clock for clock, _ in sent])
 
     def wait(self, clock: int) -> None:
         """Lets time pass until `clock`; the watchdog may end the transaction."""
+        self._watch(clock)
+        self.system.advance(clock)
+
+    def _watch(self, clock: int) -> None:
+        """Ends the transaction where the watchdog does so before edge `clock` or at it."""
         end = self._since + self.watchdog_clocks
         if self._got and clock >= end:
             self._abort(end)
-        self.system.advance(clock)
 
     def _count(self, clock: int) -> None:
         """Counts the bytes that have come before edge `clock`, some of them during an answer."""
@@ -128,7 +134,7 @@ class Bridge:
 
     def _abort(self, clock: int) -> None:
         """The watchdog ends the transaction at an edge; a byte that comes with it is lost too."""
-        self._got = b""
+        self._got = bytearray()
         self._free = clock + 1
         self.system.line.watchdog_aborts += 1
 
@@ -136,19 +142,20 @@ class Bridge:
         """Takes one byte and returns (clock, byte) of what it makes the board send."""
         if not self._got:
             self._since = clock
-        self._got += bytes([byte])
+        self._got.append(byte)
         command = self._got[0]
         count = len(self._got) - _HEADER
         if count == 0 and command in _READS:
             return self._answer(clock)
         if count == 0 and command not in _WRITES:
             self.system.line.unknown_commands += 1
-            self._got = b""
+            self._got = bytearray()
         elif count > 0 and count % 4 == 0:
             word = count // 4 - 1
+            self._count(clock + 1)
             self._write(clock, self._address + word * _WRITES[command], self._got[-4:])
             if word + 1 == self._words:
-                self._got = b""
+                self._got = bytearray()
         return []
 
     @property
@@ -193,6 +200,6 @@ class Bridge:
                 ready += self.byte_clocks
         if clock == end:  # cut when nothing was left to cut
             self._abort(end)
-        self._got = b""
+        self._got = bytearray()
         self._free = clock + 1
         return sent
