@@ -202,7 +202,7 @@ def test_resume_without_a_checkpoint_starts_afresh(viform, tmp_path, step_run):
     folder = tmp_path / "run"
     shutil.copytree(step_run.folder, folder)
     (folder / "result.json").write_text("old")
-    assert viform(*STEP, "--out", folder, "--resume").code == 0
+    assert viform(*STEP, "--set", "image.at=[]", "--out", folder, "--resume").code == 0
     assert json.loads((folder / "result.json").read_text())["outcome"] == "ok"
     np.testing.assert_array_equal(words(folder), words(step_run.folder))
 
@@ -253,7 +253,10 @@ def test_an_interrupted_run_goes_on_to_the_same_stream(refused, viform, film, cl
     # A run with other inputs may not go on from here, and leaves everything as it is.
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     line = refused(*command, "--resume", "--seed", 2)
-    assert line.startswith("the checkpoint must be one of this same scenario, not one of another;")
+    assert line == (
+        f"--resume must be given for the run that {folder} holds ('SpikeTwo films a clip': "
+        "seed 1), not for film: seed 2; give another --out"
+    )
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
     code, out, _ = viform(*command, "--resume", "--json", "--set", "title=changed since")
