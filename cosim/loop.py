@@ -132,22 +132,22 @@ def run_blocks(
     *,
     size: int = BLOCK,
     checkpoint: Checkpoint | None = None,
-    resume: bool = False,
+    begin: int = 0,
     every_s: float = 30.0,
     progress: Callable[[int], None] = lambda done: None,
     mend: str = "run it again",
 ) -> dict[str, float]:
-    """Runs `cycles` cycles through the stages in order; seconds spent in each stage.
+    """Runs `cycles` cycles through the stages in order, from cycle `begin` on, which is what
+    `Checkpoint.load` gave where a run is gone on with; seconds spent in each stage.
 
     A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
     with the number of cycles done. Raises Interrupted after Ctrl-C, with `mend` as its advice.
     """
     spent = dict.fromkeys(stages, 0.0)
-    done = checkpoint.load(stages) if checkpoint is not None and resume else 0
     saved = time.monotonic()
-    progress(done)
+    progress(begin)
     with _stop_requests() as asked:
-        for block in blocks(cycles, size, done):
+        for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():
                 begin = time.perf_counter()
