@@ -150,14 +150,14 @@ def run_blocks(
         for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():
-                begin = time.perf_counter()
+                since = time.perf_counter()
                 try:
                     value = stage.step(value, block)
                 except Exception as exc:
                     if asked.is_set():  # what a stage asks for is not more than what a user does
                         raise Interrupted(block.start, cycles, mend) from exc
                     raise
-                spent[name] += time.perf_counter() - begin
+                spent[name] += time.perf_counter() - since
             progress(block.stop)
             stopping = asked.is_set()
             if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):
