@@ -25,7 +25,10 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
     where the folder holds another scenario, or the same one with other values.
     """
     held_in = out / "scenario.toml"
-    if not held_in.is_file():
+    try:
+        if not held_in.is_file():
+            return None
+    except OSError:  # a name too long, which making the folder will say
         return None
     try:
         _, held = load(str(held_in))
@@ -37,17 +40,19 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
     result = read_result(out)
     differ = _differences(_values(held), _values(scenario))
     if differ:
+        there, here = (_told(differ, n) if type(held) is type(scenario) else "" for n in (0, 1))
         held_name = repr(held.title) if result is None else result.scenario
-        there, here = (
-            ", ".join(f"{key} {'absent' if pair[n] is None else repr(pair[n])}"
-                      for key, pair in differ[:_TOLD])
-            for n in (0, 1)
-        )  # fmt: skip
         raise InputError(
-            "--resume", f"given for the run that {out} holds ({held_name}: {there})",
-            f"for {name}: {here}", "give another --out",
+            "--resume", f"given for the run that {out} holds ({held_name}{there})",
+            f"for {name}{here}", "give another --out",
         )  # fmt: skip
     return None if isinstance(scenario, BoardScenario) else result
+
+
+def _told(differ: list[tuple[str, tuple[Any, Any]]], n: int) -> str:
+    """The first keys that differ with one side's values."""
+    values = ((key, pair[n]) for key, pair in differ[:_TOLD])
+    return ": " + ", ".join(f"{k} {'absent' if v is None else repr(v)}" for k, v in values)
 
 
 def verdict_before(folder: Path) -> list[str]:

@@ -37,7 +37,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*words: object, **named: object) -> None:
         raise AssertionError("a run began")
 
-    for name in ("run.run_scenario", "run_link.run_link", "run_imager.run_imager",
+    for name in ("run.prepare", "run_link.run_link", "run_imager.run_imager",
                  "run_events.run_events", "run_continuous.run_continuous"):  # fmt: skip
         monkeypatch.setattr(f"scenarios.{name}", fail)
 
@@ -90,9 +90,9 @@ def _result(name: str) -> str:
          ("step: scene.before 0.1", "step: scene.before 0.2")),
         ((*SAME, "--set", "sensor.crosstalk=0.1", "--seed", "2"),
          ("step: seed 1, sensor.crosstalk 0.0", "step: seed 2, sensor.crosstalk 0.1")),
-        (("run", "bring-up"), ("step: ", "bring-up: ")),
-        (("run", "light-link"), ("step: ", "light-link: ")),
-        (("run", "emccd-window"), ("step: ", "emccd-window: ")),
+        (("run", "bring-up"), ("step", "bring-up")),
+        (("run", "light-link"), ("step", "light-link")),
+        (("run", "emccd-window"), ("step", "emccd-window")),
         ((*SAME, "--set", "sensor.readout=asynchronous"), ("step: ", "step: ")),
         ((*SAME, "--set", "sensor.readout=continuous"), ("step: ", "step: ")),
     ],
@@ -106,7 +106,7 @@ def test_another_run_is_refused_and_nothing_is_touched(refused, done, words, dif
     line = refused(*words, "--out", done, "--resume")
     start = f"--resume must be given for the run that {done} holds ("
     assert line.startswith(start) and line.endswith("; give another --out")
-    assert line.removeprefix(start).startswith("step: " if finished else "'A step <script>")
+    assert line.removeprefix(start).startswith("step" if finished else "'A step <script>")
     there, here = (part.partition(": ")[2] for part in differ)
     assert there in line and f", not for {differ[1]}" in line and here in line
     assert stamps(done) == before
@@ -117,6 +117,10 @@ def test_a_scenario_that_cannot_be_read_is_refused(refused, done):
     line = refused(*SAME, "--out", done, "--resume")
     assert line.startswith("--resume must be given with a run's folder, not ")
     assert line.endswith("give another --out")
+
+
+def test_a_folder_of_a_name_too_long_is_one_line(refused):
+    assert refused(*SAME, "--out", "x" * 300, "--resume").startswith("--out must be a folder that")
 
 
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
