@@ -132,32 +132,32 @@ def run_blocks(
     *,
     size: int = BLOCK,
     checkpoint: Checkpoint | None = None,
-    resume: bool = False,
+    begin: int = 0,
     every_s: float = 30.0,
     progress: Callable[[int], None] = lambda done: None,
     mend: str = "run it again",
 ) -> dict[str, float]:
-    """Runs `cycles` cycles through the stages in order; seconds spent in each stage.
+    """Runs `cycles` cycles through the stages in order, from cycle `begin` on, which is what
+    `Checkpoint.load` gave where a run is gone on with; seconds spent in each stage.
 
     A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
     with the number of cycles done. Raises Interrupted after Ctrl-C, with `mend` as its advice.
     """
     spent = dict.fromkeys(stages, 0.0)
-    done = checkpoint.load(stages) if checkpoint is not None and resume else 0
     saved = time.monotonic()
-    progress(done)
+    progress(begin)
     with _stop_requests() as asked:
-        for block in blocks(cycles, size, done):
+        for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():
-                begin = time.perf_counter()
+                since = time.perf_counter()
                 try:
                     value = stage.step(value, block)
                 except Exception as exc:
                     if asked.is_set():  # what a stage asks for is not more than what a user does
                         raise Interrupted(block.start, cycles, mend) from exc
                     raise
-                spent[name] += time.perf_counter() - begin
+                spent[name] += time.perf_counter() - since
             progress(block.stop)
             stopping = asked.is_set()
             if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):

@@ -70,7 +70,8 @@ def run_recorded(
     seconds of every stage. identity: of the run's inputs. scenario: as TOML. every_s: between
     checkpoints."""
     checkpoint = Checkpoint(folder / CHECKPOINT, identity)
-    if resume and checkpoint.load(stages) and not (folder / STREAM).is_dir():
+    begin = checkpoint.load(stages) if resume else 0
+    if begin and not (folder / STREAM).is_dir():
         # refused before anything is overwritten
         raise InputError("--resume", "given with the run's stream.zarr", "without", "leave it out")
     begin_folder(folder, scenario)
@@ -80,7 +81,7 @@ def run_recorded(
     progress.start(f"{name}: {cycles} cycles of {width} x {height}", cycles)
     with room_for("the stream", folder):
         seconds = run_blocks(
-            stages, cycles, checkpoint=checkpoint, resume=resume, progress=progress.advance,
+            stages, cycles, checkpoint=checkpoint, begin=begin, progress=progress.advance,
             every_s=every_s, mend=mend(folder),
         )  # fmt: skip
         checkpoint.save(cycles, stages)

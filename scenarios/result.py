@@ -12,7 +12,8 @@ from typing import Any
 from cosim.files.whole import whole
 
 __all__ = [
-    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "viform_version", "write_result",
+    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "read_result", "viform_version",
+    "write_result",
 ]  # fmt: skip
 
 
@@ -119,3 +120,21 @@ def write_result(folder: Path, result: Result) -> None:
     """result.json, last of all: a folder that has it is whole."""
     with whole(folder / "result.json") as part:
         part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
+
+
+def read_result(folder: Path) -> Result | None:
+    """What a run's result.json says; None where there is none, or a damaged one."""
+    try:
+        told = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        error, plan = dict(told.pop("error")), told.pop("plan")
+        tolerance, ci = error.pop("tolerance"), error.pop("ci")
+        metrics = {name: Metric(**metric) for name, metric in told.pop("metrics").items()}
+        latency = [Latency(**row) for row in told.pop("latency")]
+        throughput = [Throughput(**row) for row in told.pop("throughput")]
+        return Result(
+            **told, tolerance=tolerance, error=Error(**error, ci=None if ci is None else tuple(ci)),
+            kept=plan["kept"], left_out=plan["left_out"], metrics=metrics, latency=latency,
+            throughput=throughput,
+        )  # fmt: skip
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None

@@ -30,10 +30,16 @@ def convert(
     config: Annotated[
         bool, typer.Option("--config", help="of a .dat: write a config.yaml beside it")
     ] = False,
-    window: Annotated[int, typer.Option(help="of a clip: cycles of each tfp image, odd")] = 41,
-    every: Annotated[int, typer.Option(help="of a clip: cycles from image to image")] = 20,
-    scale: Annotated[float, typer.Option(help="of a clip: rate that becomes white")] = 1.0,
-    rate: Annotated[float, typer.Option(help="of a clip: images a second")] = 25.0,
+    window: Annotated[
+        int | None, typer.Option(help="of a clip: cycles of each tfp image, odd [41]")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(help="of a clip: cycles from image to image [20]")
+    ] = None,
+    scale: Annotated[
+        float | None, typer.Option(help="of a clip: rate that becomes white [1]")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="of a clip: images a second [25]")] = None,
     code: Annotated[
         str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
     ] = None,
@@ -50,15 +56,25 @@ def convert(
     What the new format has no place for is said on standard error.
     """
     from cosim import InputError
-    from cosim.files import FORMATS, locate_stream, notes_of, write_stream
+    from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
     from scenarios.coded import choose_code, is_coded, open_any, write_coded
     from scenarios.playback import CLIPS, write_clip
 
     if source.suffix.lower() in CLIPS:
         raise InputError(
-            "IN", f"a stream ({', '.join(FORMATS)})", f"the clip {source}",
+            "IN", f"a stream ({FORMATS_HELP})", f"the clip {source}",
             f"film it: viform run film --set scene.path={source}",
         )  # fmt: skip
+    clip = out.suffix.lower() in CLIPS
+    if not (clip or is_coded(out) or ending_of(out) in FORMATS):
+        raise InputError(
+            "OUT", f"a name ending in {FORMATS_HELP}, or of a clip ({', '.join(CLIPS)})", str(out),
+            "give it one of these",
+        )  # fmt: skip
+    shown = {"--window": window, "--every": every, "--scale": scale, "--rate": rate}
+    given = [flag for flag, value in shown.items() if value is not None]
+    if given and not clip:
+        raise InputError(given[0], "given with a clip to write", str(out), f"leave {given[0]} out")
     place = source if is_coded(source) else locate_stream(source)
     if out.exists() and place.resolve() == out.resolve():
         raise InputError("OUT", "another file than IN", str(out), "choose another name")
@@ -71,10 +87,12 @@ def convert(
     progress = make_progress()
     try:
         opened, notes = open_any(source, pixels)
-        if out.suffix.lower() in CLIPS:
+        if clip:
             write_clip(
-                opened, out, window=window, every=every, scale=scale, rate=rate, progress=progress
-            )
+                opened, out, window=41 if window is None else window,
+                every=20 if every is None else every, scale=1.0 if scale is None else scale,
+                rate=25.0 if rate is None else rate, progress=progress,
+            )  # fmt: skip
         elif coded is not None:
             write_coded(opened, out, coded)
             if not coded.lossless:

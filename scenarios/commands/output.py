@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+import time
 from typing import Annotated, Any
 
 import typer
 
 __all__ = [
+    "EVERY_S",
     "Json",
+    "LineProgress",
     "SilentProgress",
     "TerminalProgress",
     "make_progress",
@@ -53,6 +56,44 @@ class SilentProgress:
     def close(self) -> None: ...
 
 
+EVERY_S = 10.0
+"""Least seconds between two lines of progress in a log."""
+
+
+class LineProgress(SilentProgress):
+    """Now and then a line on standard error that is no terminal, so that a log shows life. A short
+    run says nothing."""
+
+    def __init__(self) -> None:
+        self._told = time.monotonic()
+        self._what, self._total = "", 0
+        self._first: tuple[int, float] | None = None
+
+    def start(self, what: str, total: int) -> None:
+        self._what, self._total, self._first = what, total, None
+
+    def advance(self, done: int) -> None:
+        now = time.monotonic()
+        if self._first is None:  # a run that is gone on with does not begin at 0
+            self._first = done, now
+        if now - self._told < EVERY_S or not self._total:
+            return
+        self._told = now
+        before, began = self._first
+        left = ""
+        if before < done < self._total:
+            left = f", {_lasting((self._total - done) * (now - began) / (done - before))} left"
+        self.note(f"{self._what}: {100 * done // self._total} %{left}")
+
+
+def _lasting(seconds: float) -> str:
+    """A time as a person says it: 12 s, 3 min, 5.5 h."""
+    for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
+        if seconds >= least:
+            return f"{seconds / unit:.2g} {name}"
+    return f"{max(seconds, 1):.0f} s"
+
+
 class TerminalProgress(SilentProgress):
     """A bar on standard error while it is a terminal."""
 
@@ -90,5 +131,5 @@ class TerminalProgress(SilentProgress):
 
 
 def make_progress() -> SilentProgress:
-    """A bar on a terminal, notes alone elsewhere."""
-    return TerminalProgress() if sys.stderr.isatty() else SilentProgress()
+    """A bar on a terminal, a line now and then elsewhere."""
+    return TerminalProgress() if sys.stderr.isatty() else LineProgress()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.commands.output import Json, make_progress, print_document
+from scenarios.commands.output import Json, SilentProgress, make_progress, print_document
 
 if TYPE_CHECKING:
     from scenarios.result import Result
@@ -54,6 +55,13 @@ def run(
         _refuse_trace(trace)
     if isinstance(loaded, ImagerScenario):
         refuse_device(device)
+    if resume and out is not None:
+        from scenarios.resuming import done_before
+
+        done = done_before(name, loaded, out)
+        if done is not None:
+            _print_done(done, out, trace, json)
+            return
     progress = make_progress()
     table: list[str] = []
     verdict: list[str] = []
@@ -121,8 +129,32 @@ def run(
     finally:
         progress.close()
     print_result(result, folder, table, verdict, json)
+    _end(result)
+
+
+def _end(result: Result) -> None:
     if result.outcome == "failed":  # a verdict, with its document
         raise typer.Exit(1)
+
+
+def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) -> None:
+    """Says that a run is done already, and prints what it found."""
+    from cosim import InputError
+    from scenarios.resuming import verdict_before
+
+    if trace is not None:
+        raise InputError(
+            "--trace", "given with a run that is not done yet", f"with {folder}, which is",
+            "give another --out",
+        )  # fmt: skip
+    SilentProgress().note(
+        f"already done in {folder}, on {result.device}; to run it again, give another --out"
+    )
+    if json:
+        sys.stdout.write((folder / "result.json").read_text(encoding="utf-8"))
+    else:
+        print_result(result, folder, [], verdict_before(folder), json)
+    _end(result)
 
 
 def refuse_device(device: str | None) -> None:
@@ -159,7 +191,7 @@ def print_result(
     metrics = {
         name: metric for name, metric in result.metrics.items() if not table or name in _BESIDE
     }
-    wide = max(12, *(len(key) for key in metrics))
+    wide = max([12, *(len(key) for key in metrics)])
     if verdict:
         print(f"{'outcome':<{wide}} {result.outcome}")
     for n, told in enumerate(verdict):

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError, Plane
+from scenarios.scenes.timeline import Timeline
 
 __all__ = ["Clip"]
 
@@ -26,7 +27,8 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _POWER = {4: 2.2, 5: 2.8, 8: 1.0}
 _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
-
+_FAR = 8
+"""Frames ahead from which on it is worth to look for a key frame."""
 # Code values of white. FFmpeg's 16-bit RGB is exact from RGB and grey, but from YUV it has white
 # at 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is right to a code.
 _WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
@@ -46,8 +48,9 @@ class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
     frame(n) is (H, W) float32 in [0, 1]. rate: frames a second (0 for a still image). count: frames
-    known so far; `ended` tells that it is all of them. Going backwards opens the file again; what
-    is passed over is decoded and no more.
+    known so far; `ended` tells that it is all of them. timeline: when frames are shown, None where
+    the file does not tell. Far ahead and backwards, decoding begins at the last key frame before;
+    without a timeline at the file's beginning. What is passed over is decoded and no more.
     """
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -61,11 +64,17 @@ class Clip:
         self.ended = False
         self.rate = Fraction(0)
         self.count = 0
+        self.timeline: Timeline | None = None
+        self._first_stamps: list[int | None] = []
         self._start()
         if self.frame(0) is None:
             raise self._bad("no picture in it")
         if self.frame(1) is None:
             self.rate = Fraction(0)
+        elif (timeline := Timeline.opened(path, self.rate)) is not None:
+            told = [timeline.stamp(0), timeline.stamp(1)]
+            if None not in told and told == self._first_stamps:
+                self.timeline = timeline
 
     def _note(self, text: str) -> None:
         if text not in self.notes:
@@ -94,6 +103,7 @@ class Clip:
         except (av.FFmpegError, OSError, ValueError) as exc:
             raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
         self._iterator, self._next, self.ended = container.decode(stream), 0, False
+        self._container, self._stream = container, stream
 
     def _decode(self) -> bool:
         """Decodes the next frame; False after the last."""
@@ -111,19 +121,24 @@ class Clip:
             self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
             self.ended = True
             return False
-        self._check_time(frame)
+        if self.timeline is None:
+            self._check_time(frame)
+            self._first_stamps = [*self._first_stamps, frame.pts][:2]
         self._latest = (self._next, frame)
         self._next += 1
         self.count = max(self.count, self._next)
         return True
 
     def _check_time(self, frame: Any) -> None:
-        """Notes a frame that is not where an even rate puts it."""
+        """Notes a frame that is not where an even rate puts it; the first two are decoded before
+        the timeline is looked at."""
         if frame.time is None or not self.rate:
             return
         if self._next == 0:
             self._zero = frame.time
-        elif abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5:
+        elif (
+            self._next > 1 and abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5
+        ):
             self._note(f"{self._path.name}: frames are not evenly spaced; taken as if they were")
 
     def _plane(self) -> Plane:
@@ -173,12 +188,46 @@ class Clip:
         """Frame n, or None where the clip has ended before it."""
         if n in self._kept:
             return self._kept[n]
-        if n < self._next - 1:
-            self._start()
+        if n < self._next - 1 or n > self._next + _FAR:
+            self._begin_before(n)
         while self._next <= n:
             if self.ended or not self._decode():
                 return None
         return self._plane()
+
+    def _begin_before(self, n: int) -> None:
+        """Makes the next frame decoded one from which n is soon reached."""
+        key = None if self.timeline is None else self.timeline.key_before(n)
+        if key is not None and self._seek(key, n):
+            return
+        if n < self._next - 1:
+            self._start()
+
+    def _seek(self, key: int, n: int) -> bool:
+        """Goes to the key frame with this stamp; False where nothing is gained by it. A file that
+        does not lead there is decoded from its beginning."""
+        import av
+
+        assert self.timeline is not None
+        begins = self.timeline.number_of(key)
+        if begins is None or (self._next - 1 <= n and begins <= self._next):
+            return False  # nothing to gain
+        self._start()
+        try:
+            self._container.seek(key, stream=self._stream, backward=True)
+            self._iterator = self._container.decode(self._stream)
+            for frame in self._iterator:
+                number = None if frame.pts is None else self.timeline.number_of(frame.pts)
+                if number is None or number > begins:
+                    break
+                if number == begins:
+                    self._latest, self._next = (begins, frame), begins + 1
+                    self.count = max(self.count, self._next)
+                    return True
+        except (av.FFmpegError, OSError, ValueError):
+            pass
+        self._start()
+        return True
 
     def last(self) -> Plane:
         """The last frame decoded; the clip's last where it has ended."""

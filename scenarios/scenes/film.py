@@ -1,7 +1,8 @@
 """A clip as a scene: its frames at their instants, light running linearly from one to the next.
 
-The clip does not say what happened between its frames; linear interpolation is this scene's own
-definition of the truth, and its notes say so. A clip too short for the run holds its last frame.
+Frames that are not evenly spaced have the instants that the clip's container tells. The clip does
+not say what happened between its frames; linear interpolation is this scene's own definition of the
+truth, and its notes say so. A clip too short for the run holds its last frame.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ class FilmSource:
         self._stop = clock.edge(cycles)
         own = self._clip.rate
         self._rate = Fraction(repr(rate)) if rate is not None and own else own
+        self._timeline = self._clip.timeline if self._rate == own else None
         self._planes: dict[int, Plane] = {}
         self._pieces: dict[int, Piece] = {}
         self._held = False
@@ -50,6 +52,8 @@ class FilmSource:
             self.notes.append(f"{path.name} is a still image")
         else:
             said = f"{path.name}: {float(self._rate):g} frames/s"
+            if self._uneven():
+                said += " on average, not evenly spaced: each is shown at its own time"
             if self._rate != own:
                 said += f" by scene.frame_rate (the clip says {float(own):g})"
             self.notes.append(f"{said}, light interpolated linearly in time between frames")
@@ -60,14 +64,26 @@ class FilmSource:
                 "scene.start", f"within the clip's {length:.3g} s", f"{start:g} s", "start earlier"
             )
 
+    def _uneven(self) -> bool:
+        """Whether frames that the run may show have times of their own, as far as the clip's
+        packets tell; a rate that is given overrides them."""
+        if self._timeline is None:
+            return False
+        self._timeline.number_at(self._start + self._stop)
+        return self._timeline.uneven
+
     def _frame_number(self, ps: int) -> int:
         """The frame on display at instant `ps` of the run."""
         if not self._rate:
             return 0
+        if self._timeline is not None:
+            return self._timeline.number_at(ps + self._start)
         return Clock(self._rate.numerator, self._rate.denominator).cycle_at(ps + self._start)
 
     def _edge(self, n: int) -> int:
         """Instant of frame n in the run."""
+        if self._timeline is not None:
+            return self._timeline.edge(n) - self._start
         return Clock(self._rate.numerator, self._rate.denominator).edge(n) - self._start
 
     def _lit(self, n: int) -> Plane | None:

@@ -17,16 +17,22 @@ class AsynchronousSection(Section):
     """How asynchronous pixels fire and what they send."""
 
     shortest_width: Duration = Field(
-        default=1e-8, description="least width the circuit reads out; a pixel full sooner waits"
+        default=1e-8,
+        examples=["10 ns"],
+        description="least width the circuit reads out; a pixel full sooner waits",
     )
     longest_width: Duration | None = Field(
-        default=None, description="after it the charge is read without a spike; never when absent"
+        default=None,
+        examples=["10 ms"],
+        description="after it the charge is read without a spike; never when absent",
     )
     levels: Annotated[int, Field(ge=1, le=65535)] = Field(
         default=1, description="N of that reading, floor(N charge / threshold)"
     )
     timing: Frequency = Field(
-        default=1e9, description="clock that measures times and widths; whole picoseconds a period"
+        default=1e9,
+        examples=["1 GHz"],
+        description="clock that measures times and widths; whole picoseconds a period",
     )
     change: Annotated[float, Field(ge=0, le=1000)] = Field(
         default=0.0,
@@ -43,7 +49,7 @@ class AsynchronousSection(Section):
 class ChannelSection(Section):
     """The asynchronous output that all pixels share."""
 
-    rate: Frequency = Field(description="events a second")
+    rate: Frequency = Field(examples=["100 MHz"], description="events a second")
     arbitration: Literal["fifo", "priority", "round-robin"] = Field(
         default="round-robin", description="who goes next: the oldest, the top row, the next row"
     )

@@ -24,13 +24,15 @@ class CircuitSection(Section):
         default=0.0, description="relative change of the capacitance for a volt of swing"
     )
     leak: Duration | None = Field(
-        default=None, description="time constant of the signal's decay; none when absent"
+        default=None,
+        examples=["1 s"],
+        description="time constant of the signal's decay; none when absent",
     )
     gain: Annotated[float, Field(ge=1, le=1e9)] = Field(
         default=1e4, description="of the comparator, open loop"
     )
     bandwidth: Annotated[float, Quantity("frequency", above=0, most=1e13)] = Field(
-        default=1e8, description="gain-bandwidth product of the comparator"
+        default=1e8, examples=["100 MHz"], description="gain-bandwidth product of the comparator"
     )
     trip: Annotated[float, Quantity("voltage", least=0, most=100)] = Field(
         default=0.0, description="that the comparator's output swings to fire; 0 is no delay"
@@ -38,7 +40,9 @@ class CircuitSection(Section):
     resistance: Annotated[float, Quantity("resistance", least=0, most=1e15)] = Field(
         default=0.0, description="of the closed reset switch; 0 empties the pixel at once"
     )
-    reset_time: Time = Field(default=0.0, description="that the reset switch stays closed")
+    reset_time: Time = Field(
+        default=0.0, examples=["100 ns"], description="that the reset switch stays closed"
+    )
 
     @model_validator(mode="after")
     def _stands(self) -> CircuitSection:

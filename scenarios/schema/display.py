@@ -49,12 +49,14 @@ class DisplaySection(Section):
     pulse: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a cycle in which impulse emits a packet"
     )
-    rise: Slow = Field(default=0.0, description="time constant of the emitter")
-    decay: Slow = Field(default=0.0, description="time constant of the emitter")
+    rise: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
+    decay: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
     row_scan: Share = Field(
         default=1.0, description="share of a cycle in which the rows are driven one after another"
     )
-    transport: Time = Field(default=1e-6, description="from the chip's output to the panel")
+    transport: Time = Field(
+        default=1e-6, examples=["1 us"], description="from the chip's output to the panel"
+    )
     fill: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a pixel's area that emits"
     )
@@ -65,7 +67,7 @@ class DisplaySection(Section):
         default=None, description="of the pursuing eye along the rows; the scene's when absent"
     )
     exposure: Annotated[float, Quantity("time", above=0, most=86_400)] = Field(
-        default=1e-3, description="of the camera that films the display"
+        default=1e-3, examples=["1 ms"], description="of the camera that films the display"
     )
     beside: tuple[FrameRate, ...] = Field(
         default=(60.0, 120.0, 240.0, 1000.0), max_length=8, description="frame displays beside it"
@@ -74,10 +76,11 @@ class DisplaySection(Section):
         default=1.0, description="share of a frame in which the frame displays emit"
     )
     response: Annotated[float, Quantity("time", least=0, most=1)] = Field(
-        default=0.0, description="time constant of the frame displays' pixels"
+        default=0.0, examples=["2 ms"], description="time constant of the frame displays' pixels"
     )
     projector: PlaneRate = Field(
         default=16e3,
+        examples=["16 kHz"],
         description="binary planes a second of the projector beside it; none for no projector",
     )
     renderer: Literal["gl", "numpy"] = Field(

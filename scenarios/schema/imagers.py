@@ -80,10 +80,12 @@ class EbapsSection(Section):
     kind: Literal["ebaps"]
     rows: Annotated[int, Field(ge=8, le=1024)] = 1024
     columns: Annotated[int, Field(ge=8, le=1280)] = 1280
-    high_voltage: Annotated[float, Quantity("voltage", least=-1500, most=0)] = -1500.0
+    high_voltage: Annotated[float, Quantity("voltage", least=-1500, most=0)] = Field(
+        default=-1500.0, examples=["-1500 V"]
+    )
     exposure_loop: bool = Field(default=True, description="mean brightness sets the exposure")
     exposure: Annotated[float, Quantity("time", least=1e-3, most=32.768e-3)] = Field(
-        default=16.384e-3, description="first one, or the one that stays"
+        default=16.384e-3, examples=["16 ms"], description="first one, or the one that stays"
     )
     darks: bool = Field(
         default=True, description="the mean of four dark frames at the live exposure is subtracted"
@@ -101,7 +103,7 @@ class EmccdSection(Section):
 
     kind: Literal["emccd"]
     exposure: Annotated[float, Quantity("time", least=1e-5, most=40.96e-3)] = Field(
-        default=2e-3, description="whole steps of 10 us"
+        default=2e-3, examples=["2 ms"], description="whole steps of 10 us"
     )
     gain_step: Annotated[int, Field(ge=0, le=255)] | None = Field(
         default=None, description="of the digital potentiometer"
@@ -119,7 +121,9 @@ class EmccdSection(Section):
         default=None, examples=["50 Hz"],
         description="of external sync, the first at 0, in the place of pulses",
     )  # fmt: skip
-    temperature: Temperature = Field(default=-10.0, description="that the cooling loop holds")
+    temperature: Temperature = Field(
+        default=-10.0, examples=["-10 degC"], description="that the cooling loop holds"
+    )
     ambient: Temperature = Field(default=25.0, description="of the camera's body")
     device_seed: Device = 1
     writes: Writes = ()

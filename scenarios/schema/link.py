@@ -24,13 +24,13 @@ class PanelSection(Section):
 
     width: Sides = 960
     height: Sides = 960
-    pitch: Metres = Field(default=500.0, description="of its pixels")
+    pitch: Metres = Field(default=500.0, examples=["500 um"], description="of its pixels")
     luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
-        default=1000.0, description="of a pixel that is on"
+        default=1000.0, examples=["1000 cd/m²"], description="of a pixel that is on"
     )
     reflectance: Reflectance = Field(default=0.04, description="of its face")
-    rise: Slow = Field(default=0.0, description="time constant of the emitter")
-    decay: Slow = Field(default=0.0, description="time constant of the emitter")
+    rise: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
+    decay: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
     row_scan: Share | None = Field(
         default=None,
         description="share of a tick over which its rows are driven one after another; in step "
@@ -48,7 +48,9 @@ class PanelSection(Section):
 class AimSection(Section):
     """How the panel stands in the camera's view, and its lens."""
 
-    focal_length: Metres = Field(default=39_000.0, description="of the camera's lens")
+    focal_length: Metres = Field(
+        default=39_000.0, examples=["39 mm"], description="of the camera's lens"
+    )
     on_level: Annotated[float, Field(gt=0, le=1000)] = Field(
         default=1.4,
         description="thresholds that a cell that is on brings in a tick; sets the f-number",
@@ -57,7 +59,9 @@ class AimSection(Section):
         default=None, description="chosen by on_level when absent"
     )
     focus: Metres | None = Field(
-        default=None, description="distance the lens is focused at; the panel's when absent"
+        default=None,
+        examples=["2 m"],
+        description="distance the lens is focused at; the panel's when absent",
     )
     blur: Annotated[float, Field(ge=0, le=100)] = Field(
         default=0.3, description="of the lens, standard deviation in camera pixels"
@@ -66,17 +70,21 @@ class AimSection(Section):
         default=3.3, description="of the panel's centre from the sensor's, camera pixels"
     )
     offset_y: Annotated[float, Field(ge=-1e5, le=1e5)] = -2.6
-    rotation: Annotated[float, Quantity("angle", least=-180, most=180)] = 0.3
+    rotation: Annotated[float, Quantity("angle", least=-180, most=180)] = Field(
+        default=0.3, examples=["0.3 deg"]
+    )
     tilt_x: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
-        default=0.5, description="of the panel about its vertical"
+        default=0.5, examples=["0.5 deg"], description="of the panel about its vertical"
     )
     tilt_y: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
-        default=-0.4, description="of the panel about its horizontal"
+        default=-0.4, examples=["-0.4 deg"], description="of the panel about its horizontal"
     )
     vibration: Annotated[float, Field(ge=0, le=100)] = Field(
         default=0.05, description="standard deviation of the image's shift, camera pixels"
     )
-    vibration_frequency: Annotated[float, Quantity("frequency", above=0, most=1e5)] = 30.0
+    vibration_frequency: Annotated[float, Quantity("frequency", above=0, most=1e5)] = Field(
+        default=30.0, examples=["30 Hz"]
+    )
     occluded: Share = Field(default=0.0, description="share of the panel, from its left, hidden")
 
 
@@ -84,10 +92,12 @@ class AirSection(Section):
     """What lies between panel and camera, and the light that is not the panel's."""
 
     ambient: Annotated[float, Quantity("illuminance", least=0, most=1e6)] = Field(
-        default=500.0, description="falls on the panel and its surroundings"
+        default=500.0, examples=["500 lux"], description="falls on the panel and its surroundings"
     )
     surroundings: Reflectance = Field(default=0.18, description="reflectance around the panel")
-    visibility: Metres | None = Field(default=None, description="clear air when absent")
+    visibility: Metres | None = Field(
+        default=None, examples=["5 km"], description="clear air when absent"
+    )
     particles: Literal["kim", "kruse"] = Field(default="kim", description="law of extinction")
     structure: Annotated[float, Field(ge=0, le=1e-9)] = Field(
         default=1e-14, description="of refractive index, Cn2 in m^(-2/3)"
@@ -96,10 +106,12 @@ class AirSection(Section):
         default=1.0, description="across the path, m/s"
     )
     sun: Annotated[float, Quantity("illuminance", least=0, most=2e5)] = Field(
-        default=0.0, description="of a sun near the view, on a plane that faces it"
+        default=0.0,
+        examples=["100 klux"],
+        description="of a sun near the view, on a plane that faces it",
     )
     sun_angle: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
-        default=10.0, description="between it and the panel's centre"
+        default=10.0, examples=["10 deg"], description="between it and the panel's centre"
     )
     glare: Share = Field(default=0.005, description="share of the lens's light spread everywhere")
 
@@ -139,7 +151,9 @@ class LinkSection(Section):
     size: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
         default=4_000_000, description="of the random bytes"
     )
-    distance: Metres = Field(default=2e6, description="from the panel to the lens")
+    distance: Metres = Field(
+        default=2e6, examples=["2 m"], description="from the panel to the lens"
+    )
     loop: str | None = Field(
         default=None,
         description="serial:PORT or serial:PORT,BAUD: the panel's planes go through a board's "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -56,15 +57,28 @@ def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
     return _Place(".".join(names), keys)
 
 
-def _example(name: str) -> str:
-    """An instruction that shows what to write for a key."""
+def _found(name: str) -> Any:
+    """What may be written for a key, None where the schema does not show it."""
     node: dict[str, Any] = export()
     for part in name.split("."):
         node = _resolve(node).get("properties", {}).get(part, {})
     found = _resolve(node)
-    examples = found.get("examples") or found.get("enum") or [found.get("const")]
-    known = examples[0] is not None
-    return f"write --set {name}={examples[0]!r}" if known else "see `viform list --schema`"
+    return (found.get("examples") or found.get("enum") or [found.get("const")])[0]
+
+
+def _example(name: str) -> str:
+    """An instruction that shows what to write for a key."""
+    found = _found(name)
+    return "see `viform list --schema`" if found is None else f"write --set {name}={found!r}"
+
+
+def _own_example(must: str, name: str) -> str:
+    """What a quantity must be, with the key's own example in the place of its kind's: a distance in
+    metres is of the same kind as a pixel's micrometres."""
+    found = _found(name)
+    if not isinstance(found, str):
+        return must
+    return re.sub(r"(such as )'[^']*'", lambda match: f"{match[1]}{found!r}", must, count=1)
 
 
 def _resolve(node: dict[str, Any]) -> dict[str, Any]:
@@ -139,7 +153,8 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         return InputError(name, "given", "absent", _example(name))
     text = error["msg"].removeprefix("Value error, ").strip()
     if text.startswith("must be "):
-        return InputError(place.name, text.removeprefix("must be "), given, _example(place.name))
+        must = _own_example(text.removeprefix("must be "), place.name)
+        return InputError(place.name, must, given, _example(place.name))
     if kind == "union_tag_invalid":
         wanted, tag = error["ctx"]["expected_tags"], _shown(error["ctx"]["tag"])
         return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")

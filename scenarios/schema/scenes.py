@@ -25,7 +25,9 @@ class FilmScene(Section):
         default="workshop", description="built-in moving scene when there is no path"
     )
     start: Time = 0.0
-    frame_rate: Frequency | None = Field(default=None, description="overrides the clip's own")
+    frame_rate: Frequency | None = Field(
+        default=None, examples=["240 Hz"], description="overrides the clip's own"
+    )
     illuminance: Illuminance = Field(description="falls on the scene; clip white reflects all")
 
 
@@ -35,7 +37,7 @@ class WaveScene(Section):
     kind: Literal["wave"]
     illuminance: Illuminance
     rate: Annotated[float, Quantity("frequency", least=0, most=6)] = Field(
-        default=3.0, description="waves a second"
+        default=3.0, examples=["3 Hz"], description="waves a second"
     )
 
 
@@ -52,15 +54,19 @@ class ShockwaveScene(Section):
         default=15.0, description="half angle of a wedge"
     )
     radius: Annotated[float, Quantity("length", least=1250, most=15_625)] = Field(
-        default=10_000.0, description="of a sphere"
+        default=10_000.0, examples=["10 mm"], description="of a sphere"
     )
-    start: Time = Field(default=0.002, description="instant at which the nozzle begins to flow")
+    start: Time = Field(
+        default=0.002, examples=["2 ms"], description="instant at which the nozzle begins to flow"
+    )
     chamber: Annotated[float, Quantity("pressure", above=0, most=1e6)] | None = Field(
         default=None,
         description="pressure in the test section before; 0.85 of what would stop it when absent",
     )
     knife: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
-        default=45.0, description="direction of the gradient that is seen, against the flow"
+        default=45.0,
+        examples=["45 deg"],
+        description="direction of the gradient that is seen, against the flow",
     )
 
 
@@ -71,7 +77,7 @@ class StarScene(Section):
     illuminance: Illuminance
     spokes: Annotated[int, Field(ge=2, le=360)] = 36
     rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
-        default=4.0, description="revolutions a second"
+        default=4.0, examples=["4 Hz"], description="revolutions a second"
     )
 
 
@@ -82,7 +88,7 @@ class StepScene(Section):
     illuminance: Illuminance
     before: Reflectance = 0.1
     after: Reflectance = 0.9
-    at: Time = Field(default=0.032, description="instant of the step")
+    at: Time = Field(default=0.032, examples=["32 ms"], description="instant of the step")
 
 
 class SunAndStarsScene(Section):
@@ -90,9 +96,11 @@ class SunAndStarsScene(Section):
 
     kind: Literal["sun-and-stars"]
     illuminance: Illuminance = Field(description="of the sun's disc")
-    dimmest: Illuminance = Field(default=1e-6, description="of the dimmest star")
+    dimmest: Illuminance = Field(
+        default=1e-6, examples=["1e-6 lux"], description="of the dimmest star"
+    )
     background: Annotated[float, Quantity("illuminance", least=0, most=1e9)] = Field(
-        default=0.0, description="between the stars"
+        default=0.0, examples=["0.001 lux"], description="between the stars"
     )
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from cosim import InputError
 from scenarios.schema.asynchronous import AsynchronousSection, ChannelSection
 from scenarios.schema.circuit import CircuitSection
 from scenarios.schema.continuous import ContinuousSection
@@ -59,12 +60,33 @@ class PatternSection(Section):
     device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     prnu: Spread = Field(default=0.0, description="spread of the light's gain, relative")
     threshold_fpn: Spread = Field(default=0.0, description="spread of the threshold, relative")
-    dark_current: Current = Field(default=0.0, description="mean, at 25 degC")
+    dark_current: Current = Field(default=0.0, examples=["100 e/s"], description="mean, at 25 degC")
     dsnu: Spread = Field(default=0.0, description="spread of the dark current, relative to it")
     temperature: Temperature = Field(default=25.0, description="dark current doubles every 6.5 K")
     hot_pixels: Share = Field(default=0.0, description="share of pixels")
-    hot_current: Current = Field(default=0.0, description="that a hot pixel has on top")
+    hot_current: Current = Field(
+        default=0.0, examples=["100000 e/s"], description="that a hot pixel has on top"
+    )
     dead_pixels: Share = Field(default=0.0, description="share of pixels that see no light")
+
+    @model_validator(mode="after")
+    def _do_something(self) -> PatternSection:
+        """A key that would change nothing, because what it needs is absent, is a mistake."""
+        for name, needs, why, example in _NEEDS:
+            if getattr(self, name) > 0 and getattr(self, needs) == 0:
+                raise InputError(
+                    f"sensor.pattern.{needs}",
+                    f"above 0 with {name} = {getattr(self, name):g}, which {why}", "0 e/s",
+                    f"write --set sensor.pattern.{needs}='{example}', or leave {name} out",
+                )  # fmt: skip
+        return self
+
+
+_NEEDS = (
+    ("dsnu", "dark_current", "is a share of it", "100 e/s"),
+    ("hot_pixels", "hot_current", "are those that have it", "100000 e/s"),
+)
+"""Keys of [sensor.pattern], the current without which each does nothing, why, and a current."""
 
 
 class SensorSection(Section):
@@ -93,12 +115,18 @@ class SensorSection(Section):
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
     )
-    threshold_noise: Noise = Field(default=0.0, description="standard deviation, of each spike")
+    threshold_noise: Noise = Field(
+        default=0.0, examples=["5 e"], description="standard deviation, of each spike"
+    )
     capacitance: Capacitance | None = Field(
         default=None, description="its kTC noise is added to the threshold noise"
     )
-    dead_time: Time = Field(default=0.0, description="after each spike; at most a cycle")
-    comparator_delay: Time = Field(default=0.0, description="from full to fired; at most a cycle")
+    dead_time: Time = Field(
+        default=0.0, examples=["1 us"], description="after each spike; at most a cycle"
+    )
+    comparator_delay: Time = Field(
+        default=0.0, examples=["1 us"], description="from full to fired; at most a cycle"
+    )
     row_skew: Share = Field(
         default=0.0, description="share of a cycle in which the rows are sampled one after another"
     )
@@ -141,6 +169,17 @@ class SensorSection(Section):
             sizes.pop("dead_time", None)
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
+            for name, needs, *_ in _NEEDS:
+                if _is_none(pattern.get(needs)):  # taken out of the preset, so that it has no share
+                    sizes.pop(name, None)
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
         own = {n: v for n, v in sizes.items() if n in cls.model_fields}
         return own | data | {"pattern": pattern}
+
+
+def _is_none(value: Any) -> bool:
+    """Whether a current is given as 0; a wrong one is refused on its own."""
+    try:
+        return value is not None and Quantity("current").read(value) == 0
+    except ValueError:
+        return False

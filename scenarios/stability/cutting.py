@@ -110,7 +110,8 @@ def filming(device: Device | None) -> Film:
                 begun = stages()
                 run_blocks(begun, cut.stopped, size=cut.block)
                 checkpoint.save(cut.stopped, begun)
-                run_blocks(stages(), CYCLES, size=cut.block, checkpoint=checkpoint, resume=True)
+                gone_on = stages()
+                run_blocks(gone_on, CYCLES, size=cut.block, begin=checkpoint.load(gone_on))
         return np.concatenate(keep.planes)
 
     def film(cut: Cut) -> Bits:

@@ -142,7 +142,8 @@ def test_an_interrupted_run_goes_on_to_the_same_end(
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
 
     stages, done = chain(), []
-    run_blocks(stages, CYCLES, checkpoint=checkpoint, resume=True, progress=done.append)
+    begin = checkpoint.load(stages)
+    run_blocks(stages, CYCLES, checkpoint=checkpoint, begin=begin, progress=done.append)
     assert done[0] == at + 64
     assert stages["mixer"].seen == list(range(CYCLES))
     assert stages["mixer"].mixed == uninterrupted().mixed
@@ -169,7 +170,7 @@ def test_an_interruption_in_the_last_block_is_one_as_well() -> None:
     assert stages["mixer"].seen == list(range(CYCLES))
 
 
-def test_without_resume_a_run_starts_afresh(tmp_path: Path) -> None:
+def test_a_run_that_is_not_gone_on_with_starts_afresh(tmp_path: Path) -> None:
     checkpoint = Checkpoint(tmp_path / "checkpoint.npz", "this run")
     run_blocks(chain(), 128, checkpoint=checkpoint, every_s=-1)
     stages, done = chain(), []
@@ -192,7 +193,7 @@ def test_a_fault_in_a_stage_leaves_the_last_checkpoint(tmp_path: Path) -> None:
         run_blocks(stages, CYCLES, checkpoint=checkpoint, every_s=-1)
     assert signal.getsignal(signal.SIGINT) is handler
     again = chain()
-    run_blocks(again, CYCLES, checkpoint=checkpoint, resume=True)
+    run_blocks(again, CYCLES, checkpoint=checkpoint, begin=checkpoint.load(again))
     assert again["mixer"].mixed == uninterrupted().mixed
 
 

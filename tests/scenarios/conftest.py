@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -33,8 +34,11 @@ class Answer(NamedTuple):
 
 
 @pytest.fixture
-def viform(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Runs a command in this process."""
+def viform(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Answer]:
+    """Runs a command in this process, which says the same however long it takes."""
+    monkeypatch.setattr("scenarios.commands.output.EVERY_S", math.inf)
 
     def call(*arguments: object) -> Answer:
         capsys.readouterr()

@@ -6,8 +6,10 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import av
 import cv2
@@ -311,6 +313,29 @@ def test_a_wrong_option_of_a_clip_is_one_line_and_writes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("flag", ["--window", "--every", "--scale", "--rate"])
+@pytest.mark.parametrize("name", ["b.npz", "b.fsc", "b.dat"])
+def test_an_option_of_a_clip_is_refused_without_one(refused, recording, tmp_path, flag, name):
+    out = tmp_path / name
+    assert refused("convert", recording, out, flag, 3) == (
+        f"{flag} must be given with a clip to write, not {out}; leave {flag} out"
+    )
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["b.mp4", "b.zarr", "b.npz", "b.fsc", "b.events.npz"])
+def test_an_interrupted_conversion_is_one_line_and_leaves_nothing(
+    viform, recording, tmp_path, monkeypatch, name
+):
+    def stop(*words: object) -> None:  # all is written, and has no name yet
+        raise KeyboardInterrupt
+
+    # Zarr renames its own chunks, so only the module's `os` is another.
+    monkeypatch.setattr("cosim.files.whole.os", SimpleNamespace(getpid=os.getpid, replace=stop))
+    assert viform("convert", recording, tmp_path / name) == (130, "", "viform: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_clip_needs_two_by_two_pixels(refused, tmp_path):
     source = tmp_path / "a.npz"
     write_npz(Viform.from_planes(np.ones((41, 1, 33), bool), Clock(40_000)), source)
@@ -322,14 +347,17 @@ def test_a_clip_needs_two_by_two_pixels(refused, tmp_path):
 def test_convert_refuses_what_it_cannot_do(refused, recording, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(recording, "a.npz")
-    assert refused("convert", "a.npz", "a.xyz").endswith("not a.xyz; give it one of these")
+    assert refused("convert", "a.npz", "a.xyz") == (
+        "OUT must be a name ending in .dat, .raw, .npz, .zarr, .events.npz, .fsc, or of a clip "
+        "(.mp4, .mkv, .mov, .avi, .webm, .gif), not a.xyz; give it one of these"
+    )
     assert refused("convert", "a.npz", "no/a.dat").endswith("not in no; mkdir -p no")
     assert refused("convert", "a.npz", "./a.npz") == (
         "OUT must be another file than IN, not a.npz; choose another name"
     )
     assert refused("convert", "a.mp4", "b.npz") == (
-        "IN must be a stream (.dat, .raw, .npz, .zarr, .events.npz), not the clip a.mp4; film it: "
-        "viform run film --set scene.path=a.mp4"
+        "IN must be a stream (.dat, .raw, .npz, .zarr, .events.npz, .fsc), not the clip a.mp4; "
+        "film it: viform run film --set scene.path=a.mp4"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 

@@ -187,13 +187,6 @@ def test_frames_that_are_passed_over_are_not_made_linear(tmp_path, make_clip, mo
     assert len(made) == 2
 
 
-def test_frames_without_an_even_rate_are_noted(tmp_path, make_clip):
-    path = make_clip(tmp_path / "a.mkv", flat(*range(6)), pts=[0, 1, 2, 9, 10, 11])
-    clip = Clip(path, SHAPE)
-    clip.frame(5)
-    assert clip.notes == ["a.mkv: frames are not evenly spaced; taken as if they were"]
-
-
 # What is no clip.
 
 

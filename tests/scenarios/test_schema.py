@@ -7,17 +7,19 @@ import json
 import math
 import tomllib
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import BaseModel
 
 from cosim import InputError
 from display import DRIVES
-from scenarios.loading import shipped, to_toml
-from scenarios.schema import Scenario, export, validate
+from scenarios.loading import load, shipped, to_toml
+from scenarios.schema import AnyScenario, Scenario, export, validate
 from scenarios.schema.display import DRIVES as schema_drives
+from scenarios.schema.quantity import Quantity
 
 GOOD: dict[str, Any] = {
     "title": "A clip",
@@ -145,8 +147,8 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("display", {"beside": 60},
          'display.beside must be a list such as ["60 Hz", "120 Hz"], not 60; ' + SCHEMA),
         ("display", {"projector": "off"},
-         "display.projector must be a frequency such as '40 kHz', or none, not 'off'; write --set "
-         "display.projector='40 kHz'"),
+         "display.projector must be a frequency such as '16 kHz', or none, not 'off'; write --set "
+         "display.projector='16 kHz'"),
         ("receiver", {},
          "receiver must be one of title, duration, tolerance, seed, scene, sensor, display, image, "
          "not an unknown key; remove it"),
@@ -267,6 +269,90 @@ def test_the_json_schema_says_of_every_quantity_how_to_write_it():
     assert sensor["clock"]["type"] == "string"
     assert sensor["clock"]["examples"] == ["40 kHz"]
     assert json.loads(json.dumps(export(), allow_nan=False)) == export()
+
+
+def quantities(section: type[BaseModel]) -> Iterator[tuple[str, Any, Quantity]]:
+    """Every quantity of a section and of those below it: name, field, what reads it."""
+    for name, field in section.model_fields.items():
+        pending: list[Any] = [*field.metadata, field.annotation]
+        while pending:
+            part = pending.pop()
+            if isinstance(part, Quantity):
+                yield f"{section.__name__}.{name}", field, part
+            elif isinstance(part, type) and issubclass(part, BaseModel):
+                yield from quantities(part)
+            else:
+                pending += [*get_args(part), *getattr(part, "__metadata__", ())]
+
+
+EXAMPLES = {
+    name: (field, reader)
+    for whole in get_args(AnyScenario) for name, field, reader in quantities(whole)
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_of_a_key_is_one_that_the_key_takes_and_of_its_size(name):
+    field, reader = EXAMPLES[name]
+    section, _, key = name.rpartition(".")
+    node = export()["$defs"][section]["properties"][key]
+    alternatives = node.get("anyOf", [node])
+    examples = node.get("examples") or alternatives[0].get("examples")
+    if examples is None or not isinstance(examples[0], str):
+        return  # a list of quantities
+    value = reader.read(examples[0])  # within the key's limits
+    default = field.default
+    if reader.kind_name != "temperature" and isinstance(default, float) and default:
+        assert 0.5 <= value / default <= 2
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "example"),
+    [
+        ("light-link", "link.distance", "2 m"),
+        ("light-link", "link.air.visibility", "5 km"),
+        ("light-link", "link.panel.pitch", "500 um"),
+        ("glass", "display.exposure", "1 ms"),
+        ("film", "scene.frame_rate", "240 Hz"),
+        ("ebaps-night", "imager.high_voltage", "-1500 V"),
+    ],
+)
+def test_the_hint_is_a_value_for_that_key(name, key, example):
+    with pytest.raises(InputError) as caught:
+        load(name, [f"{key}=banana"])
+    said = str(caught.value)
+    assert f" such as '{example}'" in said
+    assert said.endswith(f"not 'banana'; write --set {key}='{example}'")
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (["sensor.pattern.hot_pixels=0.01"],
+         "sensor.pattern.hot_current must be above 0 with hot_pixels = 0.01, which are those that "
+         "have it, not 0 e/s; write --set sensor.pattern.hot_current='100000 e/s', or leave "
+         "hot_pixels out"),
+        (["sensor.pattern.dsnu=0.3"],
+         "sensor.pattern.dark_current must be above 0 with dsnu = 0.3, which is a share of it, not "
+         "0 e/s; write --set sensor.pattern.dark_current='100 e/s', or leave dsnu out"),
+        (["sensor.pattern.dsnu=0.3", "sensor.pattern.dark_current=0 e/s", "sensor.preset=silicon"],
+         "sensor.pattern.dark_current must be above 0 with dsnu = 0.3, which is a share of it, not "
+         "0 e/s; write --set sensor.pattern.dark_current='100 e/s', or leave dsnu out"),
+    ],
+)  # fmt: skip
+def test_a_key_of_the_device_that_would_do_nothing_is_refused(sets, said):
+    with pytest.raises(InputError) as caught:
+        load("film", sets)
+    assert str(caught.value) == said
+
+
+def test_the_preset_has_no_share_of_a_current_that_is_taken_out_of_it():
+    none = ["sensor.pattern.dark_current=0 e/s", "sensor.pattern.hot_current=0 A"]
+    _, loaded = load("film", ["sensor.preset=silicon", *none])
+    pattern = loaded.sensor.pattern
+    assert (pattern.dsnu, pattern.hot_pixels) == (0, 0) and pattern.prnu > 0
+    _, loaded = load("film", ["sensor.preset=silicon"])
+    assert loaded.sensor.pattern.dsnu > 0 and loaded.sensor.pattern.hot_pixels > 0
 
 
 def quantity(unit: str, least: float, most: float) -> st.SearchStrategy[str]:
