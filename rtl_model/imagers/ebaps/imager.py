@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim.errors import InputError
 from cosim.frames import Frame
 from rtl_model.imagers.ebaps.burst_memory import BurstMemory
 from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
@@ -18,6 +17,7 @@ from rtl_model.imagers.ebaps.regions import LIVE, FrameMemory
 from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
 from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.trace import Record, Signal, write_trace
+from rtl_model.imagers.writing import register_of, write_instant
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.ebaps import EbapsPixels
 
@@ -62,33 +62,22 @@ class Ebaps:
         self._film: tuple[Scenery, int, frozenset[str]] | None = None
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`. Bits beyond a register's width are dropped, as on the bus."""
-        entry = self.sequencer.registers.table.get(register)
-        if entry is None or entry.mode == "ro":
-            names = [e.name for e in self.sequencer.registers.design.own if e.mode != "ro"]
-            raise InputError(
-                "an EBAPS register", "one that can be written", repr(register),
-                f"write {', '.join(names)}",
-            )  # fmt: skip
-        when = self.now if at is None else at
-        if when < self.now:
-            raise InputError(
-                f"a write to {register}", f"at {self.now} ps or later", f"{when} ps",
-                "write it before that time is simulated",
-            )  # fmt: skip
+        """See `Imager`; names may leave out the `ebaps_`. InputError for no such register, one that
+        is only read, a value that does not fit, a time that has passed."""
+        registers = self.sequencer.registers
+        entry = register_of(registers, register)
+        when = write_instant(entry, register, value, at, self.now)
         if when == self.now:
             self._until(when)
-            self.sequencer.registers.write(register, value)
+            registers.write(entry.name, value)
             return
         self._order += 1
-        heapq.heappush(self._writes, (when, self._order, register, value))
+        heapq.heappush(self._writes, (when, self._order, entry.name, value))
 
     def read(self, register: str) -> int:
-        """See `Imager`."""
-        if register not in self.sequencer.registers.table:
-            names = ", ".join(e.name for e in self.sequencer.registers.design.own)
-            raise InputError("an EBAPS register", "one it has", repr(register), f"read {names}")
-        return self.sequencer.registers.read(register)
+        """See `Imager`. InputError for no such register."""
+        registers = self.sequencer.registers
+        return registers.read(register_of(registers, register).name)
 
     def store_darks(self, at: int | None = None) -> None:
         """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
