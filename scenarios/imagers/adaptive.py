@@ -18,7 +18,7 @@ from rtl_model.imagers.adaptive import (
     Timing,
     decide,
 )
-from scenarios.imagers.machine import Expected, Taken
+from scenarios.imagers.machine import Expected, Taken, saturation
 from scenarios.imagers.view import View
 from scenarios.imagers.writes import write_all
 from scenarios.result import Latency, Metric
@@ -149,7 +149,8 @@ class AdaptiveMachine:
             "exposure_shortest": Metric(min(t.seconds for t in taken) * 1e6, "us"),
             "exposure_longest": Metric(max(t.seconds for t in taken) * 1e6, "us"),
             "frames_to_settle": Metric(settled, "frames"),
-            "saturated": Metric(last.state["saturated"], "pixels"),
+            **saturation(taken),
+            "saturated_pixels": Metric(last.state["saturated"], "pixels"),
             "largest": Metric(largest if largest <= FULL else None, "DN"),
             "dynamic_range": Metric(20 * np.log10(covered), "dB"),
             "brightest": Metric(256 * step / min(seconds), "lux"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from rtl_model.imagers.emccd import Cooler, Emccd, Settings, Timing, frame_seconds
-from scenarios.imagers.machine import Expected, Taken
+from scenarios.imagers.machine import Expected, Taken, saturation
 from scenarios.imagers.view import View
 from scenarios.imagers.writes import write_all
 from scenarios.result import Latency, Metric
@@ -141,7 +141,7 @@ class EmccdMachine:
             "effective_read_noise": Metric(self.pixels.read_noise / last.state["gain"], "e"),
             "temperature": Metric(float(np.mean(celsius)), "degC"),
             "temperature_spread": Metric(float(np.std(celsius)), "K"),
-            "saturated": Metric(max(t.full for t in taken), "1"),
+            **saturation(taken),
             "pulses_lost": Metric(float(imager.read("emccd_pulses_lost")), "1"),
         }
 
