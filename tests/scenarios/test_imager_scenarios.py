@@ -329,8 +329,10 @@ def test_an_emccds_frames_are_foreseen_through_its_writes():
 
 def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
     """A white field that fills the wells: all pixels at the largest value, 1, unit "1"."""
-    for kind, keys in (("adaptive-exposure", {"rows": 16, "columns": 16, "adapt": False,
-                                              "multiplier": 9000}), ("emccd", {"gain": 900})):
+    for kind, keys in (
+        ("adaptive-exposure", {"rows": 16, "columns": 16, "adapt": False, "multiplier": 9000}),
+        ("emccd", {"gain": 900}),
+    ):
         given = scenario(kind, {"illuminance": "1e6 lux"}, duration="120 ms", **keys)
         machine = machine_of(given)
         ready = ready_imager("x", given, machine)

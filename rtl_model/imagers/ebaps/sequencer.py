@@ -113,6 +113,12 @@ class Sequencer:
         """Number of the frame whose VSYNC comes next."""
         return self._next
 
+    def around(self, shot: Shot) -> tuple[int | None, int, int | None]:
+        """Exposures (ns) of the frame before the one that is being read, of that and of the next,
+        whose period has begun by then; None where there is none."""
+        before = None if self.last is None else self.last.exposure
+        return before, shot.exposure, self._waiting[0].exposure if self._waiting else None
+
     def subtracts(self) -> bool:
         """Whether a live frame read now has darks taken from it."""
         return bool(self._at("subtract")) and self.has_darks
