@@ -10,8 +10,8 @@ around, which no widening of edges explains; such means do.
 In a scene that repeats itself (spokes that pass every 6.9 ms, bars of one width) a mean over w and
 one over w and a whole repeat, or over what w lacks of a repeat, look alike but for their contrast.
 So the residual has many minima, and spans are tried one step of the scene after the other; a search
-by factors of 1.4 ended in a neighbour (44 ms for 33 ms). Where the noise leaves several, the
-contrast decides: the image is an estimate of reflectance, so its gain is known.
+by factors of 1.4 ended in a neighbour (44 ms for 33 ms). Among the minima the contrast decides: the
+image is an estimate of reflectance, so its gain is known.
 """
 
 from __future__ import annotations
@@ -37,8 +37,6 @@ _FINE: Final = 0.01
 """Of a step: how closely a span is sought."""
 _TRIED: Final = 8
 """Minima, the least first, that are looked at closely."""
-_ALIKE: Final = 10.83
-"""Chi squared of one degree of freedom at 99.9 %: squares that noise alone makes differ so much."""
 _CHANGE: Final = 0.05
 """Of reflectance: what counts as moving, and as an edge (a pixel)."""
 Image = npt.NDArray[np.float64]
@@ -113,8 +111,8 @@ class Motion:
         """Seconds of scene whose mean the image is, by least squares with a gain and an offset over
         what moves; None where no mean explains a twentieth of what varies there.
 
-        image: an estimate of reflectance, whose gain is 1 but for what its camera adds. Of spans
-        that the image's noise cannot tell apart the one whose gain comes out nearest to 1 counts.
+        image: an estimate of reflectance, whose gain is 1 but for what its camera adds. Of the
+        spans that fit better than their neighbours the one that fits best at a gain of 1 counts.
         """
         where = self.moving()
         if where is None:
@@ -125,30 +123,24 @@ class Motion:
             return None
 
         def fit(span: float) -> tuple[float, float]:
-            """Share that is left unexplained, and the gain."""
+            """Share that is left unexplained at the best gain, and at a gain of 1."""
             trial = self.mean(instants, span)[where]
             trial -= trial.mean()
             own, along = float((trial * trial).sum()), float((trial * seen).sum())
-            if own <= 0 or along <= 0:
-                return 1.0, 0.0
-            return 1 - along * along / own / power, along / own
+            at_one = 1 + (own - 2 * along) / power
+            return 1 - (along * along / own / power if own > 0 < along else 0.0), at_one
 
         grid = np.arange(1, int((self._times[-1] - self._times[0]) / self.step) + 1) * self.step
         values = [fit(float(s))[0] for s in grid]
         found = [self._refined(fit, grid, at) for at in _minima(values)[:_TRIED]]
-        if not found or found[0][0] > 0.95:
+        if not found or min(found)[0] > 0.95:
             return None
-        least = min(left for left, *_ in found)
-        alike = least * (1 + _ALIKE / seen.size)
-        _, best, _ = min(
-            (each for each in found if each[0] <= alike), key=lambda f: abs(math.log(f[2]))
-        )
-        return best / PS
+        return min(found, key=lambda each: each[2])[1] / PS
 
     def _refined(
         self, fit: Callable[[float], tuple[float, float]], grid: Any, at: int
     ) -> tuple[float, float, float]:
-        """The minimum around a place of the grid: share left, span, gain."""
+        """The minimum around a place of the grid: share left, span, share left at a gain of 1."""
         ends = float(grid[max(at - 1, 0)]), float(grid[min(at + 1, grid.size - 1)])
         if ends[0] < ends[1]:
             found = minimize_scalar(
@@ -157,8 +149,8 @@ class Motion:
             )  # fmt: skip
             if float(found.fun) < fit(float(grid[at]))[0]:
                 return float(found.fun), float(found.x), fit(float(found.x))[1]
-        left, gain = fit(float(grid[at]))
-        return left, float(grid[at]), gain
+        left, at_one = fit(float(grid[at]))
+        return left, float(grid[at]), at_one
 
     def blur(self, image: Image, instants: npt.NDArray[np.int64]) -> float | None:
         """10 to 90 % width in pixels of an edge that moves as fast as the mean one."""
