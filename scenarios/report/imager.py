@@ -113,7 +113,14 @@ def _kept(run: ImagerRun) -> str:
             [row.effect, told, f"{about} {row.bound:.2g}", cost, check, sources[row.effect]]
         )
     head = ["effect", "", "leaving it out changes", "cost a pixel-frame", "the check", "source"]
-    seen = run.run.expected
+    seen, decided = run.run.expected, run.filmed.decided
+    decisions = ""
+    if out and decided is not None:
+        decisions = (
+            f"<p>Decisions: {decided.told()}. Of each frame it is asked how far what was left out "
+            "can move the statistic that the controller goes by; where that reaches a limit of the "
+            "decision, the frame is converted with everything and decided on anew.</p>"
+        )
     return (
         "<h2>What was kept and what was left out</h2><p>Changes are of a pixel value's mean, "
         "relative to it (at least one DN), or of its noise, relative to that (at least what "
@@ -123,7 +130,7 @@ def _kept(run: ImagerRun) -> str:
         "estimate is given twice its size. The check converts "
         f"{patches.seen} patches of the run's own exposures again and again with everything and "
         "without, with the same random numbers, and tells the upper 99.9 % limit. A plan may add "
-        f"up to {0.5 * run.result.tolerance:g}.</p>" + table(head, rows)
+        f"up to {0.5 * run.result.tolerance:g}.</p>" + decisions + table(head, rows)
     )
 
 
