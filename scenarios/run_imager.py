@@ -120,13 +120,15 @@ def run_imager(
 def _result(filmed: Filmed) -> Result:
     run, patches = filmed.run, filmed.patches
     scenario, taken = run.scenario, filmed.taken
-    error, out = patches.planned(), list(run.plan.left_out)
+    error, out = filmed.error, list(run.plan.left_out)
     told = Error(None, "no frame of the run was looked at", None)
     if error is not None:
         kind = "nothing was left out" if not out else (
             "relative error of the mean and of the noise of a pixel value, the larger; worst of "
             f"{patches.seen} patches, everything kept against the plan, same random numbers"
         )  # fmt: skip
+        if out and filmed.decided is not None:
+            kind += f"; {filmed.decided.told()}"
         told = Error(error.value, kind, (error.low, error.high))
     pixels = sum(t.shape[0] * t.shape[1] for t in taken)
     simulated = run.stop * 1e-12

@@ -28,6 +28,13 @@ A register reads at once what was written to it. When the sequencer takes it to 
 each: at once, with the next frame, or with the next cycle; those that wait for one instant are
 taken together. A word is strobed one clock after its last byte has come whole, and what begins at
 that very clock does not see it yet.
+
+The line cannot refuse a write, as the hardware behind it cannot: bits beyond a register's width are
+dropped, a write to a register that is only read changes nothing, and one to no register changes
+nothing but `ctrl_bus_errors`. (`viform board regs` looks at the table before it writes, and refuses
+there.) A scenario's `imager.writes`, and `write` of an imager in Python, go by the same table in
+every imager and are refused instead, in one line: a register that does not exist or is only read, a
+value of more bits than it has, an instant that has passed.
 """
 
 _PARAMETERS = {

@@ -1,11 +1,28 @@
-"""What an imager refuses of a write to one of its registers, whatever its rule of taking it."""
+"""One rule for writes to an imager's registers from Python or a scenario: what is refused, in which
+words, whatever the imager's rule of taking what was written.
+
+The bus cannot refuse (`RegisterFile.write`): there bits beyond a register's width are dropped and a
+register that is only read is left alone, as in hardware.
+"""
 
 from __future__ import annotations
 
 from cosim import InputError
+from rtl_model.imagers.register_file import RegisterFile
 from rtl_model.registers.table import Register
 
-__all__ = ["write_instant"]
+__all__ = ["register_of", "write_instant"]
+
+
+def register_of(registers: RegisterFile, register: str) -> Register:
+    """The entry of a register by its name, which may leave out the imager's own group ("exposure"
+    for "emccd_exposure"). InputError for none such."""
+    own = [entry.name for entry in registers.design.own]
+    group = own[0].split("_", 1)[0]
+    for name in (register, f"{group}_{register}"):
+        if name in registers.table:
+            return registers.table[name]
+    raise InputError("register", f"one of {', '.join(own)}", register, "look at the table")
 
 
 def write_instant(entry: Register, register: str, value: int, at: int | None, now: int) -> int:

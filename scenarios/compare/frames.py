@@ -22,6 +22,7 @@ from scenarios.imagers.view import View
 from scenarios.schema import AdaptiveSection, EbapsSection, ImagerScenario
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import COLUMNS, ROWS
+from sensor.imagers.emccd import without_smear
 
 __all__ = ["film_frames"]
 
@@ -48,6 +49,7 @@ def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: flo
     seen = film_at(imager, placed, light, instant, scenario.seed, kept)
     show = _Shown(scenario, seen, corner, white)
     image = show.estimate(seen.frame)
+    corrected = show.without_smear(seen.frame, imager)
     # The still frames are of the scene's first instant.
     first, now = truth(0), truth(instant)
     quiet = np.ones(SHAPE, bool)
@@ -75,6 +77,9 @@ def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: flo
         "data_rate_pixel": Figure(bits * rate / pixels, "bit/s/pixel"),
         "latency": Figure(ready * 1e3, "ms"),
         "psnr": Figure(psnr(np.clip(image, 0, 1), now.astype(np.float32)), "dB"),
+        "psnr_smear_corrected": Figure(
+            None if corrected is None else psnr(corrected, now.astype(np.float32)), "dB"
+        ),
         "skew": Figure(skew * 1e3, "ms"),
         "exposure": Figure(show.seconds * 1e3, "ms"),
         "saturated": Figure(clipped, "1"),
@@ -85,7 +90,7 @@ def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: flo
     notes += [show.note()]
     return Camera(
         kind, _TITLES[kind], show.setting(), "; ".join(n for n in notes if n),
-        np.clip(image, 0, 1), figures, time.perf_counter() - begin,
+        np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
     )  # fmt: skip
 
 
@@ -139,9 +144,22 @@ class _Shown:
 
     def estimate(self, frame: Frame) -> npt.NDArray[np.float64]:
         """Reflectance by the pixels' closed form, not clipped."""
+        return (self.values(frame) - self._black) / self._white_step(frame)
+
+    def _white_step(self, frame: Frame) -> float:
+        """DN of white above black."""
         seconds = frame.exposure / PS
-        slope = black_and_slope(self.pixels, seconds)[1]
-        return (self.values(frame) - self._black) / (slope * self._white * seconds)
+        return black_and_slope(self.pixels, seconds)[1] * self._white * seconds
+
+    def without_smear(self, frame: Frame, imager: Any) -> npt.NDArray[np.float64] | None:
+        """Reflectance in [0, 1] with the smear of frame transfer taken off by columns, over all
+        rows that the frame has (around the scene it is dark); None of an imager that has none."""
+        if isinstance(self.section, AdaptiveSection | EbapsSection):
+            return None
+        signal = frame.values.astype(np.float64) - self._black
+        share = imager.timing.row_shift / (frame.exposure / PS)
+        part = without_smear(signal, share)[self._rows(frame), self._left : self._left + SHAPE[1]]
+        return np.clip(part / self._white_step(frame), 0, 1)
 
     def sent(self) -> tuple[float, float]:
         """Bits of a frame that leave the imager, and its pixels: all of its array's."""

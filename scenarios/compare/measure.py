@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
+from scipy.fft import dctn
 from scipy.optimize import minimize_scalar
 
 __all__ = ["EDGE", "noise", "still_blur"]
@@ -29,17 +29,22 @@ def still_blur(image: Image, truth: Image) -> float | None:
 
     Temporal noise adds the same to every trial. None where too little is to be seen: the best
     Gaussian must explain a tenth of what varies.
+
+    Both are sampled by pixels, so the trial is Gaussian in the spectrum, exp(-(k sigma)^2/2), with
+    light reflected at the sides. A Gaussian taken at whole pixels is narrower than its sigma where
+    that is below 0.7 pixels, and widths of 1 pixel came out 22 % too large.
     """
-    seen = (image - image.mean()).ravel()
-    power = float(seen @ seen)
+    seen, sharp = (dctn(plane, norm="ortho") for plane in (image, truth))
+    seen[0, 0] = sharp[0, 0] = 0.0  # the means
+    power = float((seen * seen).sum())
     if power <= 0:
         return None
+    down, across = (np.pi * np.arange(n) / n for n in truth.shape)
+    squared = down[:, None] ** 2 + across**2
 
     def left(sigma: float) -> float:
-        trial = (gaussian_filter(truth, sigma) if sigma > 0 else truth).ravel()
-        trial = trial - trial.mean()
-        own = float(trial @ trial)
-        along = float(trial @ seen)
+        trial = sharp * np.exp(-(sigma**2) / 2 * squared)
+        own, along = float((trial * trial).sum()), float((trial * seen).sum())
         return 1 - (along * along / own / power if own > 0 and along > 0 else 0.0)
 
     grid = np.concatenate([[0.0], np.geomspace(0.25, _WIDEST, 14)])
@@ -48,7 +53,7 @@ def still_blur(image: Image, truth: Image) -> float | None:
     if values[at] > 0.9:
         return None
     low, high = grid[max(at - 1, 0)], grid[min(at + 1, grid.size - 1)]
-    found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 0.01})
+    found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
     best = float(found.x) if float(found.fun) < values[at] - 1e-9 else float(grid[at])
     return EDGE * best
 

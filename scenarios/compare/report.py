@@ -24,6 +24,7 @@ HEADS: Final = {
     "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
     "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
     "data_rate_pixel": "of a pixel", "latency": "latency", "psnr": "PSNR",
+    "psnr_smear_corrected": "PSNR, smear taken off",
     "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
     "off": "off the instant",
 }  # fmt: skip
@@ -51,6 +52,10 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
     height, width = truth.shape
     panels = [("truth", "", truth)]
     panels += [(c.title, c.setting, c.image) for c in cameras]
+    panels += [
+        (c.title, "smear of frame transfer taken off by columns", c.corrected)
+        for c in cameras if c.corrected is not None
+    ]  # fmt: skip
     columns = 3
     rows = -(-len(panels) // columns)
     figure, axes = plt.subplots(
@@ -102,6 +107,8 @@ _EXPLAINED: Final = (
     "<b>Noise</b>: spread from image to image where nothing moves, over the signal, at a "
     "reflectance of 0.3 to 0.7. <b>Data rate</b>: what leaves the imager, all of its pixels. "
     "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
-    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant. A dash: not to "
-    "be measured in this scene.</p>"
+    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; of the EMCCD a "
+    "second one, after the standard correction of frame transfer: what every other row of a column "
+    "adds on the way, row shift over exposure of its signal, is taken off. A dash: not to be "
+    "measured in this scene.</p>"
 )

@@ -12,7 +12,7 @@ __all__ = ["FIGURES", "Camera", "Figure"]
 
 FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
-    "latency", "psnr", "skew", "exposure", "saturated", "off",
+    "latency", "psnr", "psnr_smear_corrected", "skew", "exposure", "saturated", "off",
 )  # fmt: skip
 """Every figure of a row, in the order of the table."""
 
@@ -28,7 +28,8 @@ class Figure:
 @dataclass(frozen=True, eq=False)
 class Camera:
     """name: short. title: as a heading. setting: in words. image: estimate of reflectance at the
-    instant, (H, W) in [0, 1]. figures: by the names of `FIGURES`."""
+    instant, (H, W) in [0, 1]. figures: by the names of `FIGURES`. corrected: the image with the
+    smear of frame transfer taken off, of a camera that has it."""
 
     name: str
     title: str
@@ -37,6 +38,7 @@ class Camera:
     image: npt.NDArray[np.float64]
     figures: dict[str, Figure]
     seconds: float = field(default=0.0)
+    corrected: npt.NDArray[np.float64] | None = None
 
     def row(self) -> dict[str, Any]:
         """For the document."""

@@ -116,6 +116,7 @@ def _cameras(
             # Half of the light's own span, then the plane is read in the next cycle.
             "latency": Figure((width / 2 + 1) * period * 1e3 if width == width else None, "ms"),
             "psnr": Figure(psnr(image, now.astype(np.float32)), "dB"),
+            "psnr_smear_corrected": Figure(None, "dB"),
             "skew": Figure(setting.row_skew * period * 1e3, "ms"),
             "exposure": Figure(width * period * 1e3 if width == width else None, "ms"),
             "saturated": Figure(float((image >= 1).mean()), "1"),

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim import InputError, seconds_to_ps
+from cosim import InputError
 from rtl_model.imagers.adaptive import (
     MINIMUM_CLOCKS,
     AdaptiveExposure,
@@ -18,8 +18,9 @@ from rtl_model.imagers.adaptive import (
     Timing,
     decide,
 )
-from scenarios.imagers.machine import Expected, Taken
+from scenarios.imagers.machine import Expected, Taken, saturation
 from scenarios.imagers.view import View
+from scenarios.imagers.writes import write_all
 from scenarios.result import Latency, Metric
 from scenarios.schema import AdaptiveSection
 from sensor.imagers import PixelModel, Still
@@ -85,9 +86,7 @@ class AdaptiveMachine:
                 )  # fmt: skip
             imager.write("adaptive_rows", (row + rows - 1) << 16 | row)
             imager.write("adaptive_columns", (column + columns - 1) << 16 | column)
-        for seconds, register, value in s.writes:
-            name = register if register.startswith("adaptive_") else f"adaptive_{register}"
-            imager.write(name, value, seconds_to_ps(seconds))
+        write_all(imager, s.writes)
         return imager
 
     def models(self, pixels: PixelModel) -> Sequence[PixelModel]:
@@ -150,7 +149,8 @@ class AdaptiveMachine:
             "exposure_shortest": Metric(min(t.seconds for t in taken) * 1e6, "us"),
             "exposure_longest": Metric(max(t.seconds for t in taken) * 1e6, "us"),
             "frames_to_settle": Metric(settled, "frames"),
-            "saturated": Metric(last.state["saturated"], "pixels"),
+            **saturation(taken),
+            "saturated_pixels": Metric(last.state["saturated"], "pixels"),
             "largest": Metric(largest if largest <= FULL else None, "DN"),
             "dynamic_range": Metric(20 * np.log10(covered), "dB"),
             "brightest": Metric(256 * step / min(seconds), "lux"),

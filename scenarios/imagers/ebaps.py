@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from cosim import seconds_to_ps
 from rtl_model.imagers.ebaps import (
     DARKS,
     LIVE,
@@ -19,6 +18,7 @@ from rtl_model.imagers.ebaps import (
 )
 from scenarios.imagers.machine import Expected, Taken
 from scenarios.imagers.view import View
+from scenarios.imagers.writes import write_all
 from scenarios.result import Latency, Metric
 from scenarios.scenes.target_art import ASPECT, bar_width, regions
 from scenarios.schema import EbapsSection
@@ -58,9 +58,7 @@ class EbapsMachine:
         imager.write("ebaps_refresh", int(s.darks and s.exposure_loop))
         if s.darks:
             imager.store_darks()
-        for seconds, register, value in s.writes:
-            name = register if register.startswith("ebaps_") else f"ebaps_{register}"
-            imager.write(name, value, seconds_to_ps(seconds))
+        write_all(imager, s.writes)
         return imager
 
     def models(self, pixels: PixelModel) -> Sequence[PixelModel]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from rtl_model.imagers.emccd import Cooler, Emccd, Settings, Timing, frame_seconds
-from scenarios.imagers.machine import Expected, Taken
+from scenarios.imagers.machine import Expected, Taken, saturation
 from scenarios.imagers.view import View
+from scenarios.imagers.writes import write_all
 from scenarios.result import Latency, Metric
 from scenarios.schema import EmccdSection
 from sensor.imagers import PixelModel
@@ -76,8 +77,7 @@ class EmccdMachine:
         imager.write("emccd_first_row", s.first_row)
         imager.write("emccd_rows", s.rows)
         imager.write("emccd_sync", int(s.sync == "external"))
-        for seconds, register, value in s.writes:
-            imager.write(register, value, seconds_to_ps(seconds))
+        write_all(imager, s.writes)
         return imager
 
     def _written(self, register: str) -> list[int]:
@@ -141,7 +141,7 @@ class EmccdMachine:
             "effective_read_noise": Metric(self.pixels.read_noise / last.state["gain"], "e"),
             "temperature": Metric(float(np.mean(celsius)), "degC"),
             "temperature_spread": Metric(float(np.std(celsius)), "K"),
-            "saturated": Metric(max(t.full for t in taken), "1"),
+            **saturation(taken),
             "pulses_lost": Metric(float(imager.read("emccd_pulses_lost")), "1"),
         }
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -15,6 +15,7 @@ from cosim import InputError, Interrupted
 from cosim.files.whole import whole
 from rtl_model.imagers import Imager
 from scenarios.filming import PUT_BACK, mend, room_for
+from scenarios.imagers.decisions import Decided, Decisions
 from scenarios.imagers.machine import Taken, take
 from scenarios.imagers.paired import Compared, PlanPatches
 from scenarios.imagers.planning import Ready, ready_imager
@@ -23,6 +24,7 @@ from scenarios.imagers.tape import TAPE, Tape, Taped
 from scenarios.loading import to_toml
 from scenarios.progress import Progress
 from scenarios.result import viform_version
+from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["Filmed", "film", "film_as_promised", "watched"]
 
@@ -33,7 +35,8 @@ WATCHED = 4
 @dataclass(frozen=True, eq=False)
 class Filmed:
     """run: as it was filmed at last. put_back: effects that it had left out before. imager: as it
-    stands after the run. seconds: of every stage. resumed: whether a part was there before."""
+    stands after the run. seconds: of every stage. resumed: whether a part was there before.
+    decided: what was found of its controller's decisions."""
 
     run: Ready
     taken: list[Taken]
@@ -42,6 +45,16 @@ class Filmed:
     seconds: dict[str, float]
     put_back: list[str] = field(default_factory=list)
     resumed: bool = False
+    decided: Decided | None = None
+
+    @property
+    def error(self) -> Compared | None:
+        """Of the plan: of the patches, and of a decision that full physics makes otherwise."""
+        found, decided = self.patches.planned(), self.decided
+        if found is None or decided is None or decided.flipped is None:
+            return found
+        change = max(found.mean, decided.change)
+        return replace(found, mean=change, high=max(found.high, decided.change))
 
 
 def _identity(run: Ready) -> str:
@@ -83,8 +96,16 @@ def film(run: Ready, folder: Path, resume: bool, progress: Progress, trace: Path
     patches = PlanPatches(effects, out, run.scenario.seed, watched(run.expected.frames))
     tape = Tape(folder / TAPE, _identity(run), resume)
     resumed = tape.found > 0
-    scenery, watch = _Timed(run.view.scenery), _Clock(patches)
+    scenery = _Timed(run.view.scenery)
     imager: Any = run.machine.make()
+    decisions = Decisions(imager, frozenset(effects), run.kept, run.scenario.seed)
+    judge = _Clock(decisions.frame)
+
+    def seen(rows: Exposed, pixels: PixelModel) -> None:
+        patches(rows, pixels)
+        decisions.see(rows, pixels)
+
+    watch = _Clock(seen)
     imager.pixels = Taped(imager.pixels, tape, watch)
     taken: list[Taken] = []
     store = FrameStore(folder / FRAMES, run.pixels.bits)
@@ -97,6 +118,7 @@ def film(run: Ready, folder: Path, resume: bool, progress: Progress, trace: Path
         with room_for("the frames", folder):
             frames = _frames(imager, scenery, run, trace)
             for frame in frames:
+                judge(frame)
                 begin = time.perf_counter()
                 store.append(frame)
                 taken.append(take(frame))
@@ -108,14 +130,14 @@ def film(run: Ready, folder: Path, resume: bool, progress: Progress, trace: Path
         raise Interrupted(len(taken), total, mend(folder), "frames") from None
     finally:
         tape.close()
-    light = scenery.lux_seconds.seconds
+    light, checked = scenery.lux_seconds.seconds, watch.seconds + judge.seconds
     seconds = {
         "light": light,
-        "imager": time.perf_counter() - began - light - watch.seconds - storing,
-        "check": watch.seconds,
+        "imager": time.perf_counter() - began - light - checked - storing,
+        "check": checked,
         "frames to disk": storing,
     }
-    return Filmed(run, taken, patches, imager, seconds, [], resumed)
+    return Filmed(run, taken, patches, imager, seconds, [], resumed, decisions.decided())
 
 
 def _frames(imager: Imager, scenery: Any, run: Ready, trace: Path | None) -> Any:
@@ -125,7 +147,7 @@ def _frames(imager: Imager, scenery: Any, run: Ready, trace: Path | None) -> Any
 def _short(filmed: Filmed) -> list[str]:
     """What to put back: the effect whose absence changed most, where the error's upper limit is
     above the tolerance."""
-    run, error = filmed.run, filmed.patches.planned()
+    run, error = filmed.run, filmed.error
     tolerance, out = run.scenario.tolerance, list(run.plan.left_out)
     if error is None or not out or error.high <= tolerance:
         return []
@@ -163,9 +185,9 @@ def film_as_promised(
         if not more:
             return Filmed(
                 filmed.run, filmed.taken, filmed.patches, filmed.imager, filmed.seconds, back,
-                filmed.resumed,
+                filmed.resumed, filmed.decided,
             )  # fmt: skip
-        error = filmed.patches.planned()
+        error = filmed.error
         high = error.high if error is not None else 0.0
         back += more
         progress.note(

@@ -16,7 +16,7 @@ from scenarios.imagers.view import View
 from scenarios.result import Latency, Metric
 from sensor.imagers import PixelModel
 
-__all__ = ["Expected", "Machine", "Taken", "take"]
+__all__ = ["Expected", "Machine", "Taken", "saturation", "take"]
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,15 @@ def take(frame: Frame) -> Taken:
         float(values.std()), float((values == frame.full_scale).mean()), int(values.min()),
         int(values.max()), (values.shape[0], values.shape[1]), dict(frame.state),
     )  # fmt: skip
+
+
+def saturation(taken: Sequence[Taken]) -> dict[str, Metric]:
+    """Share of a frame's pixels that read the largest value there is: of the last frame, and of the
+    frame that has most."""
+    return {
+        "saturated": Metric(taken[-1].full, "1"),
+        "saturated_most": Metric(max(t.full for t in taken), "1"),
+    }
 
 
 class Machine(Protocol):

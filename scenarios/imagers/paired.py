@@ -21,7 +21,9 @@ import numpy.typing as npt
 from scenarios.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
 
-__all__ = ["ROUNDING", "Compared", "Patches", "PlanPatches", "compared"]
+__all__ = [
+    "ROUNDING", "STRIP", "Compared", "Patches", "PlanPatches", "compared", "cut_rows", "strips",
+]  # fmt: skip
 
 REPEATS: Final = (32, 256)
 """Conversions of each patch in each way, least and most: `VALUES` of a strip between."""
@@ -76,6 +78,25 @@ def compared(planned: Values, full: Values, many: int) -> Compared:
     return Compared(mean, change, max(mean_low, low), max(mean_high, high))
 
 
+def strips(rows: Exposed) -> list[slice]:
+    """Strips of rows that stand for a frame: near its top, in its middle, near its bottom."""
+    # Of rows that are exposed together only a window may be read.
+    window = getattr(rows, "read", None) or (0, rows.lux_seconds.shape[0])
+    begin, end = window[0], sum(window)
+    spare = max(end - begin - STRIP, 0)
+    starts = sorted({begin + int(spare * part) for part in (0.12, 0.5, 0.88)})
+    return [slice(first, min(first + STRIP, end)) for first in starts]
+
+
+def cut_rows(rows: Exposed, at: slice) -> Exposed:
+    """These rows alone."""
+    every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
+    return replace(
+        rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
+        waiting=rows.waiting[at], first=rows.first + at.start, **every,
+    )  # fmt: skip
+
+
 class Patches:
     """Watches a run's exposures and compares chosen ones.
 
@@ -97,20 +118,11 @@ class Patches:
         """Looks at rows that have just been converted, if their frame is one of the chosen."""
         if rows.frame not in self._frames or not self._ways:
             return
-        # Of rows that are exposed together only a window may be read.
-        window = getattr(rows, "read", None) or (0, rows.lux_seconds.shape[0])
-        begin, end = window[0], sum(window)
-        spare = max(end - begin - STRIP, 0)
-        for first in sorted({begin + int(spare * part) for part in (0.12, 0.5, 0.88)}):
-            self._strip(rows, pixels, slice(first, min(first + STRIP, end)))
+        for at in strips(rows):
+            self._strip(rows, pixels, at)
 
     def _strip(self, rows: Exposed, pixels: PixelModel, at: slice) -> None:
-        every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
-        cut = replace(
-            rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
-            waiting=rows.waiting[at], first=rows.first + at.start, **every,
-        )  # fmt: skip
-
+        cut = cut_rows(rows, at)
         size = cut.lux_seconds.size
         many = min(max(VALUES // size, REPEATS[0]), REPEATS[1])
         across = min(max(size // LEAST, 1), ACROSS)

@@ -74,8 +74,8 @@ def ready_imager(
     """Raises InputError for what cannot be run."""
     view = make_view(scenario, machine.shape)
     stop = seconds_to_ps(scenario.duration)
+    pixels = machine.make().pixels  # refuses what the imager cannot do, before it is foreseen
     expected = machine.expected(view, stop)
-    pixels = machine.make().pixels
     plan, summary = plan_all(
         machine.models(pixels), expected, scenario.tolerance, view.certain, forced
     )

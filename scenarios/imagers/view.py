@@ -59,8 +59,9 @@ def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
     return min(seen), max(seen)
 
 
-def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
-    """The scene on an imager's plane of so many rows and columns. Raises InputError."""
+def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = LIGHT_CLOCK) -> View:
+    """The scene on an imager's plane of so many rows and columns. clock: on whose edges a scene
+    that moves is drawn. Raises InputError."""
     gain, told = _gain(scenario)
     scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
     if isinstance(scene, TargetScene):
@@ -70,7 +71,6 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int]) -> View:
         lit = Still(lux, target_course(scene))
         name = scene.chart if scene.path is None else ""
         return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
-    clock = LIGHT_CLOCK
     cycles = clock.cycle_at(stop) + 1
     source = make_source(scene, shape, clock, cycles)
 

@@ -10,10 +10,11 @@ from scenarios.imagers.store import FRAMES
 from scenarios.loading import to_toml
 from scenarios.png import for_display
 from scenarios.report.parts import cards, figure, opening, run_time, table, write_page
+from scenarios.result import Metric
 from scenarios.run_imager import ImagerRun
 from scenarios.schema import AdaptiveSection, EbapsSection
 
-__all__ = ["write_imager_report"]
+__all__ = ["said", "write_imager_report"]
 
 _TITLES = {
     "adaptive-exposure": "adaptive-exposure CMOS sensor",
@@ -38,12 +39,34 @@ def _cards(run: ImagerRun) -> str:
     return cards(rows)
 
 
+_SHARES = {
+    "saturated": "of the last frame's pixels read the largest value there is",
+    "saturated_most": "of the pixels do so in the frame that has most",
+    "settled_share": "of the live frames say that the exposure loop rests",
+}
+_ANSWERS = {"settled": "whether the last live frame says that the exposure loop rests"}
+_COUNTS = {
+    "frames": "frames", "dark_frames": "frames", "pulses_lost": "pulses of external sync",
+    "resets_disturbed": "resets within another row's sampling", "saturated_pixels": "pixels of the "
+    "last frame's window over full scale, by the comparator",
+}  # fmt: skip
+
+
+def said(name: str, metric: Metric) -> tuple[str, str]:
+    """A metric's value and its unit for a reader: a share in per cent, an answer as yes or no, a
+    plain number with what it counts."""
+    value, unit = metric.value, "" if metric.unit == "1" else metric.unit
+    if value is None:
+        return "unknown", unit
+    if name in _SHARES:
+        return f"{100 * value:.4g} %", _SHARES[name]
+    if name in _ANSWERS:
+        return "yes" if value else "no", _ANSWERS[name]
+    return f"{value:.5g}", _COUNTS.get(name, unit)
+
+
 def _metrics(run: ImagerRun) -> str:
-    rows = [
-        [name.replace("_", " "), "unknown" if m.value is None else f"{m.value:.5g}",
-         "" if m.unit == "1" else m.unit]
-        for name, m in run.result.metrics.items()
-    ]  # fmt: skip
+    rows = [[name.replace("_", " "), *said(name, m)] for name, m in run.result.metrics.items()]
     page = "<h2>Figures of the run</h2>" + table(["what", "value", "unit"], rows)
     delays = [
         [row.stage, *(f"{us / 1e3:.4g} ms" for us in (row.min_us, row.median_us, row.max_us))]
@@ -90,7 +113,14 @@ def _kept(run: ImagerRun) -> str:
             [row.effect, told, f"{about} {row.bound:.2g}", cost, check, sources[row.effect]]
         )
     head = ["effect", "", "leaving it out changes", "cost a pixel-frame", "the check", "source"]
-    seen = run.run.expected
+    seen, decided = run.run.expected, run.filmed.decided
+    decisions = ""
+    if out and decided is not None:
+        decisions = (
+            f"<p>Decisions: {decided.told()}. Of each frame it is asked how far what was left out "
+            "can move the statistic that the controller goes by; where that reaches a limit of the "
+            "decision, the frame is converted with everything and decided on anew.</p>"
+        )
     return (
         "<h2>What was kept and what was left out</h2><p>Changes are of a pixel value's mean, "
         "relative to it (at least one DN), or of its noise, relative to that (at least what "
@@ -100,7 +130,7 @@ def _kept(run: ImagerRun) -> str:
         "estimate is given twice its size. The check converts "
         f"{patches.seen} patches of the run's own exposures again and again with everything and "
         "without, with the same random numbers, and tells the upper 99.9 % limit. A plan may add "
-        f"up to {0.5 * run.result.tolerance:g}.</p>" + table(head, rows)
+        f"up to {0.5 * run.result.tolerance:g}.</p>" + decisions + table(head, rows)
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from cosim import PS, InputError
 from scenarios.compare import load_comparison
@@ -20,9 +21,9 @@ from scenarios.compare.row import FIGURES
 from scenarios.compare.run_in import Placed, RunIn
 from scenarios.compare.setting import SHAPE
 from scenarios.schema import EbapsSection, EmccdSection
-from sensor.imagers import Course, Still
+from sensor.imagers import Course, Exposed, Still
 from sensor.imagers.cmos import AdaptivePixels
-from sensor.imagers.emccd import EmccdPixels
+from sensor.imagers.emccd import EmccdPixels, without_smear
 
 MS = PS // 1000
 WIDE = (40, 160)
@@ -47,7 +48,7 @@ def test_motion_finds_the_span_that_an_image_is_the_mean_of(span: int) -> None:
     truth = stripes(speed)
     times = np.linspace(middle - span // 2, middle + span // 2, 401)
     image = np.mean([truth(int(t)) for t in times], axis=0)
-    image = 30 + 7 * (image + np.random.default_rng(1).normal(0, 0.1, WIDE))
+    image = 30 + 0.93 * (image + np.random.default_rng(1).normal(0, 0.1, WIDE))
     motion = Motion(truth, middle, 30 * MS, MS // 4, 80 * MS)
     instants = np.full(WIDE[0], middle)
     assert motion.span(image, instants) == pytest.approx(span / PS, rel=0.05)
@@ -73,6 +74,78 @@ def test_what_stands_still_or_shows_nothing_has_no_motion() -> None:
     drawn = np.random.default_rng(2).normal(0, 1, WIDE)
     moves = Motion(stripes(1500.0), 40 * MS, 30 * MS, MS, 80 * MS)
     assert moves.span(drawn, np.full(WIDE[0], 40 * MS)) is None
+
+
+def star(ps: int, rows: slice = slice(0, 120)) -> Any:
+    """36 spokes that turn four times a second, coverage of pixels: one passes every 6.9 ms."""
+    y, x = np.indices((120, 160))[:, rows] - np.array([59.3, 80.1])[:, None, None]
+    radius = np.hypot(x, y)
+    phase = 36 * (np.arctan2(y, x) - 2 * np.pi * 4 * ps / PS)
+    soft = np.maximum(radius, 1) / 36  # an edge is a pixel wide
+    return 0.5 + 0.4 * np.clip(soft * np.sin(phase), -1, 1) * (radius < 75)
+
+
+@pytest.mark.parametrize("span", [5.0, 8.192, 16.384, 25.0, 32.768])
+def test_a_scene_that_repeats_itself_is_read_at_its_span(span: float) -> None:
+    """As the EBAPS films the star: rows 32 us apart, noise as large as what varies. Spans that
+    differ by repeats look almost alike; the edge's width is within 5 % all the same."""
+    middle = 40 * MS
+    motion = Motion(star, middle, 38 * MS, MS // 4, 80 * MS)
+    instants = middle + (np.arange(120) - 60) * PS // 31_250
+    image = np.zeros((120, 160))
+    times = ((np.arange(128) + 0.5) / 128 - 0.5) * span * MS
+    for row, instant in enumerate(instants):
+        own = slice(row, row + 1)
+        image[row] = np.mean([star(int(instant + t), own)[0] for t in times], axis=0)
+    image = image + np.random.default_rng(7).normal(0, image.std(), image.shape)
+    expected = RAMP * float(motion.speed() or 0) * span * 1e-3
+    assert motion.blur(0.98 * image + 0.01, instants) == pytest.approx(expected, rel=0.05)
+
+
+def test_the_mean_edge_s_speed_is_the_scene_s() -> None:
+    """Bars that lean by 0.1: their edges go 1500/sqrt(1.01) pixels a second across themselves."""
+    motion = Motion(stripes(1500.0), 40 * MS, 30 * MS, MS // 4, 80 * MS)
+    assert motion.speed() == pytest.approx(1500 / np.sqrt(1.01), rel=0.05)
+
+
+@pytest.mark.parametrize("width", [1.0, 1.5, 2.5, 5.0, 10.0])
+@pytest.mark.parametrize(("offset", "angle"), [(0.0, 0.3), (0.3, 0.05), (0.5, 1.0)])
+def test_a_blurred_edge_of_known_width_is_read_within_5_percent(
+    width: float, offset: float, angle: float
+) -> None:
+    """An edge that lies anywhere on the pixels, blurred before the pixels sample it, with noise."""
+    size, fine = 64, 8
+    along = (np.arange(size * fine) + 0.5) / fine - 0.5 - size / 2
+    distance = (along[None] - offset) * np.cos(angle) + along[:, None] * np.sin(angle)
+
+    def sampled(plane: Any) -> Any:
+        return plane.reshape(size, fine, size, fine).mean(axis=(1, 3))
+
+    truth, image = sampled((distance > 0) * 1.0), sampled(ndtr(distance * EDGE / width))
+    image = 5 + 3 * image + np.random.default_rng(8).normal(0, 0.01, image.shape)
+    assert still_blur(image, truth) == pytest.approx(width, rel=0.05)
+
+
+def test_smear_is_taken_off_by_columns() -> None:
+    """A bright disc on 512 lit rows, 1 ms: what the pixels smear, the columns' sums take off."""
+    pixels = EmccdPixels()
+    y, x = np.indices(pixels.shape)
+    light = 0.2 + 0.8 * (np.hypot(y - 250, x - 260) < 90)
+    seconds, rows = np.full(pixels.shape[0], 1e-3), pixels.shape[0]
+    exposed = Exposed(light * 0.05, seconds, np.zeros(rows), 0, 0)
+    sharp, smeared = (
+        pixels.convert(exposed, 1, kept).astype(float)[8:-8] - pixels.offset
+        for kept in (frozenset[str](), frozenset({"smear"}))
+    )
+    share = pixels.row_shift / 1e-3
+    left = without_smear(smeared, share)
+    inside = (slice(None), slice(12, -12))
+    assert np.abs(smeared - sharp)[inside].max() > 0.2 * sharp.max()
+    # Rounding of both, and of 512 values' sum.
+    assert np.abs(left - sharp)[inside].max() < 1.5
+    assert without_smear(sharp, 0.0) == pytest.approx(sharp)
+    with pytest.raises(ValueError, match="share must be 0 to below 1"):
+        without_smear(sharp, 1.0)
 
 
 def test_blur_of_what_stands_still_is_the_gaussian_s() -> None:

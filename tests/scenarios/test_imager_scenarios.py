@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, InputError
+from rtl_model.imagers import design
 from scenarios.commands.run import refuse_device
 from scenarios.imagers.adaptive import AdaptiveMachine, changes
 from scenarios.imagers.filming import watched
@@ -14,6 +15,8 @@ from scenarios.imagers.machine import take
 from scenarios.imagers.planning import ready_imager
 from scenarios.imagers.view import make_view
 from scenarios.loading import filmed, linked, load, shipped, to_toml
+from scenarios.report.imager import said
+from scenarios.result import Metric
 from scenarios.scenes.making import make_source
 from scenarios.scenes.target_art import CHARTS, draw, regions
 from scenarios.schema import validate
@@ -130,13 +133,22 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
     refuse_device("numba")
 
 
-@pytest.mark.parametrize(
-    ("kind", "register"),
-    [("adaptive-exposure", "speed"), ("ebaps", "speed"), ("emccd", "emccd_state")],
-)
-def test_a_register_that_is_not_there_is_refused(kind, register):
-    with pytest.raises(InputError):
-        machine_of(scenario(kind, writes=[["1 ms", register, 1]])).make()
+@pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
+def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
+    """No such register, one that is only read, one bit too many."""
+    own = design(kind).own
+    read_only = next(r.name for r in own if r.mode == "ro")
+    wide = next(r for r in own if r.mode == "rw" and r.width < 32)
+    for register, value, says in (
+        ("speed", 1, "its register one of"),
+        (read_only, 1, "to be a register that is written"),
+        (wide.name, 1 << wide.width, f"it has {wide.width} bits"),
+    ):
+        given = scenario(kind, writes=[["1 ms", wide.name, 1], ["2 ms", register, value]])
+        with pytest.raises(InputError, match=says) as told:
+            ready_imager("x", given, machine_of(given))
+        assert str(told.value).startswith("imager.writes.1 must be a write that the imager takes")
+        assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize("chart", CHARTS)
@@ -217,6 +229,9 @@ def test_what_is_foreseen_holds_what_the_controller_does():
     assert metrics["frames_to_settle"].value == max(start.frames, jump.frames)
     short = [t for t in taken if t.ready < jump.ps + jump.delay]  # ends before it has settled
     assert machine.metrics(short, ready.view, imager)["frames_to_settle"].value is None
+    assert metrics["saturated"] == Metric(taken[-1].full, "1")
+    assert metrics["saturated_most"] == Metric(max(t.full for t in taken), "1")
+    assert metrics["saturated_pixels"] == Metric(taken[-1].state["saturated"], "pixels")
     blind = replace(taken[-1], state=taken[-1].state | {"largest": 256})  # no value below full
     assert machine.metrics([*taken, blind], ready.view, imager)["largest"].value is None
     # Full scale at 1 V/(lx s) and this exposure; the right one leaves the white step below it.
@@ -310,6 +325,30 @@ def test_an_emccds_frames_are_foreseen_through_its_writes():
     assert {t.shape for t in frames} == {(512, 536), (256, 536), (128, 536)}
     assert frames[0].state["kelvin"] == pytest.approx(263.15, abs=0.05)
     assert len(machine.models(machine.pixels)) == 2
+
+
+def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
+    """A white field that fills the wells: all pixels at the largest value, 1, unit "1"."""
+    for kind, keys in (
+        ("adaptive-exposure", {"rows": 16, "columns": 16, "adapt": False, "multiplier": 9000}),
+        ("emccd", {"gain": 900}),
+    ):
+        given = scenario(kind, {"illuminance": "1e6 lux"}, duration="120 ms", **keys)
+        machine = machine_of(given)
+        ready = ready_imager("x", given, machine)
+        imager = machine.make()
+        frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
+        taken = [take(frame) for frame in frames]
+        metrics = machine.metrics(taken, ready.view, imager)
+        for name in ("saturated", "saturated_most"):
+            assert metrics[name].unit == "1" and 0.9 < metrics[name].value <= 1
+        told = {name: said(name, metric) for name, metric in metrics.items()}
+        share = f"{100 * metrics['saturated'].value:.4g} %"
+        assert told["saturated"] == (share, "of the last frame's pixels read the largest value "
+                                     "there is")  # fmt: skip
+    assert said("settled", Metric(1.0, "1"))[0] == "yes"
+    assert said("settled", Metric(0.0, "1"))[0] == "no"
+    assert said("settled", Metric(None, "1"))[0] == "unknown"
 
 
 def test_frames_that_are_checked_lie_within_the_run():

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rtl_model.imagers.adaptive.decision import LONGEST, Search, decide
+from rtl_model.imagers.adaptive.decision import LONGEST, Decision, Search, decide
 from rtl_model.imagers.adaptive.registers import design_of
 from rtl_model.imagers.adaptive.sequencer import Sequencer, disturbed
 from rtl_model.imagers.adaptive.statistics import Statistics, Window
 from rtl_model.imagers.adaptive.timing import FrameTiming, Timing
 from rtl_model.imagers.register_file import RegisterFile
 
-__all__ = ["Controller", "Counting"]
+__all__ = ["Controller", "Counting", "Judged"]
 
 _WORD = 0xFFFFFFFF
 
@@ -29,6 +29,28 @@ class Counting(NamedTuple):
     window: Window
     threshold: int
     whole_scan: bool
+
+
+class Judged(NamedTuple):
+    """How a frame was judged. counting: see there. multiplier: of its exposure. user: multiple of T
+    that holds while the exposure is not automatic, else None."""
+
+    counting: Counting
+    multiplier: int
+    search: Search
+    longest: int
+    user: int | None
+
+    def decision(self, seen: Statistics) -> Decision:
+        """What the statistics of the frame lead to."""
+        return decide(
+            self.multiplier, seen.saturated, seen.largest, threshold=self.counting.threshold,
+            search=self.search, longest=self.longest,
+        )  # fmt: skip
+
+    def chosen(self, seen: Statistics) -> int:
+        """The multiple of T that the frame after the next is exposed with."""
+        return self.decision(seen).multiplier if self.user is None else self.user
 
 
 class Controller:
@@ -48,6 +70,8 @@ class Controller:
         self._frames: list[FrameTiming] = []
         self._multiplier = 0
         self._counting: Counting | None = None
+        self.judged: Judged | None = None
+        """How the last frame was."""
 
     def begin(self) -> None:
         """Exposes with T, or with what the user has set (document 001, section 2); nothing where
@@ -89,12 +113,12 @@ class Controller:
         if self._counting is None:
             raise RuntimeError("a frame that was not opened cannot be closed")
         at = self.registers.at_work
-        made = decide(
-            self._multiplier, seen.saturated, seen.largest, threshold=self._counting.threshold,
-            search=Search(at("adaptive_search") or 1),
-            longest=min(at("adaptive_longest"), LONGEST),
+        self.judged = Judged(
+            self._counting, self._multiplier, Search(at("adaptive_search") or 1),
+            min(at("adaptive_longest"), LONGEST),
+            None if at("adaptive_automatic") else self._user,
         )  # fmt: skip
-        chosen = made.multiplier if at("adaptive_automatic") else self._user
+        made, chosen = self.judged.decision(seen), self.judged.chosen(seen)
         frame, largest = self.frame, 256 if seen.largest is None else seen.largest
         for name, value in (
             ("multiplier", chosen),

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError
 from cosim.clock import PS
 from cosim.frames import Frame
 from rtl_model.imagers.adaptive.controller import Controller
@@ -18,7 +17,7 @@ from rtl_model.imagers.adaptive.signals import signal_list, signals_of
 from rtl_model.imagers.adaptive.statistics import gather
 from rtl_model.imagers.adaptive.timing import FRAME_RATE, FrameTiming, Timing
 from rtl_model.imagers.trace import trace_ending, write_trace
-from rtl_model.imagers.writing import write_instant
+from rtl_model.imagers.writing import register_of, write_instant
 from rtl_model.registers.table import Register
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.cmos import AdaptivePixels
@@ -61,18 +60,18 @@ class AdaptiveExposure:
         return self._now
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`. InputError for no such register, one that is not written, a value that
-        does not fit, a time that has passed."""
-        entry = self._entry(register)
+        """See `Imager`; names may leave out the `adaptive_`. InputError for no such register, one
+        that is only read, a value that does not fit, a time that has passed."""
+        entry = register_of(self.controller.registers, register)
         when = write_instant(entry, register, value, at, self._now)
-        insort(self._waiting, (when, self._written, register, value))
+        insort(self._waiting, (when, self._written, entry.name, value))
         self._written += 1
         self._apply(self._now)
 
     def read(self, register: str) -> int:
         """See `Imager`. InputError for no such register."""
-        self._entry(register)
-        return self.controller.registers.read(register)
+        registers = self.controller.registers
+        return registers.read(register_of(registers, register).name)
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
@@ -114,13 +113,6 @@ class AdaptiveExposure:
             self._write_trace(trace, traced)
         self._apply(until)
         self._now = max(self._now, until)
-
-    def _entry(self, register: str) -> Register:
-        table = self.controller.registers.table
-        if register not in table:
-            own = ", ".join(entry.name for entry in self.controller.registers.design.own)
-            raise InputError("register", f"one of {own}", register, "look at the table")
-        return table[register]
 
     def _apply(self, until: int) -> None:
         """Writes that are due by an instant are made. A frame that has begun by then takes the

@@ -74,6 +74,7 @@ from rtl_model.imagers.ebaps.imager import Ebaps
 from rtl_model.imagers.ebaps.machine import machine
 from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, FrameMemory, PlainMemory, region_bytes
 from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
+from rtl_model.imagers.ebaps.resets import late_resets, row_times
 from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
 from rtl_model.imagers.ebaps.settling import (
     Rest,
@@ -153,6 +154,7 @@ __all__ = [
     "frame_words",
     "gray",
     "last_hunting",
+    "late_resets",
     "light_steps",
     "machine",
     "mean_of_four",
@@ -163,6 +165,7 @@ __all__ = [
     "region_offset",
     "residual_variance",
     "resting",
+    "row_times",
     "serialise",
     "settle",
     "settling_exposure",

@@ -8,6 +8,7 @@ of 1280 x 1024 is 2560 bursts. Tests hold the two against each other, bursts and
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,25 @@ __all__ = ["BurstMemory"]
 
 Image = npt.NDArray[np.uint16]
 Bytes = npt.NDArray[np.uint8]
+
+
+@lru_cache(maxsize=64)
+def _joined(
+    bias: int, region: int, size: int, beats: int
+) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """How many bursts move `size` bytes of a region, and where their bytes lie: (place, size) of
+    each run of bursts that follow each other directly. The same for every frame of one size."""
+    runs: list[tuple[int, int]] = []
+    bursts = 0
+    for address, count in bursts_of(bias, region, size, beats):
+        bursts += 1
+        if runs and sum(runs[-1]) == address:
+            runs[-1] = runs[-1][0], runs[-1][1] + count * BEAT_BYTES
+        else:
+            runs.append((address, count * BEAT_BYTES))
+    left = size - sum(length for _, length in runs[:-1])  # the last burst may not be full
+    runs[-1] = runs[-1][0], left
+    return bursts, tuple(runs)
 
 
 class BurstMemory:
@@ -87,17 +107,12 @@ class BurstMemory:
     def _moves(self, region: int, data: Bytes) -> Iterator[tuple[slice, Bytes]]:
         """(place in memory, part of `data`) of each burst; one that follows the last directly, as
         they do within a region, joins it."""
+        bursts, runs = _joined(self.bias, region, data.size, self.beats)
+        self.bursts += bursts
         at = 0
-        start = end = -1
-        for address, beats in bursts_of(self.bias, region, data.size, self.beats):
-            self.bursts += 1
-            if address != end:
-                if end > start:
-                    yield slice(start, end), data[at : at + end - start]
-                    at += end - start
-                start = address
-            end = address + beats * BEAT_BYTES
-        yield slice(start, start + data.size - at), data[at:]
+        for start, size in runs:
+            yield slice(start, start + size), data[at : at + size]
+            at += size
 
     def _run(
         self, write: tuple[int, Image] | None = None,

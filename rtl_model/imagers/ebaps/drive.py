@@ -120,8 +120,8 @@ class Drive:
         """Rows that the next frame's reset begins before this frame's has reached the last row.
 
         There are some when the exposure grows by more than the blanking of a period (0.565 ms): a
-        step of 0.64 ms up gives 3. A shift register holds two rows at a time; a counter would need
-        a second one. exposure, following: ns.
+        step of 0.64 ms up gives 3. A shift register holds two rows at a time, which are then reset
+        together (`resets`); a counter would need a second one. exposure, following: ns.
         """
         apart = self.timing.rise(frame + 1, following) - self.timing.rise(frame, exposure)
         return max(0, -((apart - self.timing.readout_clocks) // self.timing.columns))

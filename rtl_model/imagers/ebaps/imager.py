@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim.errors import InputError
 from cosim.frames import Frame
 from rtl_model.imagers.ebaps.burst_memory import BurstMemory
 from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
 from rtl_model.imagers.ebaps.drive import DRIVE_SIGNALS, drive_records
 from rtl_model.imagers.ebaps.regions import LIVE, FrameMemory
+from rtl_model.imagers.ebaps.resets import late_resets, row_times
 from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
 from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.trace import Record, Signal, write_trace
+from rtl_model.imagers.writing import register_of, write_instant
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.ebaps import EbapsPixels
 
@@ -37,7 +38,7 @@ class Ebaps:
 
     A dark frame (KEY = 1) is delivered as it was read; a live one with the mean of four darks taken
     away once four are stored. A frame's `state` has, besides its exposure and voltage, the mean,
-    `raw_mean`, and what the loop says of it.
+    `raw_mean`, what the loop says of it, and how many rows were reset late (`resets`).
     """
 
     name = "ebaps"
@@ -59,36 +60,27 @@ class Ebaps:
         self._at: dict[int, EbapsPixels] = {}
         self._shown: Image | None = None
         self._raw_mean = 0.0
+        self._times: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
+        self._late = 0
         self._film: tuple[Scenery, int, frozenset[str]] | None = None
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`. Bits beyond a register's width are dropped, as on the bus."""
-        entry = self.sequencer.registers.table.get(register)
-        if entry is None or entry.mode == "ro":
-            names = [e.name for e in self.sequencer.registers.design.own if e.mode != "ro"]
-            raise InputError(
-                "an EBAPS register", "one that can be written", repr(register),
-                f"write {', '.join(names)}",
-            )  # fmt: skip
-        when = self.now if at is None else at
-        if when < self.now:
-            raise InputError(
-                f"a write to {register}", f"at {self.now} ps or later", f"{when} ps",
-                "write it before that time is simulated",
-            )  # fmt: skip
+        """See `Imager`; names may leave out the `ebaps_`. InputError for no such register, one that
+        is only read, a value that does not fit, a time that has passed."""
+        registers = self.sequencer.registers
+        entry = register_of(registers, register)
+        when = write_instant(entry, register, value, at, self.now)
         if when == self.now:
             self._until(when)
-            self.sequencer.registers.write(register, value)
+            registers.write(entry.name, value)
             return
         self._order += 1
-        heapq.heappush(self._writes, (when, self._order, register, value))
+        heapq.heappush(self._writes, (when, self._order, entry.name, value))
 
     def read(self, register: str) -> int:
-        """See `Imager`."""
-        if register not in self.sequencer.registers.table:
-            names = ", ".join(e.name for e in self.sequencer.registers.design.own)
-            raise InputError("an EBAPS register", "one it has", repr(register), f"read {names}")
-        return self.sequencer.registers.read(register)
+        """See `Imager`. InputError for no such register."""
+        registers = self.sequencer.registers
+        return registers.read(register_of(registers, register).name)
 
     def store_darks(self, at: int | None = None) -> None:
         """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
@@ -144,7 +136,9 @@ class Ebaps:
         assert self._film is not None
         scene, seed, kept = self._film
         height, width = self.pixels.shape
-        begin, end = self.timing.row_times(shot.number, shot.exposure, height)
+        around = self.sequencer.around(shot)
+        self._times = begin, end = row_times(self.timing, shot.number, around, height)
+        self._late = int(np.count_nonzero(late_resets(self.timing, shot.number, around)[:height]))
         dark = np.zeros((height, width))
         light = dark if shot.closed else scene.lux_seconds(0, begin, end)
         seconds = (end - begin) / 1e12
@@ -162,7 +156,8 @@ class Ebaps:
 
     def _frame(self, shot: Shot, instant: int) -> Frame:
         assert self._shown is not None
-        begin, end = self.timing.row_times(shot.number, shot.exposure, self.pixels.shape[0])
+        assert self._times is not None
+        begin, end = self._times
         sequencer = self.sequencer
         status = sequencer.status
         state = {
@@ -175,6 +170,7 @@ class Ebaps:
             "key": float(shot.key),
             "high_voltage": float(shot.volts),
             "dark_exposure_ns": float(sequencer.dark_exposure),
+            "rows_reset_late": float(self._late),
             "next_exposure_ns": float(sequencer.registers.read("ebaps_exposure")),
         }
         return Frame(self._shown, self.pixels.bits, shot.number, begin, end, instant, state)

@@ -16,7 +16,7 @@ from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
 from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.register_file import RegisterFile
 
-__all__ = ["Read", "Sequencer", "Shot", "no_light"]
+__all__ = ["Judged", "Read", "Sequencer", "Shot", "no_light"]
 
 _ON, _EVERY, _RAW = 1, 2, 4
 
@@ -42,6 +42,25 @@ class Read:
     raw: int
     total: int
     pixels: int
+
+
+@dataclass(frozen=True)
+class Judged:
+    """How a live frame was judged. rule: the loop as its registers stood. standing: exposure that
+    stood then, exposed: the frame's own, ns. raw: before subtraction of darks. acts: whether the
+    loop may set the exposure."""
+
+    rule: ExposureRule
+    standing: int
+    exposed: int
+    raw: bool
+    acts: bool
+
+    def chosen(self, total: int, pixels: int) -> int:
+        """The exposure that stands after it, ns. total: sum of its values, DN."""
+        if not self.acts:
+            return self.standing
+        return self.rule.judged(self.standing, self.exposed, total, pixels)
 
 
 def no_light(shot: Shot) -> Read:
@@ -72,6 +91,7 @@ class Sequencer:
         self._ahead = 0  # dark frames that the refresh has still to begin
         self._told = {"mean": 0, "dark_exposure": 0, "status": 0, "frames": 0}
         self.last: Shot | None = None
+        self.judged: Judged | None = None
 
     @property
     def rule(self) -> ExposureRule:
@@ -112,6 +132,12 @@ class Sequencer:
     def upcoming(self) -> int:
         """Number of the frame whose VSYNC comes next."""
         return self._next
+
+    def around(self, shot: Shot) -> tuple[int | None, int, int | None]:
+        """Exposures (ns) of the frame before the one that is being read, of that and of the next,
+        whose period has begun by then; None where there is none."""
+        before = None if self.last is None else self.last.exposure
+        return before, shot.exposure, self._waiting[0].exposure if self._waiting else None
 
     def subtracts(self) -> bool:
         """Whether a live frame read now has darks taken from it."""
@@ -179,6 +205,7 @@ class Sequencer:
         if shot.key:
             self._darks = [*self._darks, (shot.exposure, shot.volts)][-DARKS:]
             alike = self.has_darks and len(set(self._darks)) == 1
+            self.judged = None
             self._told["dark_exposure"] = shot.exposure if alike else 0
             self._tell(settled=False, side=0, standing=standing, rule=rule, key=True)
             return
@@ -188,8 +215,10 @@ class Sequencer:
         settled = side == 0 and shot.exposure == standing
         # Frames in flight may be dark ones, which must all be of one exposure.
         free = not self._ahead and not any(other.key for other in self._waiting)
-        if loop & _ON and free:
-            standing = rule.judged(standing, shot.exposure, total, got.pixels)
+        acts = bool(loop & _ON) and free
+        self.judged = Judged(rule, standing, shot.exposure, bool(loop & _RAW), acts)
+        if acts:
+            standing = self.judged.chosen(total, got.pixels)
             self.registers.put("ebaps_exposure", standing)
         resting = settled or standing == shot.exposure
         if self._at("refresh") and resting and self.stale and free:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim import InputError
 from cosim.clock import PS
 from cosim.frames import Frame
 from rtl_model.imagers.emccd.cooling import Cooler
@@ -21,7 +20,7 @@ from rtl_model.imagers.emccd.machine import EmccdMachine
 from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.timing import Timing
 from rtl_model.imagers.trace import Signal, trace_ending, write_trace
-from rtl_model.imagers.writing import write_instant
+from rtl_model.imagers.writing import register_of, write_instant
 from sensor.imagers import Scenery
 from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
 
@@ -75,17 +74,17 @@ class Emccd:
         """See `Imager`. It is strobed at the first edge not before `at`; a cycle that begins at a
         later edge takes it. What is written at 0 stands before the first edge. InputError for no
         such register, one that is only read, a value that does not fit, a time that has passed."""
-        name = self._name(register)
-        entry = self.machine.registers.table[name]
+        entry = register_of(self.machine.registers, register)
         when = write_instant(entry, register, value, at, self._now)
         edge = max(self._edge(when), self.machine.clock - 1) if when else -1
-        insort(self._waiting, (edge, self._written, name, value))
+        insort(self._waiting, (edge, self._written, entry.name, value))
         self._written += 1
         self._strobe(self.machine.clock)
 
     def read(self, register: str) -> int:
         """See `Imager`."""
-        return self.machine.registers.read(self._name(register))
+        registers = self.machine.registers
+        return registers.read(register_of(registers, register).name)
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
@@ -108,13 +107,6 @@ class Emccd:
         self._now = max(self._now, until)
         if trace is not None:
             self._write_trace(trace, [*traced, *self._cycles][:_TRACED], until)
-
-    def _name(self, register: str) -> str:
-        for name in (register, f"emccd_{register}"):
-            if name in self.machine.registers.table:
-                return name
-        own = ", ".join(n for n in self.machine.registers.table if n.startswith("emccd_"))
-        raise InputError("register", f"one of {own}", register, "look at the table")
 
     def _edge(self, ps: int) -> int:
         """The first edge that is not before an instant."""

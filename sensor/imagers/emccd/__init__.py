@@ -27,6 +27,7 @@ from sensor.imagers.emccd.multiplication import (
     stage_probability,
 )
 from sensor.imagers.emccd.pixels import EmccdExposed, EmccdPixels
+from sensor.imagers.emccd.smear import without_smear
 from sensor.imagers.emccd.wells import (
     columns_filled,
     electrons_to_fill,
@@ -62,5 +63,6 @@ __all__ = [
     "spill_lines",
     "stage_probability",
     "tubbs_law",
+    "without_smear",
     "yule_law",
 ]

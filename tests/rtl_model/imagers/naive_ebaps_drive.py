@@ -2,7 +2,7 @@
 
 from rtl_model.imagers.ebaps.drive import LAG, READING, RESETTING
 
-__all__ = ["dense", "disturbed", "intervals"]
+__all__ = ["dense", "disturbed", "exposed_rows", "intervals"]
 
 
 class _Rows:
@@ -89,3 +89,29 @@ def disturbed(drive, frame, exposure, following):
                 if rise < off and fall > on and (rise, fall) != mine:
                     found += 1
     return found
+
+
+def exposed_rows(timing, exposures, frame):
+    """Clocks that each row of a frame gathers, stepped clock by clock: a shift register of resets
+    with one token a frame, all of whose rows each pulse of RST and T resets, and the reading that
+    ends it. exposures: ns of frames 0, 1, ..., which follow each other."""
+    columns, rows = timing.columns, timing.rows
+    on, off = RESETTING["T"]
+    tokens = []  # clocks since each frame's reset began
+    starts = [timing.vsync(n + 1) - ns * timing.clock_hz // 10**9 for n, ns in enumerate(exposures)]
+    last = [None] * rows
+    gathered = [None] * rows
+    reading = timing.vsync(frame + 1)
+    for clock in range(timing.vsync(frame + 2) + columns * rows):
+        tokens = [t + 1 for t in tokens if t + 1 < columns * rows]
+        tokens += [0 for start in starts if start == clock]
+        if any(t % columns == off - 1 for t in tokens):  # the pulse's last clock
+            for t in tokens:
+                last[t // columns] = clock
+        since = clock - reading
+        if since >= 0 and since % columns == off - 1 and since // columns < rows:
+            row = since // columns
+            gathered[row] = clock - last[row]
+            last[row] = clock
+    assert on < off
+    return gathered

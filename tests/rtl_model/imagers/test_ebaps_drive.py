@@ -16,11 +16,13 @@ from rtl_model.imagers.ebaps import (
     ExposureRule,
     Timing,
     drive_records,
+    late_resets,
+    row_times,
 )
 from rtl_model.imagers.ebaps.drive import HCLK_ROWS, LAG, READING, merged
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
-from tests.rtl_model.imagers.naive_ebaps_drive import dense, disturbed, intervals
+from tests.rtl_model.imagers.naive_ebaps_drive import dense, disturbed, exposed_rows, intervals
 from tests.rtl_model.imagers.vcd import read_vcd
 
 SMALL = Timing(columns=96, rows=5, rate=61_000)
@@ -135,6 +137,71 @@ class TestWholeArray:
         with pytest.raises(ValueError, match="80 clocks"):
             Drive(Timing(columns=79))
         assert drive_records([]) == []
+
+
+class TestLateResets:
+    @pytest.mark.parametrize("seed", range(4))
+    def test_rows_gather_what_a_shift_register_clock_by_clock_gives_them(self, seed: int) -> None:
+        """Random exposures of three frames, 100 to 480 clocks: from none to four rows at once."""
+        rng = np.random.default_rng(seed)
+        met = 0
+        for trial in range(12):
+            spans = [(100, 481), (100, 481), (100, 481)] if trial % 2 else [(100, 160), (400, 481)]
+            drawn = [int(rng.integers(*span)) for span in (*spans, (100, 481))[:3]]
+            exposures = tuple(25 * n for n in drawn)
+            around = [(None, *exposures[:2]), exposures, (*exposures[1:], None)]
+            for frame, three in enumerate(around):
+                late = late_resets(SMALL, frame, three)
+                own = SMALL.exposure_clocks(exposures[frame])
+                assert (own - late).tolist() == exposed_rows(SMALL, exposures, frame)
+                begin, end = row_times(SMALL, frame, three, SMALL.rows)
+                assert np.abs((end - begin) - (own - late) * 25_000).max() <= 1
+                met += int((late > 0).sum())
+        assert met > 0
+
+    def test_the_loop_s_step_up(self) -> None:
+        """Three rows before it 853 clocks late, two after it 427; a step down none."""
+        timing = Timing()
+        low, high = DEFAULT_EXPOSURE, DEFAULT_EXPOSURE + STEP
+        before = late_resets(timing, 1, (low, low, high))
+        after = late_resets(timing, 2, (low, high, high))
+        assert np.flatnonzero(before).tolist() == [1021, 1022, 1023]
+        assert np.flatnonzero(after).tolist() == [0, 1]
+        apart = timing.rise(2, high) - timing.rise(1, low)
+        assert set(before[1021:]) == {apart % 1280} and set(after[:2]) == {1280 - apart % 1280}
+        assert not late_resets(timing, 1, (low, low, low)).any()
+        assert not late_resets(timing, 1, (high, high, low)).any()
+        assert not late_resets(timing, 1, (None, low, None)).any()
+
+    def test_the_pixels_have_it(self) -> None:
+        """In the dark the loop steps up: the first two rows of each frame that shows a step gather
+        10.7 us less, in their times and, under a light of their own, in their values."""
+        pixels = EbapsPixels((8, 4096 // 8))
+        kept = frozenset({"direct light"})  # mean light alone
+        light = 2.0 * pixels.photoelectrons(1.0) ** -1 / 16e-3
+        camera = Ebaps(pixels)
+        camera.write("ebaps_window_low", 65_535)
+        camera.write("ebaps_window_high", 65_535)
+        scene = Still(np.full(pixels.shape, light))
+        frames = list(camera.film(scene, 4 * 10**11, seed=1, kept=kept))
+        stood = [frame.state["exposure_ns"] for frame in frames]
+        steps = [n for n in range(1, len(stood)) if stood[n] > stood[n - 1]]
+        assert len(steps) >= 3
+        for n, frame in enumerate(frames):
+            seconds = (frame.end - frame.begin) * 1e-12
+            nominal = frame.state["exposure_ns"] * 1e-9
+            late = [10.675e-6] * 2 if n in steps else []
+            assert frame.state["rows_reset_late"] == len(late)
+            want = nominal - np.array(late + [0.0] * (8 - len(late)))
+            assert seconds == pytest.approx(want, abs=30e-9)
+            value = pixels.silicon.black + 0.8 * pixels.tube.gain(1500.0) * 20.0 * (
+                pixels.photoelectrons(light) * want
+            )
+            assert frame.values.mean(axis=1) == pytest.approx(value, rel=0.02)
+            assert np.abs(np.diff(frame.values[2:].mean(axis=1))).max() < 1
+            share = frame.values[:2].mean() - pixels.silicon.black
+            whole = frame.values[2:].mean() - pixels.silicon.black
+            assert share / whole == pytest.approx((want[0] / nominal), abs=1e-4)
 
 
 def test_trace_of_the_imager(tmp_path: Path) -> None:

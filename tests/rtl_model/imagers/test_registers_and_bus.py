@@ -7,7 +7,8 @@ import random
 
 import pytest
 
-from rtl_model.imagers import HEAD, IMAGER_MAGIC, Design, RegisterFile, line_of
+from cosim import InputError
+from rtl_model.imagers import HEAD, IMAGER_MAGIC, Design, RegisterFile, line_of, machine
 from rtl_model.registers import REGISTERS, Register, faults
 
 OWN = (
@@ -178,3 +179,67 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
     assert "toy_frame` | rw | 8 | 0x6 | taken with a frame; taken with the next frame" in (
         DESIGN.document()
     )
+
+
+def imagers():
+    from rtl_model.imagers.adaptive import AdaptiveExposure
+    from rtl_model.imagers.ebaps import Ebaps
+    from rtl_model.imagers.emccd import Emccd
+    from sensor.imagers.cmos import AdaptivePixels
+    from sensor.imagers.ebaps import EbapsPixels
+
+    return {
+        "adaptive": AdaptiveExposure(AdaptivePixels((4, 4))),
+        "ebaps": Ebaps(EbapsPixels((8, 8))),
+        "emccd": Emccd(),
+    }
+
+
+@pytest.mark.parametrize("kind", ["adaptive", "ebaps", "emccd"])
+def test_every_imager_refuses_a_write_in_the_same_words(kind):
+    """The first writable register and the first that is only read, by full and by short name."""
+    imager = imagers()[kind]
+    table = [entry for entry in entries(imager) if entry.name.startswith(kind)]
+    wide = next(entry for entry in table if entry.mode == "rw")
+    ro = next(entry for entry in table if entry.mode == "ro")
+    most = (1 << wide.width) - 1
+    for name in (wide.name, wide.name.removeprefix(f"{kind}_")):
+        imager.write(name, most)
+        assert imager.read(name) == most
+        for value in (most + 1, -1):
+            with pytest.raises(InputError) as told:
+                imager.write(name, value)
+            assert str(told.value) == (
+                f"{name} must be 0 to {most}, not {value}; it has {wide.width} bits"
+            )
+    assert imager.read(wide.name) == most
+    with pytest.raises(InputError) as told:
+        imager.write(ro.name, 0)
+    assert str(told.value) == (
+        f"{ro.name} must be a register that is written, not one that is only read; write another"
+    )
+    for act in (lambda: imager.write("nothing", 0), lambda: imager.read("nothing")):
+        with pytest.raises(InputError, match=f"register must be one of {kind}_.*, not nothing;"):
+            act()
+
+
+def entries(imager):
+    for place in ("controller", "sequencer", "machine"):
+        if hasattr(imager, place):
+            return getattr(imager, place).registers.design.own
+    raise AssertionError(imager)
+
+
+@pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
+def test_the_line_cuts_what_does_not_fit(kind):
+    """The same registers over the serial line, where nothing can be refused."""
+    made = machine(kind)
+    own = made.registers.design.own
+    wide = next(entry for entry in own if entry.mode == "rw" and entry.width < 32)
+    ro = next(entry for entry in own if entry.mode == "ro")
+    line = line_of(made, byte_clocks=1)
+    before = ask(line, ro.address, 100)
+    line.feed(command(1, wide.address, 1, ((1 << wide.width) + 5,)), line.system.clock + 100)
+    assert ask(line, wide.address, 0) == 5 & ((1 << wide.width) - 1)
+    line.feed(command(1, ro.address, 1, (before + 1,)), line.system.clock + 100)
+    assert ask(line, 0x020, 0) == 0  # no error of the bus

@@ -79,3 +79,24 @@ def test_a_little_more_light_is_a_little_more_in_the_same_draw() -> None:
     """Paired runs stay paired: 1 % of a mean of 100 moves them by less than chance does."""
     one, other = (poisson(m, NUMBERS, 0, 1, Stream.IMAGER_SHOT) for m in (100.0, 101.0))
     assert np.std(one - other) < 0.35 * np.sqrt(200)
+
+
+def test_a_large_plane_is_drawn_on_several_threads_as_in_pieces(monkeypatch):
+    """Each pixel has its own counter: one thread, three, and pieces give the same bits."""
+    import sensor.imagers.draws as draws
+
+    numbers = np.arange(3 * draws._PART + 17, dtype=np.int64).reshape(1, -1)
+    mean = np.linspace(0.0, 40.0, numbers.size).reshape(numbers.shape)
+    many = np.full(numbers.shape, 5)
+    made = []
+    for cores in (1, 3):
+        monkeypatch.setattr(draws.os, "cpu_count", lambda cores=cores: cores)
+        given = numbers, 7, 3, Stream.IMAGER_SHOT
+        made.append([
+            draws.poisson(mean, *given), draws.normal(*given), draws.gamma(mean, *given),
+            draws.negative_binomial(many, mean, *given), draws.binomial(many, mean / 40, *given),
+        ])  # fmt: skip
+    piece = slice(draws._PART - 5, draws._PART + 900)
+    cut = draws.poisson(mean[:, piece], numbers[:, piece], 7, 3, Stream.IMAGER_SHOT)
+    assert (cut == made[1][0][:, piece]).all()
+    assert all((one == other).all() for one, other in zip(*made, strict=True))
