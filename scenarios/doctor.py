@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
@@ -155,5 +156,6 @@ _EXAMINATIONS: tuple[Callable[[], Check], ...] = (
 
 
 def examine() -> list[Check]:
-    """Looks at everything, whatever the outcome of one look."""
-    return [look() for look in _EXAMINATIONS]
+    """Looks at everything, whatever the outcome of one look; most of them wait for a child."""
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(lambda look: look(), _EXAMINATIONS))

@@ -6,9 +6,10 @@ from __future__ import annotations
 import errno
 import json
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -27,8 +28,8 @@ from scenarios.scenes import Source
 from scenarios.verifier import BrokenPromise, Finding
 
 __all__ = [
-    "CHECKPOINT", "PUT_BACK", "STREAM", "WiderStage", "film_as_promised", "mend", "room_for",
-    "run_recorded",
+    "CHECKPOINT", "PUT_BACK", "STREAM", "Filmed", "WiderStage", "film_as_promised", "mend",
+    "room_for", "run_recorded",
 ]  # fmt: skip
 
 CHECKPOINT = "checkpoint.npz"
@@ -37,6 +38,19 @@ STREAM = "stream.zarr"
 """The recording's name in a run's folder."""
 PUT_BACK = "put_back.json"
 """Beside it where a promise was broken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """A run whose stream is whole. seconds: of every stage. throughput: none where only a part was
+    run now. put_back: effects that a broken promise has put back. save: writes the checkpoint of
+    its end, which only one that does not get to its report needs."""
+
+    run: Prepared
+    seconds: dict[str, float]
+    throughput: list[Throughput]
+    put_back: list[Finding]
+    save: Callable[[], None]
 
 
 class WiderStage:
@@ -65,10 +79,11 @@ class RelayStage:
 def run_recorded(
     name: str, stages: Mapping[str, Any], cycles: int, identity: str, folder: Path, scenario: str,
     notes: Iterable[str], resume: bool, progress: Progress, every_s: float = 30.0,
+    keep: bool = True,
 ) -> dict[str, float]:  # fmt: skip
     """Runs a chain that ends in the folder's STREAM, from its checkpoint where `resume` finds one;
     seconds of every stage. identity: of the run's inputs. scenario: as TOML. every_s: between
-    checkpoints."""
+    checkpoints. keep: whether there is one of the end as well."""
     checkpoint = Checkpoint(folder / CHECKPOINT, identity)
     begin = checkpoint.load(stages) if resume else 0
     if begin and not (folder / STREAM).is_dir():
@@ -84,7 +99,8 @@ def run_recorded(
             stages, cycles, checkpoint=checkpoint, begin=begin, progress=progress.advance,
             every_s=every_s, mend=mend(folder),
         )  # fmt: skip
-        checkpoint.save(cycles, stages)
+        if keep:
+            checkpoint.save(cycles, stages)
     return seconds
 
 
@@ -102,10 +118,8 @@ def room_for(what: str, folder: Path) -> Iterator[None]:
         ) from exc  # fmt: skip
 
 
-def _film(
-    run: Prepared, folder: Path, resume: bool, progress: Progress
-) -> tuple[dict[str, float], list[Throughput]]:
-    """Runs the chain; seconds of every stage, and throughput unless only a part was run now."""
+def _film(run: Prepared, folder: Path, resume: bool, progress: Progress) -> Filmed:
+    """Runs the chain."""
     chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
     recorder = Recorder(folder / STREAM, run.camera.shape, cycles, clock)
     stages: dict[str, Any] = {
@@ -118,13 +132,16 @@ def _film(
     }
     if run.glass is not None:
         stages = run.glass.stages(stages)
+    named = identity(run.scenario, run.plan, run.glass)
     seconds = run_recorded(
-        run.name, stages, cycles, identity(run.scenario, run.plan, run.glass), folder,
+        run.name, stages, cycles, named, folder,
         to_toml(run.scenario), [*run.notes, *run.source.notes], resume, progress,
         every_s=30.0 if run.glass is None else 60.0,  # what was seen so far is half a gigabyte
+        keep=False,
     )  # fmt: skip
+    save = partial(Checkpoint(folder / CHECKPOINT, named).save, cycles, stages)
     if resume:
-        return seconds, []
+        return Filmed(run, seconds, [], [], save)
     rate = cycles * chip.width * chip.height / seconds["sensor"]
     bits = recorder.bytes_written * 8 / seconds["recorder"]
     throughput = [
@@ -133,7 +150,7 @@ def _film(
     ]
     if run.glass is not None:
         throughput.append(Throughput("display", cycles / seconds["display"], "planes/s"))
-    return seconds, throughput
+    return Filmed(run, seconds, throughput, [], save)
 
 
 def _put_back_before(path: Path) -> list[Finding]:
@@ -149,9 +166,7 @@ def _put_back_before(path: Path) -> list[Finding]:
         ) from exc  # fmt: skip
 
 
-def film_as_promised(
-    run: Prepared, folder: Path, resume: bool, progress: Progress
-) -> tuple[Prepared, dict[str, float], list[Throughput], list[Finding]]:
+def film_as_promised(run: Prepared, folder: Path, resume: bool, progress: Progress) -> Filmed:
     """Films, and films again with an effect put back as long as a promise is broken."""
     kept = folder / PUT_BACK
     found = _put_back_before(kept) if resume and (folder / CHECKPOINT).exists() else []
@@ -159,12 +174,12 @@ def film_as_promised(
         run = again(run, [f.effect for f in found])
     while True:
         try:
-            seconds, throughput = _film(run, folder, resume, progress)
+            filmed = _film(run, folder, resume, progress)
             new = shortfall(run.plan, run.verifier)
         except BrokenPromise as exc:
             new = exc.findings
         if not new:
-            return run, seconds, throughput, found
+            return replace(filmed, put_back=found)
         found += new
         for finding in new:
             progress.note(finding.told)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -156,7 +157,8 @@ def run_scenario(
         try:
             check_room(place, run.cycles * pixels)
             with claimed(name, out, resume) as folder:
-                run, seconds, throughput, put_back = film_as_promised(run, folder, resume, progress)
+                filmed = film_as_promised(run, folder, resume, progress)
+                run, seconds, done = filmed.run, filmed.seconds, False
                 try:
                     progress.start("images and report", 2)
                     stream = ZarrStream(folder / STREAM)
@@ -164,7 +166,7 @@ def run_scenario(
                         _make_images(run, stream, folder, seconds) if run.glass is None
                         else _make_views(run, folder, seconds)
                     )  # fmt: skip
-                    result = _result(run, made, seconds, throughput)
+                    result = _result(run, made, seconds, filmed.throughput)
                     progress.advance(1)
                     short = too_far(run.plan, run.verifier)
                     if short:
@@ -174,11 +176,11 @@ def run_scenario(
                         result.outcome = "failed"
                     for note in [*run.source.degraded, *short, *faults]:
                         progress.note(note)
-                    told = [f.told for f in put_back]
+                    told = [f.told for f in filmed.put_back]
                     result.files += report(Finished(
-                        result, scenario, folder, run.source, run.setting, run.plan, put_back,
-                        run.lens, run.white_rate, stream, run.instants, made.shots, made.sizes,
-                        made.shown, seconds, began,
+                        result, scenario, folder, run.source, run.setting, run.plan,
+                        filmed.put_back, run.lens, run.white_rate, stream, run.instants, made.shots,
+                        made.sizes, made.shown, seconds, began,
                         [*run.notes, *run.source.notes, *told, *run.source.degraded, *short,
                          *faults],
                     ))  # fmt: skip
@@ -188,8 +190,13 @@ def run_scenario(
                     write_result(folder, result)
                     for name_of in (CHECKPOINT, PUT_BACK):
                         (folder / name_of).unlink(missing_ok=True)
+                    done = True
                 except KeyboardInterrupt:
                     raise Interrupted(run.cycles, run.cycles, mend(folder)) from None
+                finally:
+                    if not done:  # whatever it was, what was filmed is kept
+                        with suppress(OSError):  # a full disk
+                            filmed.save()
         finally:
             if run.glass is not None:
                 run.glass.close()

@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
-import zarr
-from zarr.codecs import ZstdCodec
 
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.loop import Block
 from cosim.viform import WORD, SpikeStream, Viform, Words, spikes_beyond, words_for
+
+if TYPE_CHECKING:
+    import zarr
 
 __all__ = ["Recorder", "ZarrStream", "write_zarr"]
 
@@ -38,6 +39,8 @@ class ZarrStream:
     """A finished store as a spike stream; the chunk read last is kept."""
 
     def __init__(self, path: Path) -> None:
+        import zarr  # a quarter of a second: only who opens a store pays for it
+
         try:
             group = zarr.open_group(path, mode="r")
             attributes = dict(group.attrs)
@@ -117,6 +120,9 @@ class Recorder:
         self.bytes_written = 0
 
     def _create(self) -> None:
+        import zarr
+        from zarr.codecs import ZstdCodec
+
         if self._path.exists():
             shutil.rmtree(self._path)
         group = zarr.create_group(self._path)
@@ -136,6 +142,8 @@ class Recorder:
         )
 
     def _open(self, resumed: bool) -> Any:
+        import zarr
+
         if not resumed:
             self._create()
         try:
@@ -144,7 +152,7 @@ class Recorder:
             mend = f"start afresh: remove {self._path.parent}"
             raise _bad(self._path, "missing or damaged", mend) from exc
         # With the default, a chunk without spikes would be no file, just as one that was lost.
-        return cast(zarr.Array[Any], words).with_config({"write_empty_chunks": True})
+        return cast("zarr.Array[Any]", words).with_config({"write_empty_chunks": True})
 
     def step(self, given: Viform, block: Block) -> Viform:
         """Writes one block and hands it on."""
@@ -164,6 +172,8 @@ class Recorder:
         self.bytes_written += words.nbytes
         self._open_word = words[-1].copy() if block.stop % WORD else None
         if block.stop == self._cycles:
+            import zarr
+
             zarr.open_group(self._path, mode="r+").attrs["complete"] = True
         return given
 

@@ -18,7 +18,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import isotonic_regression
 
 __all__ = [
     "STEP_SHARE", "bet", "blur_edge_width", "cmr_like", "ebet", "mprt", "mprt_full_width",
@@ -46,6 +45,8 @@ def blur_edge_width(
     regression), which leaves a monotone one as it is; its crossings are interpolated linearly
     between samples. Raises ValueError without a step, or where x does not reach 10 and 90 %.
     """
+    from scipy.optimize import isotonic_regression  # half a second: only who measures pays for it
+
     at, level = np.asarray(x, np.float64), np.asarray(profile, np.float64)
     if at.ndim != 1 or at.shape != level.shape or len(at) < 4 or (np.diff(at) <= 0).any():
         raise ValueError(

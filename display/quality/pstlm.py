@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 from display.quality.spectrum import Values, waveform
 
@@ -50,6 +49,8 @@ LEAST_RATE: Final = 400.0
 @lru_cache(maxsize=8)
 def _sections(rate: float) -> Values:
     """Second-order sections of all filters before the square, at a sampling rate."""
+    from scipy import signal  # half a second: only who measures pays for it
+
     weight = signal.ZerosPolesGain(*signal.tf2zpk(*WEIGHTING))
     digital = signal.bilinear_zpk(weight.zeros, weight.poles, weight.gain, rate)
     return np.concatenate(
@@ -64,6 +65,8 @@ def _sections(rate: float) -> Values:
 def pst_lm(wave: npt.ArrayLike, rate: float) -> float:
     """PstLM of light sampled `rate` times a second; 0 of steady light, and proportional to the
     depth of any modulation. Raises ValueError for less than `LEAST_SECONDS` or 400 Hz."""
+    from scipy import signal
+
     light = waveform(wave)
     seconds = len(light) / rate
     if seconds < LEAST_SECONDS or rate < LEAST_RATE:

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from display.quality.spectrum import Spectrum, Values, spectrum
 from display.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
@@ -78,6 +77,7 @@ def sensitivity(
 def critical_frequency(contrast: float, luminance: float, field: tuple[float, float]) -> float:
     """Hz above which a sine of this contrast is not seen (critical flicker frequency). Raises
     ValueError where it is not seen at 10 Hz either."""
+    from scipy.optimize import brentq
 
     def beyond(f: float) -> float:
         return float(contrast * sensitivity(f, luminance, field)[0]) - 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from scenarios.result import Metric
 from scenarios.showing import key_of
@@ -67,20 +68,34 @@ class _Truth:
         self.band = np.clip(band, 0, len(BANDS) - 2).astype(np.uint8)
 
 
+@njit(cache=True)
+def _by_band(band, values, bands):  # type: ignore[no-untyped-def]
+    """(bands, 5) sums over the pixels of each band: pixels, then the four in their order."""
+    square, alike, error, light = values
+    sums = np.zeros((bands, 5))
+    for n in range(band.size):
+        row = sums[band[n]]
+        row[0] += 1.0
+        row[1] += square[n]
+        row[2] += alike[n]
+        row[3] += error[n]
+        row[4] += light[n]
+    return sums
+
+
 def _judge(display: str, observer: str, images: Images, truths: Sequence[_Truth]) -> Judged:
     total, structure = [], []
     sums = np.zeros((len(BANDS) - 1, 5))  # pixels, error^2, ssim, error, truth
     for image, truth in zip(images, truths, strict=True):
-        error = np.clip(image, 0, 1) - truth.light
-        square, alike = error * error, truth.likeness.map(np.clip(image, 0, 1))
+        shown = np.clip(image, 0, 1)
+        error = shown - truth.light
+        square, alike = error * error, truth.likeness.map(shown)
         total.append(_decibel(float(square.mean(dtype=np.float64))))
         whole = inside(alike)
         structure.append(float(whole.mean(dtype=np.float64)) if whole.size else float("nan"))
-        # Bands are told of the still eye alone: they take as long as all else.
-        banded = (None, square, alike, error, truth.light) if observer == "eye" else ()
-        for n, values in enumerate(banded):
-            weight = None if values is None else values.ravel()
-            sums[:, n] += np.bincount(truth.band, weight, len(BANDS) - 1)
+        if observer == "eye":  # bands are told of the still eye alone
+            flat = square.ravel(), alike.ravel(), error.ravel(), truth.light.ravel()
+            sums += _by_band(truth.band, flat, len(BANDS) - 1)
     count = sums[:, 0].sum()
     bands = []
     for (pixels, square_sum, alike_sum, error_sum, light), low, high in zip(

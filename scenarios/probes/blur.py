@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from display import DRIVES, FramePanel, Projector, SpikePanel, spread_errors
 from display.quality import bet, blur_edge_width, cmr_like, ebet
@@ -83,16 +84,30 @@ def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Value
     (instants,) s. at: (n,) pixels, places on the retina, which must stay within the columns. side:
     of the square in a pixel's middle that emits all of its light.
     """
+    reach = at.min() + SPEED * times.min(), at.max() + SPEED * times.max()
+    if reach[0] < 0 or reach[1] >= light.shape[1]:
+        raise ValueError(f"places must stay within {light.shape[1]} columns, not {reach}")
     total = np.zeros(len(at))
-    for first in range(0, len(times), 512):  # so many that they stay in a cache
+    for first in range(0, len(times), 512):  # sums of sums keep their digits
         part = slice(first, first + 512)
-        place = at + SPEED * times[part, None]
-        column = place.astype(np.int32)
-        seen = np.take_along_axis(light[part], column, axis=1)
-        if side < 1:
-            seen = np.where(np.abs(place - column - 0.5) < side / 2, seen / side, 0.0)
-        total += seen.sum(axis=0)
+        total += _gathered(np.ascontiguousarray(light[part]), times[part], at, side)
     return total / len(times)
+
+
+@njit(cache=True, nogil=True)
+def _gathered(light, times, at, side):  # type: ignore[no-untyped-def]
+    """(places,), the sum of what each place of the retina meets at these instants."""
+    total = np.zeros(len(at))
+    for n in range(len(times)):
+        row, moved = light[n], SPEED * times[n]
+        for k in range(len(at)):
+            place = at[k] + moved
+            column = int(place)
+            if side >= 1:
+                total[k] += row[column]
+            elif abs(place - column - 0.5) < side / 2:
+                total[k] += row[column] / side
+    return total
 
 
 def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:

@@ -22,6 +22,10 @@ __all__ = ["every_drive", "panel_light"]
 
 _LINE: Final = 4096
 """Planes of a pixel that are laid out at a time."""
+_SHORT: Final = 8
+"""Planes that are laid out at once: grey fires more often."""
+_AGES: Final = 1024
+"""Planes since a spike whose inverse is looked up."""
 _LONG: Final = 10**8
 """Pixel-planes from which on two threads share the pixels."""
 _DE_BRUIJN: Final = np.uint32(0x077CB531)
@@ -48,6 +52,31 @@ def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
+    """Adds the sum of each span of the line to row. Every sum runs in order; four go side by side,
+    since one alone waits for each of its additions."""
+    spans = count // span
+    four = spans // 4 * 4
+    for n in range(0, four, 4):
+        k = n * span
+        a = b = c = d = 0.0
+        for at in range(k, k + span):
+            a += line[at]
+            b += line[at + span]
+            c += line[at + 2 * span]
+            d += line[at + 3 * span]
+        row[n] += a
+        row[n + 1] += b
+        row[n + 2] += c
+        row[n + 3] += d
+    for n in range(four, spans):
+        a = 0.0
+        for at in range(n * span, (n + 1) * span):
+            a += line[at]
+        row[n] += a
+
+
+@njit(cache=True, nogil=True)
 def _show(  # type: ignore[no-untyped-def]
     words, cycles, drive, pulse, rise, decay, span, group, light,
 ):  # fmt: skip
@@ -59,7 +88,8 @@ def _show(  # type: ignore[no-untyped-def]
     """
     share = pulse if drive == 0 else 1.0
     reach = max(_LINE // span, 1) * span
-    line = np.empty(reach)
+    line = np.empty(reach + _SHORT)
+    younger = 1.0 / np.arange(1, _AGES + _SHORT + 1)  # held light of this age is no brighter
     slow = rise > 0 or decay > 0
     up, down = gone_in(share, rise), gone_in(share, decay)
     up_after, down_after = gone_in(1.0 - share, rise), gone_in(1.0 - share, decay)
@@ -71,13 +101,15 @@ def _show(  # type: ignore[no-untyped-def]
             n = first
             while n < stop:
                 m = _next_spike(words, pixel, n, stop)
-                held = m
-                if drive == 2 and tau > 0:
-                    held = min(max(n + tau - age, n), m)  # until age is tau
-                for k in range(n - first, held - first):
-                    line[k] = x
-                for k in range(held, m):
-                    line[k - first] = 1.0 / (age + 1 + k - n)
+                at, done = n - first, 0
+                if age < _AGES:
+                    # So many whatever comes: the next spike's planes are laid over what is too
+                    # much, and a loop of known length is much faster than a short one.
+                    for k in range(_SHORT):
+                        line[at + k] = min(x, younger[age + k]) if drive == 2 else x
+                    done = _SHORT
+                for k in range(done, m - n):
+                    line[at + k] = min(x, 1.0 / (age + 1 + k)) if drive == 2 else x
                 age += m - n
                 if m < stop:
                     age += 1
@@ -99,8 +131,7 @@ def _show(  # type: ignore[no-untyped-def]
                 for k in range(stop - first):
                     row[slot + k] += line[k]
             else:
-                for k in range(0, stop - first, span):
-                    row[slot + k // span] += line[k : k + span].sum()
+                _add_sums(line, stop - first, span, row[slot:])
 
 
 def panel_light(

@@ -65,6 +65,8 @@ OCTAVES: Final = 32
 DEGREE: Final = 5
 _KNOTS: Final = 128
 """Knots of the exact tier's table in an octave."""
+_PIECE: Final = 16384
+"""Pixels whose first charge is drawn at a time: so many that all that it takes stays in a cache."""
 
 
 def _octave(exact: npt.NDArray[np.int64], octave: int) -> tuple[Array, Array]:
@@ -180,16 +182,34 @@ def first_charge(
     model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32], flags: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.int32]:
     """State before the first cycle: the exact tier's, rounded, for pixels with these flags."""
-    steady = replace(
-        model, effects=tuple(e for e in model.effects if e is not SHOT_NOISE), threshold_noise=0.0
-    )
-    scale = 2.0**units.bits / model.q
-    noisy = np.rint(model.initial(pixels).deficit * scale)
-    at_mean = steady.initial(pixels).deficit
-    phase = np.floor((1 - (at_mean + 1) / model.q) * 2.0**32).astype(np.int64).astype(np.uint32)
-    quiet = np.ceil((at_mean + 1) * scale) - 1  # a tie fires
-    deficit = np.where(flags & NOISE, noisy, quiet).astype(np.int32)
-    return np.where(flags == 0, phase.view(np.int32), deficit)
+    charge = np.empty(pixels.shape, np.int32)
+    for begin in range(0, pixels.size, _PIECE):
+        part = slice(begin, begin + _PIECE)
+        noisy = (flags[part] & NOISE) != 0
+        if noisy.any():  # most planes have one kind of pixel alone
+            charge[part][noisy] = _noisy(model, units, pixels[part][noisy])
+        if not noisy.all():
+            still = flags[part][~noisy]
+            charge[part][~noisy] = _steady(model, units, pixels[part][~noisy], still)
+    return charge
+
+
+def _noisy(
+    model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32]
+) -> npt.NDArray[np.int32]:
+    deficit = model.initial(pixels).deficit * (2.0**units.bits / model.q)
+    return np.rint(deficit).astype(np.int32)
+
+
+def _steady(
+    model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32], flags: npt.NDArray[np.uint8]
+) -> npt.NDArray[np.int32]:
+    """Without noise; a phase where there are no flags at all."""
+    effects = tuple(e for e in model.effects if e is not SHOT_NOISE)
+    deficit = replace(model, effects=effects, threshold_noise=0.0).initial(pixels).deficit + 1
+    phase = np.floor((1 - deficit / model.q) * 2.0**32).astype(np.int64).astype(np.uint32)
+    quiet = np.ceil(deficit * (2.0**units.bits / model.q)) - 1  # a tie fires
+    return np.where(flags == 0, phase.view(np.int32), quiet.astype(np.int32))
 
 
 def running(

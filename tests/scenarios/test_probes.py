@@ -66,6 +66,21 @@ def test_light_is_that_of_the_golden_model(drive, pulse, rise, decay):
     np.testing.assert_allclose(coarse, wanted, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("drive", DRIVES)
+def test_light_after_long_waits_is_that_of_the_golden_model(drive):
+    planes = np.zeros((9000, 1, 3), bool)
+    planes[[5, 14, 22, 1300, 6500], 0, 0] = True  # waits of 8 and 7, then beyond all tables
+    planes[::9, 0, 1] = planes[4090::4, 0, 2] = True
+    golden = PlainRenderer(panel(shape=(1, 3), drive=drive), 1, 0)
+    golden.step(pack_planes(planes), 9000, None)
+    stream = Viform.from_planes(planes, CLOCK)
+    own = panel(shape=(1, 3), drive=drive)
+    np.testing.assert_array_equal(panel_light(stream, own, drive), golden.light[:, 0])
+    summed = golden.light[:8988, 0].reshape(-1, 7, 3).mean(axis=1)
+    coarse = panel_light(stream, own, drive, 7)[: len(summed)]
+    np.testing.assert_allclose(coarse, summed, rtol=1e-12)
+
+
 def test_an_edge_covers_every_pixel_as_it_passes():
     light = edge_light((2, 30), 1.0, 5.0, SPEED, CLOCK, 200)  # 20 pixels in 200 cycles
     cover = np.clip(20 - np.arange(30), 0, None)
@@ -245,6 +260,12 @@ def test_slow_emitters_settle_while_they_are_watched(probe):
     assert spike_blur(probe, slow, (0.0, 0.18), 8)[0].ebet == pytest.approx(
         2e-3 * math.log(9) / 0.8, rel=0.05
     )
+
+
+def test_places_of_the_retina_that_leave_the_columns_are_refused():
+    for at in (np.array([-0.1]), np.array([5.0])):
+        with pytest.raises(ValueError, match="must stay within 5 columns"):
+            retina(np.ones((1, 5)), np.zeros(1), at)
 
 
 def test_a_pixel_that_fills_less_emits_from_its_middle(probe):

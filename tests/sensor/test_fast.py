@@ -17,7 +17,7 @@ from sensor import DevicePattern
 from sensor.effects import EFFECTS, RESIDUAL
 from sensor.exposure import Exposure
 from sensor.fast import FastPixels, PlainFast, rate_bound
-from sensor.fast.units import quantile, units_of
+from sensor.fast.units import first_charge, quantile, units_of
 from sensor.pixel.fixed_point import LARGEST
 from sensor.pixel.interval import threshold
 from sensor.pixel.model import ExactModel, Reset
@@ -44,6 +44,20 @@ def run(pixels: Any, light: Light, cuts: list[int]) -> npt.NDArray[np.uint8]:
     return np.concatenate(
         [bits(pixels.expose(light, a, b - a), b - a) for a, b in itertools.pairwise(cuts)]
     )
+
+
+def test_first_charge_is_each_pixels_own_however_many_there_are() -> None:
+    model = ExactModel(300.0, 4, ALL)
+    units, random = units_of(model), np.random.default_rng(8)
+    numbers = random.integers(0, 2**32, 20_000, dtype=np.uint32)  # more than are drawn at a time
+    flags = random.integers(0, 8, numbers.size, dtype=np.uint8)
+    whole = first_charge(model, units, numbers, flags)
+    for part in (slice(0, 500), slice(16_300, 16_500)):
+        alone = first_charge(model, units, numbers[part], flags[part])
+        np.testing.assert_array_equal(whole[part], alone)
+    for kind in range(8):  # of one kind alone
+        alike = first_charge(model, units, numbers, np.full(numbers.size, kind, np.uint8))
+        np.testing.assert_array_equal(whole[flags == kind], alike[flags == kind])
 
 
 def boxed(seed: int, peak: float, count: int) -> Light:
