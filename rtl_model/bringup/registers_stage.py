@@ -51,7 +51,7 @@ def _walk(bench: Bench, entry: Register) -> None:
     seen: list[tuple[int, int]] = []
     for value in [*(1 << n for n in range(32)), 0xFFFFFFFF, 0]:
         bench.put(entry.name, value)
-        seen.append((value & mask, bench.get(entry.name)))
+        seen.append((value & mask, bench.confirmed(entry.name, value & mask)))
     if all(must == got for must, got in seen):
         return
     high, low = 0, mask  # bits that were ever read 1, and those that always were
@@ -78,7 +78,7 @@ def _address_in_data(bench: Bench, rows: list[Register]) -> None:
         held[entry.name] = (entry.address * 0x01000193 ^ entry.address) & ((1 << entry.width) - 1)
         bench.put(entry.name, held[entry.name])
     for entry in rows:
-        got = bench.get(entry.name)
+        got = bench.confirmed(entry.name, held[entry.name])
         if got != held[entry.name]:
             raise StageFault(
                 "alias",
@@ -98,7 +98,7 @@ def _address_lines(bench: Bench) -> int:
     must = [~(place * 0x9E3779B1) & 0xFFFFFFFF for place in places]
     for place, value in zip(places, must, strict=True):
         bench.bone.write(base + 4 * place, value)
-    got = [bench.bone.read(base + 4 * place)[0] for place in places]
+    got = [bench.bone.read_twice(base + 4 * place)[0] for place in places]
     for place, value in zip(places, kept, strict=True):
         bench.bone.write(base + 4 * place, value)
     for place, value, read in zip(places, must, got, strict=True):
