@@ -46,6 +46,12 @@ def check_counters(bench: Bench) -> Figures:
         got = bench.confirmed("ctrl_scratch", value)
         times.append(bench.port.now() - begun)
         written.append(value)
+        if got not in (value, _SCRATCH_RESET) and bench.line is not None:
+            bench.put("ctrl_scratch", value)
+            written.append(value)
+            if bench.confirmed("ctrl_scratch", value) == value:
+                bench.line.misplaced()
+                continue
         if got != value and wrong is None:
             got_first = got
             wrong = f"ctrl_scratch was written {value:#010x} and read {got:#010x}"
@@ -104,7 +110,8 @@ def _speed(bench: Bench, times: list[float]) -> Figures:
         figures["note"] = f"answers are held back by {1e3 * latency:.1f} ms beyond the line: " + (
             "what stands between does that, and it has no latency timer to set"
             if held_ms is None
-            else f"set the adapter's latency timer to 1 ms (`echo 1 | sudo tee {timer}`)"
+            else "give --low-latency, or set the adapter's latency timer to 1 ms "
+            f"(`echo 1 | sudo tee {timer}`)"
         )
     return figures
 

@@ -36,6 +36,7 @@ class Evidence:
     answers: int = 0
     open: int = 0
     early: int = 0
+    misplaced: int = 0
     repeats: int = 0
 
     @property
@@ -52,7 +53,7 @@ class Evidence:
         """Whether nothing happened to any byte, as far as it shows."""
         return self.known and not (
             self.to_board or self.from_board or self.changed_to_board or self.answers or self.open
-            or self.early
+            or self.early or self.misplaced
         )  # fmt: skip
 
     @property
@@ -89,6 +90,12 @@ class Evidence:
                 f"{_many(self.open, 'answer')} wrong once (a byte changed from the board, or to it "
                 "in the request's address: these cannot be told apart)"
             )
+        if self.misplaced and not told:
+            told.append(
+                f"{_many(self.misplaced, 'request')} failed once and not again, though both ends "
+                "counted the same bytes: its address changed on the way to the board, or the board "
+                "did not take it, which cannot be told apart"
+            )
         if self.early:
             told.append(
                 f"{_many(self.early, 'answer')} wrong once while the board's counters were first "
@@ -113,7 +120,7 @@ class Evidence:
             "from_board_lost": max(0, -self.from_board),
             "from_board_added": max(0, self.from_board),
             "from_board_changed": self.answers,
-            "undecided": self.open + self.early,
+            "undecided": self.open + self.early + self.misplaced,
             "framing_errors": self.framing,
             "watchdog_aborts": self.aborts,
             "unknown_commands": self.unknown,

@@ -109,7 +109,8 @@ class Line:
             unasked=_signed((now.tx - before.tx) - (now.asked - before.asked)),
             words=_signed((now.words - before.words) - (now.written - before.written)),
             crc=now.words_crc != now.written_crc,
-            bus_errors=max(0, now.bus_errors - before.bus_errors),
+            bus_errors=max(0, now.bus_errors - before.bus_errors) + seen.errors,
+            misplaced=seen.misplaced,
             address=seen.address,
             early=seen.early,
             repeats=repeats,
@@ -118,7 +119,22 @@ class Line:
             # Only then may the readings that did not fit be held against those that did.
             self._look_back(seen, now)
         self._examine_all(seen, seen.wait)
+        if made.to_board or made.changed_to_board:  # then other answers may follow from that
+            return replace(made, address=seen.address)
         return replace(made, address=seen.address, answers=seen.answers, open=seen.open)
+
+    def reset_follows(self) -> None:
+        """Keeps what the board's reset is about to clear: the errors of its bus."""
+        if self._before is None:
+            return
+        self._errors = 0
+        self._seen.errors += max(0, self._bus_errors() - self._before.bus_errors)
+        self._before = self._before._replace(bus_errors=0)
+
+    def misplaced(self) -> None:
+        """A request or a write did once not what it does when it is sent again."""
+        self._bone.retried += 1
+        self._seen.misplaced += 1
 
     def other_answer(self, address: int, got: list[int], right: list[int]) -> None:
         """An answer was wrong once: was it another register's, which one wrong bit of the request's
@@ -282,6 +298,8 @@ class _Seen:
     open: int = 0
     early: int = 0
     looked: int = 0
+    errors: int = 0
+    misplaced: int = 0
     wait: list[_Other] = field(default_factory=list)
     unfit: list[_Reading] = field(default_factory=list)
 

@@ -3,6 +3,8 @@ reset. What was there before stands again afterwards."""
 
 from __future__ import annotations
 
+from functools import partial
+
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
 from rtl_model.registers import REGISTERS, Register, parameters, reset_value
@@ -23,26 +25,35 @@ def check_registers(bench: Bench) -> Figures:
     kept = {entry.name: bench.sure(entry.name) for entry in rows}
     try:
         for entry in rows:
-            _walk(bench, entry)
+            bench.twice(partial(_walk, bench, entry), "stuck-bit")
             bench.put(entry.name, kept[entry.name])
-        _address_in_data(bench, rows)
-        words = _address_lines(bench)
-        compared = _reset(bench)
+        bench.twice(lambda: _address_in_data(bench, rows), "alias")
+        words = bench.twice(lambda: _address_lines(bench), "memory")
+        if bench.line is not None:
+            bench.line.reset_follows()
+        compared = bench.twice(lambda: _reset(bench), "reset")
     finally:
         for name, value in kept.items():
             bench.put(name, value)
-    for name, value in kept.items():
-        got = bench.sure(name)
-        if got != value:
-            raise StageFault(
-                "restore", f"{name} was set back to {value:#x} and reads {got:#x}", _BUS_MEND
-            )
+    bench.twice(lambda: _restored(bench, kept), "restore")
     return {
         "registers": len(rows),
         "bits_walked": sum(entry.width for entry in rows),
         "memory_words": words,
         "reset_values": compared,
     }
+
+
+def _restored(bench: Bench, kept: dict[str, int]) -> None:
+    """Sets registers back and holds them against that."""
+    for name, value in kept.items():
+        bench.put(name, value)
+    for name, value in kept.items():
+        got = bench.sure(name)
+        if got != value:
+            raise StageFault(
+                "restore", f"{name} was set back to {value:#x} and reads {got:#x}", _BUS_MEND
+            )
 
 
 def _walk(bench: Bench, entry: Register) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,13 +21,22 @@ from rtl_model.bringup.stage import STAGES, Figures, Report, Stage, StageFault
 from rtl_model.bringup.threshold import check_threshold
 from rtl_model.bringup.timing import check_timing
 from rtl_model.bringup.uptime import Uptime
-from rtl_model.host import Cause, LineFault, Port, Uartbone, default_map, open_port
+from rtl_model.host import (
+    Cause,
+    LineFault,
+    Port,
+    SerialPort,
+    Uartbone,
+    default_map,
+    is_pty,
+    open_port,
+)
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.log import Recorder
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 from rtl_model.registers import MAGIC
 
-__all__ = ["bring_up", "is_pty"]
+__all__ = ["bring_up"]
 
 Progress = Callable[[Stage], None]
 
@@ -52,17 +60,13 @@ _ALLOWED_S = {
     "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
 }  # fmt: skip
 """Seconds of our time for each stage, at 62 round trips a second (FTDI's latency timer of 16 ms)
-and 115 200 baud with room to spare; times the time scale of a slower simulated board, or as much longer as answers take."""
+and 115 200 baud with room to spare; times the time scale of a slower simulated board, or as much
+longer as answers take."""
 
 _OF_DESIGN = {  # kinds that a line at fault brings about as well
     "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
     "tick", "clock",
 }  # fmt: skip
-
-
-def is_pty(name: str) -> bool:
-    """Whether a port is a pseudo-terminal: then no hardware is behind it."""
-    return os.path.realpath(name).startswith("/dev/pts/")
 
 
 def bring_up(
@@ -74,6 +78,7 @@ def bring_up(
     simulated: bool | None = None,
     time_scale: float = 1.0,
     frames: int = 8,
+    low_latency: bool = False,
     log: Path | None = None,
     allowed_s: float | None = None,
     progress: Progress | None = None,
@@ -83,6 +88,8 @@ def bring_up(
     port: an open port, or a URL to be opened (and closed). csr: of the design; None is ours.
     stop_at_first: leave out what follows a failed stage; without port, bytes or identity nothing
         follows anyway. simulated: None says so of a pty alone. frames: of a burst.
+    low_latency: asks the driver of a port that is opened here for it; the port stage says whether
+        it was granted.
     allowed_s: for each stage, in place of the stage's own. progress: told of each stage.
     InputError for a baud or URL that cannot be.
     """
@@ -104,8 +111,12 @@ def bring_up(
         except LineFault as fault:
             done(_failed("port", time.monotonic() - begun, fault))
         else:
-            done(Stage("port", "ok", None, _told(opened, report), time.monotonic() - begun))
-            recorder = None if log is None else Recorder(log, opened)
+            told = _told(opened, report)
+            if low_latency:
+                told["low_latency"] = isinstance(opened, SerialPort) and opened.low_latency()
+            done(Stage("port", "ok", None, told, time.monotonic() - begun))
+            session = {"simulated": report.simulated, "time_scale": time_scale, "frames": frames}
+            recorder = None if log is None else Recorder(log, opened, session=session)
             patience = SIMULATED_PATIENCE_S if report.simulated else PATIENCE_S
             bone = Uartbone(
                 guarded,
