@@ -7,7 +7,7 @@ import math
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
 from rtl_model.host import BaudReport, Cause, LineFault, find_baud
-from rtl_model.host.uartbone import FINAL
+from rtl_model.host.uartbone import FINAL, PATIENCE_S
 from rtl_model.registers import MAGIC
 
 __all__ = ["check_bytes", "readable"]
@@ -34,7 +34,11 @@ def check_bytes(bench: Bench) -> Figures:
     address = bench.address("ctrl_magic") if bench.csr.ours else 0
     begun = bench.port.now()
     try:
-        words = [bench.bone.read(address, retry=False)[0] for _ in range(_READS)]
+        words, times = [], []
+        for _ in range(_READS):
+            asked = bench.port.now()
+            words.append(bench.bone.read(address, retry=False)[0])
+            times.append(bench.port.now() - asked - bench.line_s(10))
     except LineFault as fault:
         if fault.cause in FINAL:
             raise
@@ -59,28 +63,35 @@ def check_bytes(bench: Bench) -> Figures:
                 f"one register read {_READS} times gives {seen}",
                 "check cable, ground, levels and baud",
             )
+    if min(times) > _usual(bench):  # each of them: not a busy machine for once
+        raise _told_slow(bench, min(times))
     bench.magic = words[0]
     return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
 
 
 def _slow(bench: Bench, address: int) -> StageFault | None:
     """The fault "slow" where the answer is right and comes after the time for it."""
-    bone = bench.bone
-    usual = bone.patience_s
     late = _delay(bench, address)
-    if late is None or late <= usual:
+    if late is None or late <= _usual(bench):
         return None
     bench.bone.pause(_LATE_S)  # what answers earlier questions is over then
     late = _delay(bench, address)
-    if late is None or late <= usual:
-        return None
-    scale = math.ceil(_LATE_MARGIN * late / usual * max(1.0, bone.time_scale))
+    return None if late is None or late <= _usual(bench) else _told_slow(bench, late)
+
+
+def _usual(bench: Bench) -> float:
+    """Seconds beyond line time that an answer may take."""
+    return PATIENCE_S * max(1.0, bench.bone.time_scale)
+
+
+def _told_slow(bench: Bench, late: float) -> StageFault:
+    scale = math.ceil(_LATE_MARGIN * late / PATIENCE_S)
     return StageFault(
         "slow",
-        f"{bench.port.name} answers right and {late:.2f} s late, where {usual:.2g} s are waited "
-        "beyond the line's time",
+        f"{bench.port.name} answers right, and {late:.2f} s late, where {_usual(bench):.2g} s "
+        "beyond the line's time are usual",
         f"give --time-scale {scale}, or find what holds bytes back (a simulator, a network, a hub)",
-        {"late_s": late, "waited_s": usual, "time_scale": scale},
+        {"late_s": late, "usual_s": _usual(bench), "time_scale": scale},
     )
 
 

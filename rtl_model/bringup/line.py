@@ -84,10 +84,16 @@ class Line:
         bone.on_other_answer = self.other_answer
 
     def begin(self) -> None:
-        """Takes the sums as they are now. What befalls this reading itself stays open."""
+        """Takes the sums as they are now. What befalls this reading itself stays open, unless the
+        board has counted no more bytes than this host ever sent: then it began with it, at 0."""
         retried = self._bone.retried
-        self._before = self._sums()
-        self._seen.early += self._bone.retried - retried
+        self._before = now = self._sums()
+        early = self._bone.retried - retried
+        if now is not None and early and now.rx + now.framing <= now.sent:
+            self._before = _Sums(*[0] * len(_Sums._fields))
+            self._seen.unfit = []
+            early = 0
+        self._seen.early += early
 
     def evidence(self, repeats: int = 0) -> Evidence:
         """What happened since `begin` or the last evidence. repeats: reads sent again meanwhile."""

@@ -36,7 +36,7 @@ from rtl_model.host.log import Recorder
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 from rtl_model.registers import MAGIC
 
-__all__ = ["bring_up"]
+__all__ = ["ALLOWED_S", "bring_up"]
 
 Progress = Callable[[Stage], None]
 
@@ -55,7 +55,7 @@ _NEEDED = ("port", "bytes", "identity")  # without these none can run
 
 _ROUND_TRIPS_PER_S = 62  # with FTDI's latency timer as it comes
 _PACE_MOST = 50.0
-_ALLOWED_S = {
+ALLOWED_S = {
     "bytes": 60.0, "identity": 20.0, "counters": 30.0, "registers": 60.0, "prbs": 60.0,
     "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
 }  # fmt: skip
@@ -132,7 +132,7 @@ def bring_up(
                 fault_before = report.failed
                 if fault_before is not None and (stop_at_first or fault_before.name in _NEEDED):
                     break
-                allowed = allowed_s or _ALLOWED_S[name] * _pace(report, time_scale)
+                allowed = allowed_s or ALLOWED_S[name] * _pace(report, time_scale)
                 done(_run(name, check, bench, allowed))
             report.board, report.bursts = bench.board or None, list(bench.bursts)
             guarded.allow(5.0)

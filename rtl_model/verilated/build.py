@@ -118,7 +118,13 @@ def library(
         _need_zlib()
     folder = (VERILOG if sources is None else sources).resolve()
     parameters = geometry.verilog
-    text = (folder / f"{top}.v").read_text(encoding="utf-8")
+    try:
+        text = (folder / f"{top}.v").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as exc:
+        raise InputError(
+            "a folder of Verilog", f"one that holds {top}.v, readable", f"{sources}",
+            "name another, or add that file",
+        ) from exc  # fmt: skip
     known = {name: value for name, value in parameters.items() if f"] {name} =" in text}
     if "] BUILD =" in text:
         known["BUILD"] = build

@@ -4,10 +4,12 @@ wrong, and where the board's counters can tell it, it is named."""
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import pytest
 
 from rtl_model.bringup import bring_up
+from rtl_model.bringup.run import ALLOWED_S
 from tests.rtl_model.bringup.faulty_ports import SIZE
 from tests.rtl_model.bringup.model_port import ModelPort
 
@@ -84,7 +86,7 @@ def seen(kind: str, way: str, number: int) -> tuple[str, str]:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     ("first", "last", "step"),
-    [(100, 900, 97), pytest.param(99, 28_800, 211, marks=pytest.mark.slow)],
+    [(100, 900, 97), pytest.param(99, 28_500, 607, marks=pytest.mark.slow)],
     ids=["some", "many"],
 )
 def test_the_direction_named_is_never_wrong(kind, way, first, last, step):
@@ -99,3 +101,44 @@ def test_the_direction_named_is_never_wrong(kind, way, first, last, step):
     assert counts["named"] > 0
     if kind != "flip":
         assert set(counts) <= {"named", "not met"}, "\n".join(others)
+
+
+class Late(ModelPort):
+    """Answers come two seconds late."""
+
+    def answer(self, data: bytes, clocks: Sequence[int]) -> None:
+        super().answer(data, [clock + 2 * SIZE.clock_hz for clock in clocks])
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_board_that_answers_late_is_slow(simulated):
+    report = bring_up(Late(SIZE), simulated=simulated)
+    assert report.failed is not None and report.failed.kind == "slow", report.cause
+    assert report.failed.figures["late_s"] == pytest.approx(2.0, abs=0.01)
+    assert "--time-scale 1" in str(report.cause)
+    scale = report.failed.figures["time_scale"]
+    again = bring_up(Late(SIZE), simulated=simulated, time_scale=scale, frames=2)
+    assert [stage.outcome for stage in again.stages[:4]] == ["ok"] * 4, again.cause
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_line_that_is_cut_at_once_is_told(way):
+    """While the counters are first read: a board that was just switched on counts from 0."""
+
+    class Cut(OneByte):
+        def _spoil(self, data: list) -> list:
+            self.count += len(data)
+            return [] if self.count - len(data) < self.number <= self.count else data
+
+    report = bring_up(Cut("drop", way, 50), simulated=True)
+    assert report.failed is not None
+    assert report.failed.figures["line"]["directions"] == [WAYS[way]], report.cause
+
+
+def test_nine_thousand_six_hundred_baud_are_within_the_times():
+    """With an adapter that holds each answer back by 16 ms as well."""
+    port = ModelPort(SIZE._replace(baud=9600))
+    report = bring_up(port, baud=9600, simulated=False, frames=8)
+    assert report.ok, report.cause
+    for stage in report.stages:
+        assert stage.seconds < 0.5 * ALLOWED_S.get(stage.name, 60.0), stage.name
