@@ -5,7 +5,7 @@ from rtl_model.bringup.closed_form import spikes_of
 from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.junit import junit_xml, write_junit
 from rtl_model.bringup.prbs_stage import check_prbs, which_bits
-from rtl_model.bringup.run import bring_up, is_pty
+from rtl_model.bringup.run import bring_up
 from rtl_model.bringup.stage import STAGES, Report, Stage, StageFault
 from rtl_model.bringup.wrong_bits import WrongBits, compare
 
@@ -22,7 +22,6 @@ __all__ = [
     "bring_up",
     "check_prbs",
     "compare",
-    "is_pty",
     "junit_xml",
     "spikes_of",
     "which_bits",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rtl_model.bringup.deadline import DeadlinePort
+from rtl_model.bringup.line import Line
+from rtl_model.bringup.stage import StageFault
 from rtl_model.bringup.wrong_bits import WrongBits
 from rtl_model.geometry import Geometry
 from rtl_model.host.csr import CsrMap
@@ -18,6 +21,8 @@ from rtl_model.registers import REGISTERS
 __all__ = ["Bench", "Burst"]
 
 _CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
+
+Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +49,8 @@ class Bench:
     geometry: Geometry = field(default_factory=Geometry)
     board: dict[str, Any] = field(default_factory=dict)
     bursts: list[Burst] = field(default_factory=list)
+    magic: int | None = None  # as the stage bytes read it
+    line: Line | None = None  # once it is known that the counters are ours
 
     def address(self, name: str) -> int:
         """Byte address of a register."""
@@ -56,6 +63,29 @@ class Bench:
     def sure(self, name: str) -> int:
         """Reads a register that stands still, until two readings agree."""
         return self.bone.read_twice(self.address(name))[0]
+
+    def confirmed(self, name: str, must: int) -> int:
+        """Reads a register that stands still and should be `must`; where it is not, until two
+        readings agree. An answer that was wrong once is none of the register's doing."""
+        got = self.get(name)
+        if got == must:
+            return got
+        held = self.sure(name)
+        if held == must:
+            self.bone.other_answer(self.address(name), [got], [held])
+        return held
+
+    def twice(self, check: Callable[[], Kept], *kinds: str) -> Kept:
+        """Returns what `check` returns. Where it fails by one of these kinds it is run again: what
+        then passes was no fault of the design, and the line is told of it."""
+        try:
+            return check()
+        except StageFault as fault:
+            if fault.kind not in kinds or self.line is None:
+                raise
+            kept = check()
+        self.line.misplaced()
+        return kept
 
     def put(self, name: str, value: int) -> None:
         """Writes one register."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.stage import Figures, StageFault
 from rtl_model.host import BaudReport, Cause, LineFault, find_baud
+from rtl_model.host.uartbone import FINAL, PATIENCE_S
 from rtl_model.registers import MAGIC
 
 __all__ = ["check_bytes", "readable"]
@@ -15,7 +18,8 @@ _SHOWN = 40
 _WORKS_PERCENT = 4.0  # off by no more than this, every receiver takes the baud
 _NARROW = 0.04  # rates that answer span some 10 % of the nominal; fewer are hits on a noisy line
 _LISTEN_S = 0.05
-_SURE = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # no baud would change these
+_LATE_S = 5.0  # that a late answer is waited for; a silent board takes as much longer to be told
+_LATE_MARGIN = 1.5
 
 
 def check_bytes(bench: Bench) -> Figures:
@@ -30,13 +34,22 @@ def check_bytes(bench: Bench) -> Figures:
     address = bench.address("ctrl_magic") if bench.csr.ours else 0
     begun = bench.port.now()
     try:
-        words = [bench.bone.read(address, retry=False)[0] for _ in range(_READS)]
+        words, times = [], []
+        for _ in range(_READS):
+            asked = bench.port.now()
+            words.append(bench.bone.read(address, retry=False)[0])
+            times.append(bench.port.now() - asked - bench.line_s(10))
     except LineFault as fault:
-        if fault.cause in _SURE:
+        if fault.cause in FINAL:
             raise
-        text = readable(bench.port.heard)
+        heard = bench.port.heard
+        if fault.cause in (Cause.SILENT, Cause.SHORT):
+            slow = _slow(bench, address)
+            if slow is not None:
+                raise slow from fault
+        text = readable(heard)
         if text is not None:
-            raise _spoken(bench, bench.port.heard) from fault
+            raise _spoken(bench, heard) from fault
         raise _off(bench, fault.text) or _spoilt(bench, fault) from fault
     spent = bench.port.now() - begun
     if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
@@ -50,7 +63,53 @@ def check_bytes(bench: Bench) -> Figures:
                 f"one register read {_READS} times gives {seen}",
                 "check cable, ground, levels and baud",
             )
+    if min(times) > _usual(bench):  # each of them: not a busy machine for once
+        raise _told_slow(bench, min(times))
+    bench.magic = words[0]
     return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
+
+
+def _slow(bench: Bench, address: int) -> StageFault | None:
+    """The fault "slow" where the answer is right and comes after the time for it."""
+    late = _delay(bench, address)
+    if late is None or late <= _usual(bench):
+        return None
+    bench.bone.pause(_LATE_S)  # what answers earlier questions is over then
+    late = _delay(bench, address)
+    return None if late is None or late <= _usual(bench) else _told_slow(bench, late)
+
+
+def _usual(bench: Bench) -> float:
+    """Seconds beyond line time that an answer may take."""
+    return PATIENCE_S * max(1.0, bench.bone.time_scale)
+
+
+def _told_slow(bench: Bench, late: float) -> StageFault:
+    scale = math.ceil(_LATE_MARGIN * late / PATIENCE_S)
+    return StageFault(
+        "slow",
+        f"{bench.port.name} answers right, and {late:.2f} s late, where {_usual(bench):.2g} s "
+        "beyond the line's time are usual",
+        f"give --time-scale {scale}, or find what holds bytes back (a simulator, a network, a hub)",
+        {"late_s": late, "usual_s": _usual(bench), "time_scale": scale},
+    )
+
+
+def _delay(bench: Bench, address: int) -> float | None:
+    """Seconds beyond line time until the answer of a board of ours, None where none comes."""
+    bone = bench.bone
+    usual, bone.patience_s = bone.patience_s, max(_LATE_S, 4 * bone.patience_s)
+    begun = bench.port.now()
+    try:
+        word = bone.read(address, retry=False)[0]
+    except LineFault as fault:
+        if fault.cause in FINAL:
+            raise
+        return None
+    finally:
+        bone.patience_s = usual
+    right = word == MAGIC if bench.csr.ours else True
+    return max(0.0, bench.port.now() - begun - bench.line_s(10)) if right else None
 
 
 def readable(data: bytes) -> str | None:
@@ -111,7 +170,7 @@ def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
             bench.bone.read(0, retry=False)
             whole += 1
         except LineFault as again:
-            if again.cause in _SURE:
+            if again.cause in FINAL:
                 raise
             heard = heard or again.cause is not Cause.SILENT
     if not whole and not heard:
@@ -126,10 +185,12 @@ def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
 
 
 def _told(found: BaudReport) -> str:
-    side = "above" if found.error_percent > 0 else "below"
+    side, fast = ("above", "slow") if found.error_percent > 0 else ("below", "fast")
+    host = 100 * (found.nominal / found.measured - 1)
     return (
         f"the board answers at {_spaced(found.measured)} baud, {abs(found.error_percent):.1f} % "
-        f"{side} {_spaced(found.nominal)}"
+        f"{side} {_spaced(found.nominal)} (+-{max(0.1, found.uncertainty_percent):.1f} %): the "
+        f"host is {abs(host):.1f} % too {fast} for it"
     )
 
 
@@ -149,6 +210,9 @@ def _figures(found: BaudReport) -> Figures:
         "baud_nominal": found.nominal,
         "baud_measured": found.measured,
         "baud_error_percent": found.error_percent,
+        "baud_uncertainty_percent": found.uncertainty_percent,
+        "host_error_percent": round(100 * (found.nominal / found.measured - 1), 2),
+        "by_pulse": found.by_pulse,
         "answers_from": found.lowest,
         "answers_to": found.highest,
     }

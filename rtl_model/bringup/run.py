@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,9 @@ from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.bytes_stage import check_bytes
 from rtl_model.bringup.counters import check_counters
 from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
+from rtl_model.bringup.evidence import Evidence
 from rtl_model.bringup.identity import check_identity
+from rtl_model.bringup.line import Line
 from rtl_model.bringup.patterns import check_patterns
 from rtl_model.bringup.prbs_stage import check_prbs
 from rtl_model.bringup.registers_stage import check_registers
@@ -20,11 +21,22 @@ from rtl_model.bringup.stage import STAGES, Figures, Report, Stage, StageFault
 from rtl_model.bringup.threshold import check_threshold
 from rtl_model.bringup.timing import check_timing
 from rtl_model.bringup.uptime import Uptime
-from rtl_model.host import Cause, LineFault, Port, Uartbone, default_map, open_port
+from rtl_model.host import (
+    Cause,
+    LineFault,
+    Port,
+    SerialPort,
+    Uartbone,
+    default_map,
+    is_pty,
+    open_port,
+)
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.log import Recorder
+from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
+from rtl_model.registers import MAGIC
 
-__all__ = ["bring_up", "is_pty"]
+__all__ = ["ALLOWED_S", "bring_up"]
 
 Progress = Callable[[Stage], None]
 
@@ -41,26 +53,20 @@ _CHECKS: dict[str, Callable[[Bench], Figures]] = {
 _WATCH_S = 5.0
 _NEEDED = ("port", "bytes", "identity")  # without these none can run
 
-_ALLOWED_S = {
+_ROUND_TRIPS_PER_S = 62  # with FTDI's latency timer as it comes
+_PACE_MOST = 50.0
+ALLOWED_S = {
     "bytes": 60.0, "identity": 20.0, "counters": 30.0, "registers": 60.0, "prbs": 60.0,
     "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
 }  # fmt: skip
 """Seconds of our time for each stage, at 62 round trips a second (FTDI's latency timer of 16 ms)
-and 115 200 baud with room to spare; times the time scale of a slower simulated board."""
+and 115 200 baud with room to spare; times the time scale of a slower simulated board, or as much
+longer as answers take."""
 
-_PATIENCE_S, _SIMULATED_S = 0.3, 2.0
-"""For an answer, beyond line time. A simulated board on a busy machine may be late, and no line is
-to blame for that."""
-
-_SPOILT = (
-    "{} reads had to be repeated and {} bytes came unasked: the line loses, adds or changes bytes "
-    "now and then; check cable, ground, levels and that no other program uses the port"
-)
-
-
-def is_pty(name: str) -> bool:
-    """Whether a port is a pseudo-terminal: then no hardware is behind it."""
-    return os.path.realpath(name).startswith("/dev/pts/")
+_OF_DESIGN = {  # kinds that a line at fault brings about as well
+    "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
+    "tick", "clock",
+}  # fmt: skip
 
 
 def bring_up(
@@ -72,6 +78,7 @@ def bring_up(
     simulated: bool | None = None,
     time_scale: float = 1.0,
     frames: int = 8,
+    low_latency: bool = False,
     log: Path | None = None,
     allowed_s: float | None = None,
     progress: Progress | None = None,
@@ -81,6 +88,8 @@ def bring_up(
     port: an open port, or a URL to be opened (and closed). csr: of the design; None is ours.
     stop_at_first: leave out what follows a failed stage; without port, bytes or identity nothing
         follows anyway. simulated: None says so of a pty alone. frames: of a burst.
+    low_latency: asks the driver of a port that is opened here for it; the port stage says whether
+        it was granted.
     allowed_s: for each stage, in place of the stage's own. progress: told of each stage.
     InputError for a baud or URL that cannot be.
     """
@@ -102,11 +111,19 @@ def bring_up(
         except LineFault as fault:
             done(_failed("port", time.monotonic() - begun, fault))
         else:
-            done(Stage("port", "ok", None, _told(opened, report), time.monotonic() - begun))
-            recorder = None if log is None else Recorder(log, opened)
-            patience = _SIMULATED_S if report.simulated else _PATIENCE_S
+            told = _told(opened, report)
+            if low_latency:
+                told["low_latency"] = isinstance(opened, SerialPort) and opened.low_latency()
+            done(Stage("port", "ok", None, told, time.monotonic() - begun))
+            session = {"simulated": report.simulated, "time_scale": time_scale, "frames": frames}
+            recorder = None if log is None else Recorder(log, opened, session=session)
+            patience = SIMULATED_PATIENCE_S if report.simulated else PATIENCE_S
             bone = Uartbone(
-                guarded, baud=baud, time_scale=time_scale, patience_s=patience, log=recorder
+                guarded,
+                baud=baud,
+                time_scale=time_scale,
+                patience_s=patience * max(1.0, time_scale),
+                log=recorder,
             )
             bench = Bench(
                 guarded, bone, csr or default_map(), report.simulated, baud, frames=frames
@@ -115,7 +132,7 @@ def bring_up(
                 fault_before = report.failed
                 if fault_before is not None and (stop_at_first or fault_before.name in _NEEDED):
                     break
-                allowed = allowed_s or _ALLOWED_S[name] * max(1.0, time_scale)
+                allowed = allowed_s or ALLOWED_S[name] * _pace(report, time_scale)
                 done(_run(name, check, bench, allowed))
             report.board, report.bursts = bench.board or None, list(bench.bursts)
             guarded.allow(5.0)
@@ -130,6 +147,12 @@ def bring_up(
         done(Stage(name, "left out", f"stage {first} failed", {}, 0.0))
     report.wall_s = time.monotonic() - begun
     return report
+
+
+def _pace(report: Report, time_scale: float) -> float:
+    """By how much a stage may take longer than its time: as much as answers do."""
+    answer_s = report.figure("bytes", "s_per_answer") or 0.0
+    return max(1.0, time_scale, min(answer_s * _ROUND_TRIPS_PER_S, _PACE_MOST))
 
 
 def _told(port: Port, report: Report) -> Figures:
@@ -148,17 +171,26 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     begun = clock()
     bench.port.allow(allowed)
     retried, strays = bench.bone.retried, bench.bone.strays
-    watch = Uptime(bench) if bench.board else None
 
     def spent() -> float:
         return clock() - begun
 
+    watch: Uptime | None = None
     try:
+        if bench.line is None and bench.csr.ours and bench.magic == MAGIC:
+            bench.line = Line(bench.bone, bench.csr)
+            bench.line.begin()
+        watch = Uptime(bench) if bench.board else None
         figures = check(bench)
+        if bench.line is not None and bench.board:
+            bench.line.geometry = bench.geometry
+        found = _evidence(bench, bench.bone.retried - retried)
     except (LineFault, StageFault) as fault:
-        bench.port.allow(_WATCH_S)  # the stage may have used its time up
+        bench.port.allow(_WATCH_S * max(1.0, bench.bone.time_scale))  # its time may be used up
         anew = None if watch is None else watch.restarted()
-        return _failed(name, spent(), fault if anew is None else anew)
+        if anew is not None:
+            return _failed(name, spent(), anew)
+        return _failed(name, spent(), fault, _late_evidence(bench, bench.bone.retried - retried))
     except OutOfTime:
         return Stage(
             name,
@@ -174,19 +206,61 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     except InputError as fault:  # a board that says what cannot be
         return Stage(name, "failed", str(fault), {}, spent(), "cannot-be")
     retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
-    if retried or strays:  # all else was right, and the line is not
-        anew = None if watch is None else watch.restarted()
-        if anew is not None:
-            return _failed(name, spent(), anew)
-        figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
-        return Stage(name, "failed", _SPOILT.format(retried, strays), figures, spent(), "spoilt")
-    return Stage(name, "ok", None, figures, spent())
+    if not (retried or strays or (found is not None and not found.clean)):
+        return Stage(name, "ok", None, figures, spent())
+    anew = None if watch is None else watch.restarted()  # all else was right, and the line is not
+    if anew is not None:
+        return _failed(name, spent(), anew)
+    figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
+    return Stage(name, "failed", *_spoilt(found, figures), spent(), "spoilt")
 
 
-def _failed(name: str, seconds: float, fault: LineFault | StageFault) -> Stage:
+def _evidence(bench: Bench, repeats: int) -> Evidence | None:
+    if bench.line is None:
+        return None
+    return bench.line.evidence(repeats)
+
+
+def _late_evidence(bench: Bench, repeats: int) -> Evidence | None:
+    """That of a stage which failed, where it can be had."""
+    try:
+        return _evidence(bench, repeats)
+    except (LineFault, OutOfTime):
+        return None
+
+
+def _spoilt(found: Evidence | None, figures: Figures) -> tuple[str, Figures]:
+    """Cause and figures where the line did something to bytes."""
+    repeated, strays = figures.get("reads_repeated", 0), figures.get("stray_bytes", 0)
+    told = (
+        f"{repeated} read{'s' * (repeated != 1)} had to be repeated and {strays} "
+        f"byte{'s' * (strays != 1)} came unasked"
+    )
+    if found is None:
+        text = f"{told}: the line loses, adds or changes bytes now and then"
+        return f"{text}; {Evidence(known=False).mend}", figures
+    what = found.text
+    if found.to_board < -repeated and found.to_board < -1:
+        what += ", more of them than reads were repeated, as when a line is cut for a moment"
+    return f"{what}: {told}; {found.mend}", figures | {"line": found.figures}
+
+
+def _failed(
+    name: str, seconds: float, fault: LineFault | StageFault, found: Evidence | None = None
+) -> Stage:
+    """A stage that failed. What the line did meanwhile is told as well, and is the cause itself
+    where the fault would else be the design's."""
     if isinstance(fault, StageFault):
-        return Stage(name, "failed", str(fault), fault.figures, seconds, fault.kind)
-    return Stage(name, "failed", str(fault), {}, seconds, fault.cause.value)
+        kind, figures = fault.kind, fault.figures
+    else:
+        kind, figures = fault.cause.value, {}
+    if found is None or not found.known or found.clean:
+        return Stage(name, "failed", str(fault), figures, seconds, kind)
+    figures = figures | {"line": found.figures}
+    if kind in _OF_DESIGN:
+        cause = f"{found.text}, so nothing follows from what was seen then: {fault.text}"
+        return Stage(name, "failed", f"{cause}; {found.mend}", figures, seconds, "spoilt")
+    return Stage(name, "failed", f"{fault}; meanwhile {found.text}", figures, seconds, kind)
 
 
 def _quiet(bench: Bench, report: Report) -> None:

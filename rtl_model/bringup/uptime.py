@@ -26,9 +26,13 @@ class Uptime:
         if self._before is None or now is None:
             return None
         (first, begun), (last, ended) = self._before, now
-        most = first + _FAST * (ended - begun) * self._bench.geometry.clock_hz
+        hz = self._bench.geometry.clock_hz
+        most = first + _FAST * (ended - begun) * hz
         if last >= first or most >= _WRAP:
             return None
+        again = self._read()
+        if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
+            return None  # one of the readings was spoilt: nothing began within the stage
         return StageFault(
             "restarted",
             f"the board started anew within the stage: ctrl_uptime fell from {first} to {last}",

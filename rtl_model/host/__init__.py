@@ -10,7 +10,7 @@ from rtl_model.host.capture import Captured
 from rtl_model.host.csr import CsrMap, CsrRegister, MemoryRegion, default_map, imager_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import Recorder
-from rtl_model.host.ports import Port, SerialPort, open_port, ports_here
+from rtl_model.host.ports import Port, SerialPort, is_pty, open_port, ports_here
 from rtl_model.host.prbs import PrbsReport
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
@@ -38,6 +38,7 @@ __all__ = [
     "default_map",
     "find_baud",
     "imager_map",
+    "is_pty",
     "open_port",
     "pattern",
     "ports_here",

@@ -3,13 +3,14 @@
 Every line has `monotonic` (seconds of the port's clock), `wall` (UTC) and `event`:
 `write` (`hex`, `command`, `address` in bytes, `words`), `read` (`hex`, `wanted` bytes, `more` hex
 beyond them, `fault` or null), `stray` (`hex`: bytes nobody asked for), `silence` and `chatter`
-(`value`: bytes dropped), `baud` (`value`). The first line is `open` (`format`, `port`, `baud`).
+(`value`: bytes dropped), `baud` (`value`). The first line is `open` (`format`, `port`, `baud`, and
+what the session was, as far as it said: `simulated`, `time_scale`, `frames`).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -27,10 +28,18 @@ _COMMANDS = {1: "write", 2: "read", 3: "write fixed", 4: "read fixed"}
 class Recorder:
     """Writes the log of one port to `path`. InputError where that cannot be written.
 
-    clock: gives the monotonic time; None is the port's.
+    clock: gives the monotonic time; None is the port's. session: what the first line says besides
+        format, port and baud.
     """
 
-    def __init__(self, path: Path, port: Port, *, clock: Callable[[], float] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        port: Port,
+        *,
+        clock: Callable[[], float] | None = None,
+        session: Mapping[str, object] | None = None,
+    ) -> None:
         self._clock = port.now if clock is None else clock
         try:
             self._file = path.open("w", encoding="ascii")
@@ -41,7 +50,7 @@ class Recorder:
                 f"refused ({exc.strerror or exc})",
                 "choose another name for the log",
             ) from exc
-        self._line("open", format=FORMAT, port=port.name, baud=port.baud)
+        self._line("open", format=FORMAT, port=port.name, baud=port.baud, **(session or {}))
 
     def __enter__(self) -> Recorder:
         return self

@@ -21,7 +21,7 @@ from rtl_model.host.faults import Cause, LineFault
 if TYPE_CHECKING:
     import serial
 
-__all__ = ["Port", "SerialPort", "latency_timer", "open_port", "ports_here"]
+__all__ = ["Port", "SerialPort", "is_pty", "latency_timer", "open_port", "ports_here"]
 
 _POLL_S = 0.01  # a read looks at its deadline this often
 _TIMERS = Path("/sys/bus/usb-serial/devices")
@@ -184,6 +184,11 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
             raise _bad_baud(url, baud) from exc
         raise _bad_url(url, exc) from exc
     return SerialPort(inner, url)
+
+
+def is_pty(name: str) -> bool:
+    """Whether a port is a pseudo-terminal: then no hardware is behind it."""
+    return os.path.realpath(name).startswith("/dev/pts/")
 
 
 def latency_timer(name: str) -> tuple[Path, int | None]:

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 from cosim import InputError
 from rtl_model.host.board import Board
-from rtl_model.host.faults import Cause, LineFault
+from rtl_model.host.faults import LineFault
+from rtl_model.host.uartbone import FINAL
 from rtl_model.prbs import ORDERS, Prbs
 
-__all__ = ["ORDERS", "PrbsReport", "check"]
+__all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
 
 _FAULTS = 3  # of one run, before the line is said to be too bad to be measured
 
@@ -33,32 +34,38 @@ class PrbsReport(NamedTuple):
         return wrong == self.words_lost_to_board == self.faults == 0
 
 
-def check(board: Board, order: int, words: int) -> PrbsReport:
-    """Reads `words` words of the board's sequence and sends it as many.
+class Exchanged(NamedTuple):
+    """wrong: for each word from the board, its wrong bits as 1s. checked, errors: words that the
+    board held against its own sequence, and wrong bits in them. faults: answers that broke off,
+    after which the sequence was begun anew."""
 
-    order: 7, 15, 23 or 31. LineFault where the line breaks off more than three times.
-    """
-    if order not in ORDERS:
-        raise InputError("the order of a PRBS", "7, 15, 23 or 31", str(order), "choose one")
+    wrong: list[int]
+    checked: int
+    errors: int
+    faults: int
+
+
+def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchanged:
+    """Reads `words` words of the board's sequence and sends it as many. faults: answers that may
+    break off before the LineFault of one is raised."""
     bone = board.bone
-    begun = bone.port.now()
     source = board.csr.register("prbs_source").address
-    wrong = faults = got = 0
+    wrong: list[int] = []
+    broken = 0
     board.write("prbs_order", order)
     own = Prbs(order)
-    while got < words:
-        count = min(bone.words_at_once, words - got)
+    while len(wrong) < words:
+        count = min(bone.words_at_once, words - len(wrong))
         try:
             values = bone.read(source, count, fixed=True)
         except LineFault as fault:
-            faults += 1
-            if faults > _FAULTS or fault.cause in (Cause.GONE, Cause.ECHO, Cause.DIFFERS):
+            broken += 1
+            if broken > faults or fault.cause in FINAL:
                 raise
             board.write("prbs_order", order)  # where the sequence stands is not known: anew
             own = Prbs(order)
             continue
-        wrong += sum((value ^ own.word()).bit_count() for value in values)
-        got += count
+        wrong += [value ^ own.word() for value in values]
     board.write("prbs_order", order)
     own = Prbs(order)
     bone.write(
@@ -66,12 +73,24 @@ def check(board: Board, order: int, words: int) -> PrbsReport:
     )
     board.forget_counters()
     checked = board.read_twice("prbs_checked")
+    return Exchanged(wrong, checked, board.read_twice("prbs_errors"), broken)
+
+
+def check(board: Board, order: int, words: int) -> PrbsReport:
+    """Counts wrong bits of `words` words each way.
+
+    order: 7, 15, 23 or 31. LineFault where the line breaks off more than three times.
+    """
+    if order not in ORDERS:
+        raise InputError("the order of a PRBS", "7, 15, 23 or 31", str(order), "choose one")
+    begun = board.bone.port.now()
+    made = exchange(board, order, words, faults=_FAULTS)
     return PrbsReport(
         order=order,
         words=words,
-        bits_wrong_from_board=wrong,
-        bits_wrong_to_board=board.read_twice("prbs_errors"),
-        words_lost_to_board=words - checked,
-        faults=faults,
-        seconds=bone.port.now() - begun,
+        bits_wrong_from_board=sum(word.bit_count() for word in made.wrong),
+        bits_wrong_to_board=made.errors,
+        words_lost_to_board=words - made.checked,
+        faults=made.faults,
+        seconds=board.bone.port.now() - begun,
     )

@@ -22,13 +22,19 @@ _VALUES = {"silence", "chatter", "baud"}
 
 
 class ReplayPort:
-    """A port over the log at `path`. InputError, with the line, for a file that is none."""
+    """A port over the log at `path`. InputError, with the line, for a file that is none.
+
+    logged_port: the one that was spoken to. simulated: whether nothing real was behind it, None
+    where the log does not say; time_scale, frames: of the session, likewise.
+    """
 
     def __init__(self, path: Path) -> None:
         self.name = f"replay of {path}"
         self._events = _events(path)
         first = self._events[0]
         self.baud = int(first["baud"])
+        self.logged_port = str(first.get("port", ""))
+        self.simulated, self.time_scale, self.frames = _session(first)
         self._time = float(first["monotonic"])
         self._next = 1
         self._more = b""  # beyond the answer that was read last
@@ -101,6 +107,15 @@ class ReplayPort:
     def _take(self) -> None:
         self._time = max(self._time, float(self._events[self._next]["monotonic"]))
         self._next += 1
+
+
+def _session(first: dict[str, Any]) -> tuple[bool | None, float | None, int | None]:
+    simulated, scale, frames = (first.get(name) for name in ("simulated", "time_scale", "frames"))
+    return (
+        simulated if isinstance(simulated, bool) else None,
+        float(scale) if isinstance(scale, int | float) and 0 < scale < 1e6 else None,
+        frames if type(frames) is int and frames > 0 else None,
+    )
 
 
 def _told(event: dict[str, Any]) -> str:

@@ -10,7 +10,8 @@ are there for that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from cosim import InputError
@@ -20,7 +21,11 @@ from rtl_model.host.ports import Port
 if TYPE_CHECKING:
     from rtl_model.host.log import Recorder
 
-__all__ = ["BAUD_MIN", "Uartbone"]
+__all__ = ["BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone"]
+
+PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
+"""For an answer, beyond line time. A simulated board on a busy machine may be late: its thread does
+not run for long, and no line is to blame for that."""
 
 _WRITE, _READ, _WRITE_FIXED, _READ_FIXED = 1, 2, 3, 4
 _HEADER = 6  # bytes: command, length, word address
@@ -34,7 +39,8 @@ _TAIL = 2  # bytes' time that the line must be silent after an answer; a board s
 # not waited for: what it sends later counts as strays before the next request
 _SLACK = 1.25  # of line time: stop bits, gaps, a clock that is off
 
-_FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)  # asking again mends none of these
+FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)
+"""Causes that asking again mends none of, nor another baud."""
 
 BAUD_MIN = int((_HEADER + 4) * _BITS / _TRANSACTION_S) + 1
 """Slowest line on which one word still fits the time."""
@@ -50,6 +56,15 @@ class Uartbone:
     retries: of a read without effect, each after a silence. Writes and reads of a FIFO are never
         sent twice.
     log: takes every byte both ways.
+
+    Attributes:
+        bytes_sent, bytes_read, strays, dropped: to the board; of answers; that came unasked; thrown
+            away while the line was brought to silence. The last three are all that ever came.
+        bytes_asked: that answers had to have, those that failed included.
+        words_written, written_crc: words sent to be written, and the CRC-32 of them, which goes on
+            from whatever it is set to.
+        on_other_answer: told (address, words that came, words that are right) of an answer that was
+            of the right length and wrong, as far as `read_twice` finds one.
     """
 
     def __init__(
@@ -58,7 +73,7 @@ class Uartbone:
         *,
         baud: int | None = None,
         time_scale: float = 1.0,
-        patience_s: float = 0.3,
+        patience_s: float = PATIENCE_S,
         retries: int = 2,
         log: Recorder | None = None,
     ) -> None:
@@ -75,7 +90,15 @@ class Uartbone:
         if not time_scale > 0:
             raise InputError("the time scale", "above 0", str(time_scale), "give another")
         self._owed = 0  # bytes sent since the last answer: they may still be in a buffer
-        self.bytes_sent = self.bytes_read = self.retried = self.strays = self.round_trips = 0
+        self.bytes_sent = self.bytes_read = self.bytes_asked = self.dropped = 0
+        self.retried = self.strays = self.round_trips = 0
+        self.words_written = self.written_crc = 0
+        self.on_other_answer: Callable[[int, list[int], list[int]], None] | None = None
+
+    @property
+    def bytes_heard(self) -> int:
+        """All bytes that came from the board's side, wanted or not."""
+        return self.bytes_read + self.strays + self.dropped
 
     @property
     def words_at_once(self) -> int:
@@ -108,18 +131,23 @@ class Uartbone:
         LineFault GARBLED where they never are.
         """
         before: list[int] | None = None
+        others: list[list[int]] = []
         fault: LineFault | None = None
         for _ in range(2 * self.retries + 2):
             try:
                 now = self.read(address, words, retry=False)
             except LineFault as exc:
-                if exc.cause in _FINAL:
+                if exc.cause in FINAL:
                     raise
                 fault, before = exc, None
                 self.retried += 1
                 continue
             if now == before:
+                for other in others:
+                    if other != now:
+                        self.other_answer(address, other, now, counted=True)
                 return now
+            others.append(now)
             if before is not None:
                 self.resynchronise()
                 self.retried += 1
@@ -129,6 +157,15 @@ class Uartbone:
         raise LineFault(
             Cause.GARBLED, f"two readings of {address:#x} that must be the same never were"
         )
+
+    def other_answer(
+        self, address: int, got: list[int], right: list[int], *, counted: bool = False
+    ) -> None:
+        """An answer was of the right length and wrong: it counts as repeated, unless it is
+        `counted` already, and `on_other_answer` is told."""
+        self.retried += not counted
+        if self.on_other_answer is not None:
+            self.on_other_answer(address, got, right)
 
     def write(self, address: int, values: Sequence[int] | int, *, fixed: bool = False) -> None:
         """Writes words from a byte address on, or all to that one where `fixed`. Nothing says
@@ -141,6 +178,8 @@ class Uartbone:
             data = b"".join((value & 0xFFFFFFFF).to_bytes(4, "big") for value in part)
             command = _WRITE_FIXED if fixed else _WRITE
             self._send(_header(command, len(part), place) + data, place, len(part))
+            self.words_written += len(part)
+            self.written_crc = zlib.crc32(data, self.written_crc)
 
     def resynchronise(self) -> int:
         """Keeps silent until the board has forgotten what it was told in part and nothing comes
@@ -154,6 +193,7 @@ class Uartbone:
                 self._owed = 0
                 return dropped
             dropped += len(got)
+            self.dropped += len(got)
         self._note("chatter", dropped)
         raise LineFault(
             Cause.GARBLED, f"{self.port.name} keeps sending though nothing was asked of it"
@@ -179,7 +219,7 @@ class Uartbone:
             try:
                 return self._read_once(address, count, fixed)
             except LineFault as fault:
-                if fault.cause in _FINAL:
+                if fault.cause in FINAL:
                     raise
                 self.resynchronise()
                 if not again:
@@ -194,6 +234,7 @@ class Uartbone:
         packet = _header(_READ_FIXED if fixed else _READ, count, address)
         self._send(packet, address, count)
         wanted = 4 * count
+        self.bytes_asked += wanted
         data = self.port.read(wanted, self._line_s(self._owed + wanted) + self.patience_s)
         more = b""
         if len(data) == wanted:  # a byte too many shows that these may not be the ones asked for

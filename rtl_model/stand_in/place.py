@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, BoardInfo, LineFault, Port, Uartbone, open_port
+from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
 __all__ = ["DEFAULT_BAUD", "StandIn", "parse_place", "stand_in"]
 
@@ -16,10 +17,6 @@ DEFAULT_BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
 """Of a virtual board: how long it takes a step for (see `stepping`)."""
-_PATIENCE_S: Final = 0.3
-_VIRTUAL_PATIENCE_S: Final = 3.0
-"""For an answer beyond line time. A virtual board has no fault to be found out soon, and a busy
-machine may not run its thread for long."""
 
 
 class StandIn(NamedTuple):
@@ -60,9 +57,9 @@ def stand_in(place: str, key: str, virtual: Geometry | None = None) -> Iterator[
             geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
             with VirtualBoard(geometry, level="model") as made:
                 opened = open_port(made.port, _VIRTUAL_BAUD)
-                yield from _used(opened, "the virtual board", made.time_scale, _VIRTUAL_PATIENCE_S)
+                yield from _used(opened, "the virtual board", made.time_scale, SIMULATED_PATIENCE_S)
         else:
-            yield from _used(open_port(port, baud), f"the board at {port}", 1.0, _PATIENCE_S)
+            yield from _used(open_port(port, baud), f"the board at {port}", 1.0, PATIENCE_S)
     except LineFault as fault:
         raise InputError(
             f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",

@@ -1,6 +1,8 @@
 """The Verilog as it is written, compiled by Verilator to shared libraries that Python steps."""
 
 from rtl_model.verilated.build import (
+    KEPT_BYTES,
+    KEPT_DAYS,
     PACKAGES,
     VERILOG,
     BuildFailed,
@@ -8,10 +10,13 @@ from rtl_model.verilated.build import (
     fst_library,
     library,
     missing,
+    prune,
 )
 from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
 
 __all__ = [
+    "KEPT_BYTES",
+    "KEPT_DAYS",
     "PACKAGES",
     "VERILOG",
     "BuildFailed",
@@ -21,5 +26,6 @@ __all__ = [
     "fst_library",
     "library",
     "missing",
+    "prune",
     "trace_format",
 ]

@@ -2,7 +2,8 @@
 
 A library is named by the hash of all that goes into it (sources, shim, geometry, trace, tools,
 flags), so that it is made once and never stale. It is built in a folder of its own and then
-renamed, and a lock lets a second process wait rather than build the same again.
+renamed, and a lock lets a second process wait rather than build the same again. What has not been
+used for long is removed when another is built.
 """
 
 from __future__ import annotations
@@ -10,24 +11,27 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import tempfile
+import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from cosim import InputError, ViformError
+from cosim.files.whole import whole
 from cosim.opencl import cache_folder
 from rtl_model.geometry import Geometry
 
 __all__ = [
-    "PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc", "fst_library", "library",
-    "missing",
+    "KEPT_BYTES", "KEPT_DAYS", "PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc",
+    "fst_library", "library", "missing", "prune",
 ]  # fmt: skip
 
 VERILOG = Path(__file__).parents[1] / "verilog"
@@ -45,10 +49,34 @@ _FLAGS = ("-std=c++17", "-fPIC", "-fno-gnu-unique", "-w")
 _LINK = ("-shared", "-pthread", "-Wl,-Bsymbolic")
 _VERILATE = ("--cc", "-O3", "--x-assign", "1", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
 _TIME_LIMIT = 900  # seconds of one tool: hung, not slow
+_VERILATORS = re.compile(
+    r"^%Error[^:\n]*: (?P<file>[^:\n]+):(?P<line>\d+):(?:\d+:)? (?P<text>.*)", re.M
+)
+_COMPILERS = re.compile(
+    r"^(?P<file>[^:\n]+):(?P<line>\d+):(?:\d+:)? (?:fatal )?error: (?P<text>.*)", re.M
+)
+
+KEPT_DAYS = 30
+"""Libraries that nobody has used for longer are removed when another is built."""
+KEPT_BYTES = 1 << 30
+"""Of all libraries together: beyond it those that were used longest ago are removed."""
+_IN_USE_S = 3600.0  # one that was used so lately is kept whatever its size: it may be about to open
 
 
 class BuildFailed(ViformError):
-    """The Verilog or a shim does not compile: a fault of the sources, with the tool's words."""
+    """The Verilog or a shim does not compile: a fault of the sources.
+
+    tool: that refused them. first: its first error, `file:line: words`. kept: file with all that it
+    said, None where that could not be written.
+    """
+
+    def __init__(self, tool: str, first: str, kept: Path | None = None) -> None:
+        self.tool, self.first, self.kept = tool, first, kept
+        super().__init__(tool, first, kept)
+
+    def __str__(self) -> str:
+        where = "" if self.kept is None else f" (all that it said: {self.kept})"
+        return " ".join(f"{self.tool} failed: {self.first}{where}".split())
 
 
 def missing() -> list[str]:
@@ -90,7 +118,13 @@ def library(
         _need_zlib()
     folder = (VERILOG if sources is None else sources).resolve()
     parameters = geometry.verilog
-    text = (folder / f"{top}.v").read_text(encoding="utf-8")
+    try:
+        text = (folder / f"{top}.v").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as exc:
+        raise InputError(
+            "a folder of Verilog", f"one that holds {top}.v, readable", f"{sources}",
+            "name another, or add that file",
+        ) from exc  # fmt: skip
     known = {name: value for name, value in parameters.items() if f"] {name} =" in text}
     if "] BUILD =" in text:
         known["BUILD"] = build
@@ -106,7 +140,8 @@ def library(
     with _locked(made.with_suffix(".lock"), unless=made):
         if not made.is_file():
             _build(made, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
-    return made
+            prune()
+    return _used(made)
 
 
 def fst_library() -> Path:
@@ -128,7 +163,7 @@ def fst_library() -> Path:
                 command = ["gcc", *flags, *map(str, units), "-lz", "-lpthread", "-o", "made.so"]
                 _tool(command, Path(part))
                 os.replace(Path(part) / "made.so", made)
-    return made
+    return _used(made)
 
 
 def _need_tools(what: str) -> None:
@@ -192,7 +227,40 @@ def _runtime(trace: Trace) -> Path:
                 (Path(name) / "runtime.cpp").write_text(text, encoding="utf-8")
                 _tool(["g++", *flags, "-O1", "-c", "runtime.cpp", "-o", "made.o"], Path(name))
                 os.replace(Path(name) / "made.o", made)
+    return _used(made)
+
+
+def _used(made: Path) -> Path:
+    """Marks a file of the cache as used now."""
+    with suppress(OSError):  # of another user's cache, or gone: then it is built anew next time
+        os.utime(made)
     return made
+
+
+def prune(now: float | None = None) -> list[Path]:
+    """Removes what nobody has used for `KEPT_DAYS`, and beyond `KEPT_BYTES` what was used longest
+    ago; returns it. A process that has a library open keeps it: only its name goes.
+
+    now: seconds since 1970; None is the clock's.
+    """
+    now = time.time() if now is None else now
+    found = []
+    for path in _cache().iterdir():
+        with suppress(OSError):  # another process may be at it too
+            if path.suffix in (".so", ".o"):
+                stat = path.stat()
+                found.append((stat.st_mtime, stat.st_size, path))
+    total, gone = 0, []
+    for used, size, path in sorted(found, reverse=True):
+        total += size
+        idle = now - used
+        if idle > KEPT_DAYS * 86_400 or (total > KEPT_BYTES and idle > _IN_USE_S):
+            with suppress(OSError):
+                path.unlink()
+                path.with_suffix(".lock").unlink(missing_ok=True)
+                gone.append(path)
+                total -= size
+    return gone
 
 
 def _runtime_flags(trace: Trace) -> list[str]:
@@ -209,11 +277,33 @@ def _tool(command: Sequence[str], folder: Path) -> str:
             command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT, check=False
         )
     except subprocess.TimeoutExpired as exc:
-        raise BuildFailed(f"{command[0]} did not end within {_TIME_LIMIT} s") from exc
+        raise BuildFailed(command[0], f"it did not end within {_TIME_LIMIT} s") from exc
     if done.returncode:
-        words = (done.stderr or done.stdout).strip()[-4000:]
-        raise BuildFailed(f"{command[0]} failed with {done.returncode}:\n{words}")
+        words = done.stdout + done.stderr
+        raise BuildFailed(command[0], _first_error(words), _keep(command, words))
     return done.stdout
+
+
+def _first_error(words: str) -> str:
+    """`file:line: message` of a tool's first error: Verilator's `%Error: file:line:column: ..`, or
+    a compiler's `file:line:column: error: ..`; its first line where there is neither."""
+    for form in (_VERILATORS, _COMPILERS):
+        found = form.search(words)
+        if found:
+            return f"{Path(found['file']).name}:{found['line']}: {found['text'].strip()}"
+    plain = [line.strip() for line in words.splitlines() if line.strip()]
+    return next((line for line in plain if "rror" in line), plain[0] if plain else "without a word")
+
+
+def _keep(command: Sequence[str], words: str) -> Path | None:
+    """Keeps what a tool said in the cache, in place of what was kept before."""
+    path = _cache() / f"failed-{command[0]}.log"
+    try:
+        with whole(path) as part:
+            part.write_text(f"$ {' '.join(command)}\n{words}", encoding="utf-8")
+    except (OSError, ViformError):
+        return None
+    return path
 
 
 @cache

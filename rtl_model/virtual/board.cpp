@@ -1,20 +1,14 @@
 // viform_board behind its pins: the host's serialiser and deserialiser, at a baud of their own.
 #include <cmath>
-#include <cstdint>
 #include <deque>
-#include <memory>
 
-#include "Vtop.h"
-#include "verilated.h"
+#include "served.h"
 
 namespace {
 
 const int BITS = 10;  // of a byte on the line: start, eight of data, stop
 
-struct Board {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top;
-    uint64_t clock = 0;
+struct Board : Served {
     double bit_clocks = VIFORM_BIT_CLOCKS;  // of the host
 
     // Host to board.
@@ -25,13 +19,11 @@ struct Board {
     uint64_t next = 0;    // the same, as a clock
 
     // Board to host.
-    bool line = true, receiving = false;
+    bool high = true, receiving = false;
     int taken = 0;
     uint16_t samples = 0;
     double begun = 0;
     uint64_t sample_at = 0;
-    uint64_t last = 0;  // when something last moved on either line
-    bool moved = false;
 
     // The board's answer begins three bits after the request at the latest, and its bytes follow
     // each other: a byte's time without a change and its stop bit is the end.
@@ -40,7 +32,11 @@ struct Board {
         return static_cast<uint64_t>(3 * longer) + 32;
     }
     bool quiet() const {
-        return waiting.empty() && !bits_left && !receiving && (!moved || clock - last >= patience());
+        return waiting.empty() && !bits_left && !receiving && still(patience());
+    }
+    bool line(const uint16_t *noise, uint8_t *out, uint64_t &made) {
+        const bool sends = drive();
+        return receive(noise, out, made) || sends;
     }
     bool drive();
     bool receive(const uint16_t *noise, uint8_t *out, uint64_t &made);
@@ -70,9 +66,8 @@ bool Board::drive() {
 
 // Looks at the board's line; returns whether a byte is under way.
 bool Board::receive(const uint16_t *noise, uint8_t *out, uint64_t &made) {
-    const bool high = top->serial_tx;
-    const bool falls = line && !high;
-    line = high;
+    const bool falls = high && !top->serial_tx;
+    high = top->serial_tx;
     if (!receiving) {
         if (!falls) return false;
         receiving = true;
@@ -102,55 +97,24 @@ extern "C" {
 
 Board *viform_open() {
     Board *board = new Board;
-    board->top.reset(new Vtop(&board->context));
-    Vtop &top = *board->top;
-    top.serial_rx = 1;
-    top.rst = 1;
-    for (int n = 0; n < 4; ++n) {
-        top.clk = 1;
-        top.eval();
-        top.clk = 0;
-        top.eval();
-    }
-    top.rst = 0;
+    board->top->serial_rx = 1;
+    board->reset();
     return board;
 }
 
-void viform_close(Board *board) {
-    board->top->final();
-    delete board;
-}
+void viform_close(Board *board) { close_board(board); }
 
 // Sets how many clocks of the board a bit of the host's lasts, from the next bit on.
 void viform_line(Board *board, double bit_clocks) { board->bit_clocks = bit_clocks; }
 
-// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way
-// or, where nothing was, all of them. Returns how many bytes still wait, and one more where any is
-// under way; 0 is a quiet line. `made` bytes have come out into `out`, at most `room`. Noise inverts
-// bits of a byte, its start bit in bit 0: of those that go in, and of those that come out.
+// Takes `count` bytes for the board and runs it as run_board says. Noise inverts bits of a byte, its
+// start bit in bit 0: of those that go in, and of those that come out.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *noise, uint64_t count,
                 uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
                 uint64_t *clock, uint64_t *made) {
     for (uint64_t n = 0; n < count; ++n)
         board->waiting.push_back(static_cast<uint16_t>((bytes[n] << 1 | 0x200) ^ noise[n]));
-    Vtop &top = *board->top;
-    const bool busy = !board->quiet();
-    uint64_t got = 0;
-    for (uint64_t n = 0; n < clocks && got < room && !(busy && board->quiet()); ++n) {
-        const bool sends = board->drive();
-        if (board->receive(noise_out, out, got) || sends) {
-            board->last = board->clock;
-            board->moved = true;
-        }
-        top.clk = 1;
-        top.eval();
-        top.clk = 0;
-        top.eval();
-        ++board->clock;
-    }
-    *clock = board->clock;
-    *made = got;
-    return static_cast<int>(board->waiting.size()) + !board->quiet();
+    return run_board(*board, clocks, out, noise_out, room, clock, made);
 }
 
 }

@@ -1,10 +1,7 @@
 // viform_core behind bytes: a line of no duration, one byte a clock each way.
-#include <cstdint>
 #include <deque>
-#include <memory>
 
-#include "Vtop.h"
-#include "verilated.h"
+#include "served.h"
 
 namespace {
 
@@ -12,15 +9,20 @@ namespace {
 // and between two words of an answer (viform_uartbone.v).
 const uint64_t QUIET = 8;
 
-struct Board {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top;
+struct Board : Served {
     std::deque<uint8_t> waiting;
-    uint64_t clock = 0;
-    uint64_t last = 0;  // when a byte last moved
-    bool moved = false;
 
-    bool quiet() const { return waiting.empty() && (!moved || clock - last >= QUIET); }
+    bool quiet() const { return waiting.empty() && still(QUIET); }
+
+    bool line(const uint16_t *, uint8_t *out, uint64_t &made) {
+        top->rx_valid = !waiting.empty();
+        if (top->rx_valid) {
+            top->rx_data = waiting.front();
+            waiting.pop_front();
+        }
+        if (top->tx_valid) out[made++] = top->tx_data;
+        return top->rx_valid || top->tx_valid;
+    }
 };
 
 }  // namespace
@@ -29,59 +31,23 @@ extern "C" {
 
 Board *viform_open() {
     Board *board = new Board;
-    board->top.reset(new Vtop(&board->context));
-    Vtop &top = *board->top;
-    top.shortest_low = 0xFFFFFFFF;  // there is no line
-    top.tx_ready = 1;
-    top.rst = 1;
-    for (int n = 0; n < 4; ++n) {
-        top.clk = 1;
-        top.eval();
-        top.clk = 0;
-        top.eval();
-    }
-    top.rst = 0;
+    board->top->shortest_low = 0xFFFFFFFF;  // there is no line
+    board->top->tx_ready = 1;
+    board->reset();
     return board;
 }
 
-void viform_close(Board *board) {
-    board->top->final();
-    delete board;
-}
+void viform_close(Board *board) { close_board(board); }
 
 void viform_line(Board *, double) {}
 
-// Takes `count` bytes for the board and runs at most `clocks` clocks: until nothing is under way
-// or, where nothing was, all of them. Returns how many bytes still wait, and one more where any is
-// under way; 0 is a quiet line. `made` bytes have come out into `out`, at most `room`. The
-// noise is for the board with pins.
+// Takes `count` bytes for the board and runs it as run_board says. The noise is for the board with
+// pins.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *, uint64_t count,
-                uint64_t clocks, uint8_t *out, const uint16_t *, uint64_t room,
+                uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
                 uint64_t *clock, uint64_t *made) {
-    Vtop &top = *board->top;
     board->waiting.insert(board->waiting.end(), bytes, bytes + count);
-    const bool busy = !board->quiet();
-    uint64_t sent = 0;
-    for (uint64_t n = 0; n < clocks && sent < room && !(busy && board->quiet()); ++n) {
-        top.rx_valid = !board->waiting.empty();
-        if (top.rx_valid) {
-            top.rx_data = board->waiting.front();
-            board->waiting.pop_front();
-        }
-        if (top.tx_valid) out[sent++] = top.tx_data;
-        if (top.rx_valid || top.tx_valid) {
-            board->last = board->clock;
-            board->moved = true;
-        }
-        top.clk = 1;
-        top.eval();
-        top.clk = 0;
-        top.eval();
-        ++board->clock;
-    }
-    *clock = board->clock;
-    *made = sent;
-    return static_cast<int>(board->waiting.size()) + !board->quiet();
+    return run_board(*board, clocks, out, noise_out, room, clock, made);
 }
 
 }

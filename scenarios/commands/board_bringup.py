@@ -14,8 +14,10 @@ from scenarios.commands.board_line import (
     Faults,
     Level,
     Log,
+    LowLatency,
     PortName,
     TimeScale,
+    told_latency,
 )
 from scenarios.commands.output import Json, print_document
 
@@ -38,6 +40,7 @@ def board_bringup(
     ] = False,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     level: Level = "bytes",
     fault: Faults = None,
     json: Json = False,
@@ -56,6 +59,8 @@ def board_bringup(
             raise InputError("--out", "a folder", given, "choose another") from exc
 
     def told(stage: Stage) -> None:
+        if stage.figures.get("low_latency") is False:
+            told_latency(stage.figures["port"], False)
         if not json:
             print_stage(stage)
 
@@ -68,6 +73,7 @@ def board_bringup(
             simulated=place.simulated,
             time_scale=place.time_scale,
             frames=frames,
+            low_latency=low_latency,
             log=log,
             progress=told,
         )

@@ -13,6 +13,7 @@ from scenarios.commands.board_line import (
     Faults,
     Level,
     Log,
+    LowLatency,
     PortName,
     TimeScale,
     connected,
@@ -41,6 +42,7 @@ def board_capture(
     csr: Csr = None,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     level: Level = "bytes",
     fault: Faults = None,
     json: Json = False,
@@ -58,7 +60,17 @@ def board_capture(
     writes = [assignment(text) for text in assignments or ()]
     progress = make_progress()
     try:
-        with connected(port, baud, csr, log, time_scale, json, level=level, faults=fault) as line:
+        with connected(
+            port,
+            baud,
+            csr,
+            log,
+            time_scale,
+            json,
+            level=level,
+            faults=fault,
+            low_latency=low_latency,
+        ) as line:
             for name, value in writes:
                 line.board.write(name, value)
             taken = capture.burst(line.board, frames, clear=clear)

@@ -13,6 +13,7 @@ from scenarios.commands.board_line import (
     Faults,
     Level,
     Log,
+    LowLatency,
     PortName,
     TimeScale,
     connected,
@@ -32,6 +33,7 @@ def board_compare(
     ] = None,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     level: Level = "bytes",
     fault: Faults = None,
     lockstep: Annotated[
@@ -67,7 +69,9 @@ def board_compare(
     from scenarios.commands.board_regs import assignment
 
     writes = [assignment(text) for text in assignments or ()]
-    with connected(port, baud, csr, log, time_scale, json, level=level, faults=fault) as line:
+    with connected(
+        port, baud, csr, log, time_scale, json, level=level, faults=fault, low_latency=low_latency
+    ) as line:
         for name, value in writes:
             line.board.write(name, value)
         taken, burst = compared(line.board, frames)
@@ -93,6 +97,7 @@ def _lockstep(
 ) -> None:  # fmt: skip
     from cosim import InputError
     from rtl_model.lockstep import Program, run
+    from rtl_model.verilated import BuildFailed
 
     if lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
@@ -105,6 +110,14 @@ def _lockstep(
             sources=sources, waves=trace,
             progress=lambda clock, done: progress.advance(done),
         )  # fmt: skip
+    except BuildFailed as fault:
+        if sources is None:  # the design's own: a fault of ours
+            raise
+        kept = "" if fault.kept is None else f" (all that {fault.tool} said: {fault.kept})"
+        raise InputError(
+            f"--sources {sources}", "Verilog that compiles", f"refused: {fault.first}",
+            f"mend that line{kept}",
+        ) from fault  # fmt: skip
     finally:
         progress.close()
     found = outcome.difference

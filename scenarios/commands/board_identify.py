@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected
+from scenarios.commands.board_line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
 from scenarios.commands.output import Json, print_document
 
 __all__ = ["board_identify"]
@@ -14,13 +14,16 @@ def board_identify(
     csr: Csr = None,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     json: Json = False,
 ) -> None:
     """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
     design by its csr.csv."""
     from rtl_model.host import Cause, LineFault
 
-    with connected(port, baud, csr, log, time_scale, json, recognise=True) as line:
+    with connected(
+        port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
+    ) as line:
         board = line.board
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None

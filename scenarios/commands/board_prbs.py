@@ -12,6 +12,7 @@ from scenarios.commands.board_line import (
     Faults,
     Level,
     Log,
+    LowLatency,
     PortName,
     TimeScale,
     connected,
@@ -33,6 +34,7 @@ def board_prbs(
     ] = 1024,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     level: Level = "bytes",
     fault: Faults = None,
     json: Json = False,
@@ -41,8 +43,8 @@ def board_prbs(
     from rtl_model.host import prbs
 
     with connected(
-        port, baud, csr, log, time_scale, json, level=level, faults=fault
-    ) as line:  # fmt: skip
+        port, baud, csr, log, time_scale, json, level=level, faults=fault, low_latency=low_latency
+    ) as line:
         reports = [prbs.check(line.board, one, words) for one in order or prbs.ORDERS]
     clean = all(report.clean for report in reports)
     if json:

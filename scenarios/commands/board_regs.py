@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenarios.board_port import VIRTUAL, csr_of
-from scenarios.commands.board_line import Baud, Csr, Log, PortName, TimeScale, connected
+from scenarios.commands.board_line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
 from scenarios.commands.output import Json, print_document
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def board_regs(
     csr: Csr = None,
     log: Log = None,
     time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
     json: Json = False,
 ) -> None:
     """List, read and write registers of a board, of an imager of ours, or of any LiteX design by
@@ -44,7 +45,9 @@ def board_regs(
     if known is not None:  # what is wrong is said before a board is spoken to
         rows = _rows(known, names, writes)
     if not listing:
-        with connected(port, baud, csr, log, time_scale, json, recognise=True) as line:
+        with connected(
+            port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
+        ) as line:
             board = line.board
             rows = _rows(board.csr, names, writes)
             for name, number in writes:

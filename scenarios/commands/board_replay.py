@@ -24,12 +24,13 @@ def board_replay(
         bool, typer.Option("--bringup", help="judge the log of a bring-up anew")
     ] = False,
     frames: Annotated[
-        int, typer.Option(min=1, max=4096, help="of the bring-up's bursts, as it had them")
-    ] = 8,
+        int | None,
+        typer.Option(min=1, max=4096, help="of the bring-up's bursts; the log's when absent"),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Print a log's transactions with the registers' names, or run the bring-up over it again."""
-    from rtl_model.host import ReplayPort, default_map
+    from rtl_model.host import ReplayPort, default_map, is_pty
 
     port = ReplayPort(log)  # refuses what is no log
     known = csr_of(csr)
@@ -37,8 +38,10 @@ def board_replay(
         from rtl_model.bringup import bring_up
         from scenarios.commands.board_bringup import print_stage
 
+        simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated
         report = bring_up(
-            port, baud=port.baud, csr=known, simulated=True, frames=frames,
+            port, baud=port.baud, csr=known, simulated=simulated,
+            time_scale=port.time_scale or 1.0, frames=frames or port.frames or 8,
             progress=None if json else print_stage,
         )  # fmt: skip
         if json:

@@ -1,29 +1,52 @@
-"""How far a board's baud is off, on a line that answers only near the board's own rate."""
+"""How far a board's baud is off: the true deviation lies within the uncertainty that is told."""
+
+from __future__ import annotations
 
 import pytest
 
-from rtl_model.host import find_baud
+from rtl_model.geometry import Geometry
+from rtl_model.host import find_baud, open_port
+from rtl_model.virtual import VirtualBoard
+from tests.rtl_model.bringup.model_port import ModelPort
+from tests.rtl_model.virtual.hosts import needs_verilator
 
 
-class Off:
-    """A port that is silent where the host's rate is more than 4.5 % off the board's."""
+class Counted(ModelPort):
+    """Counts the packets it is sent."""
 
-    def __init__(self, port, real):
-        self.port, self.real, self.name, self.baud = port, real, "off", 50_000
-        self.now, self.drain, self.read = port.now, port.drain, port.read
+    sent = 0
 
-    def set_baud(self, baud):
-        self.baud = baud
-
-    def write(self, data, deadline_s=1.0):
-        self.port.dead = abs(self.baud / self.real - 1) > 0.045
-        self.port.write(data, deadline_s)
+    def write(self, data: bytes, deadline_s: float = 1.0) -> None:
+        self.sent += 1
+        super().write(data, deadline_s)
 
 
-@pytest.mark.parametrize("percent", [-12, -6, -4, 0, 4, 6, 12])
-def test_the_deviation_is_found_within_a_step(port, percent):
-    report = find_baud(Off(port, 50_000 * (1 + percent / 100)), 50_000)
+@pytest.mark.parametrize("bit_clocks", [4, 5, 8, 32, 417])
+@pytest.mark.parametrize("percent", [-12, -6, -4, -3, -1, 0, 2, 4, 6, 12])
+def test_the_true_deviation_is_within_the_uncertainty(percent, bit_clocks):
+    size = Geometry(rows=4, columns=40, clock_hz=50_000 * bit_clocks, baud=50_000)
+    port = Counted(size, baud_error=percent / 100)
+    report = find_baud(port, 50_000)
     assert report.tolerable == (abs(percent) <= 4)
-    assert abs(report.error_percent - percent) <= 1.0
-    assert not report.by_pulse  # the model has no pins
+    assert abs(report.error_percent - percent) <= report.uncertainty_percent
+    assert report.uncertainty_percent < {4: 2.0, 5: 1.5, 8: 1.0}.get(bit_clocks, 0.3)
+    assert report.by_pulse and report.bit_clocks == bit_clocks
     assert report.baud == (50_000 if report.tolerable else report.measured)
+    assert port.sent < 70
+
+
+@needs_verilator
+@pytest.mark.slow
+@pytest.mark.parametrize("bit_clocks", [4, 7, 32])
+@pytest.mark.parametrize("fault", [-12, -8, -5, -4, -2, 1, 3, 4, 5, 8, 12])
+def test_on_pins_too(fault, bit_clocks):
+    """The fault is of the host's rate: in its own, the board's is off by the inverse."""
+    size = Geometry(
+        rows=8, columns=40, clock_hz=62_500 * bit_clocks, baud=62_500, capture_words=256
+    )
+    with VirtualBoard(size, level="pins", faults=[f"baud={fault}"]) as board:
+        port = open_port(board.port, 62_500)
+        report = find_baud(port, 62_500, time_scale=board.time_scale)
+        port.close()
+    true = 100 * (1 / (1 + fault / 100) - 1)
+    assert abs(report.error_percent - true) <= report.uncertainty_percent < 1.0

@@ -1,5 +1,6 @@
 """The library of a design: what it needs, and that it is built once and safely."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -8,7 +9,17 @@ import pytest
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.verilated import BuildFailed, VerilatedSystem, build_crc, library, missing
+from rtl_model.verilated import (
+    KEPT_BYTES,
+    KEPT_DAYS,
+    BuildFailed,
+    VerilatedSystem,
+    build_crc,
+    library,
+    missing,
+    prune,
+)
+from rtl_model.verilated.build import _first_error
 from rtl_model.verilated.system import trace_format
 
 TINY = """
@@ -83,5 +94,41 @@ def test_two_processes_build_at_once_and_a_change_is_built_anew(tmp_path, monkey
     assert count == "14"
     assert not list((tmp_path / "cache" / "verilated").glob(".build-*"))
     (folder / "tiny.v").write_text("module tiny(; endmodule")
-    with pytest.raises(BuildFailed, match="verilator failed"):
+    with pytest.raises(BuildFailed, match=r"verilator failed: tiny\.v:1: .*syntax error") as fault:
         library("tiny", Geometry(), folder / "shim.cpp", sources=folder)
+    assert "\n" not in str(fault.value)
+    assert "syntax error" in fault.value.kept.read_text()
+
+
+def test_the_first_error_is_found():
+    assert _first_error("%Warning: x\n%Error: /a/b.v:3:14: syntax error\n%Error: Exiting") == (
+        "b.v:3: syntax error"
+    )
+    assert _first_error("%Error-PINNOTFOUND: b.v:9:2: Pin not found: 'x'") == (
+        "b.v:9: Pin not found: 'x'"
+    )
+    said = "In file included\nshim.cpp:7:5: error: 'class Vtop' has no member named 'clk'\n"
+    assert _first_error(said) == "shim.cpp:7: 'class Vtop' has no member named 'clk'"
+    assert _first_error("\n%Error: Cannot find file\n") == "%Error: Cannot find file"
+    assert _first_error("") == "without a word"
+
+
+def test_libraries_long_unused_are_removed(tmp_path, monkeypatch):
+    """One that is open goes on; those beyond the size go, longest unused first."""
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path))
+    folder = tmp_path / "verilated"
+    folder.mkdir()
+    now = 2_000_000_000.0
+    ages = {"new.so": 0.0, "older.so": 86_400.0, "oldest.o": 5 * 86_400.0}
+    ages |= {"unused.so": (KEPT_DAYS + 1) * 86_400.0, "note.txt": 1e9}
+    for name, age in ages.items():
+        (folder / name).write_bytes(b"")
+        (folder / name).with_suffix(".lock").write_bytes(b"")
+        os.truncate(folder / name, KEPT_BYTES // 2)  # a hole: no room is taken
+        os.utime(folder / name, (now - age, now - age))
+    with (folder / "unused.so").open("rb") as still_open:
+        assert {path.name for path in prune(now)} == {"oldest.o", "unused.so"}
+        assert still_open.read(4) == bytes(4)
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"new.so", "new.lock", "older.so", "older.lock", "note.txt", "note.lock"}
+    assert prune(now) == []

@@ -1,0 +1,73 @@
+"""`viform board`: low latency on ports that have none, logs that know their session, and Verilog
+that does not compile."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from rtl_model.host import ReplayPort
+from rtl_model.verilated import VERILOG
+from rtl_model.virtual import VirtualBoard
+from tests.rtl_model.virtual.hosts import needs_verilator
+
+MODEL = ("--port", "virtual", "--level", "model")
+
+
+def test_a_port_without_low_latency_is_told_in_a_line(viform):
+    with VirtualBoard(level="model") as board:
+        code, out, err = viform(
+            "board", "identify", "--port", board.port, "--time-scale", board.time_scale,
+            "--low-latency", "--json",
+        )  # fmt: skip
+    assert (code, json.loads(out)["ok"]) == (0, True)
+    assert err == (
+        f"viform: {board.port} has no low-latency mode, as ptys and sockets have none; going on "
+        "without\n"
+    )
+
+
+def test_a_replay_is_of_what_was_there(viform, tmp_path):
+    log = tmp_path / "line.jsonl"
+    code, _, _ = viform(
+        "board", "bringup", *MODEL, "--fault", "foreign", "--log", log, "--frames", "3"
+    )
+    assert code == 1
+    port = ReplayPort(log)
+    assert (port.simulated, port.frames) == (True, 3)
+    lines = log.read_text().splitlines()
+    real = json.loads(lines[0]) | {"simulated": False, "port": "/dev/ttyUSB0"}
+    for first, simulated in ((real, False), ({**real, "port": "/dev/pts/7"}, True)):
+        if simulated:  # of an old log only the name tells
+            del first["simulated"], first["time_scale"], first["frames"]
+        log.write_text("\n".join([json.dumps(first), *lines[1:]]) + "\n")
+        code, out, _ = viform("board", "replay", log, "--bringup", "--json")
+        document = json.loads(out)
+        assert (code, document["kind"]) == (1, "foreign")
+        assert document["simulated"] is simulated
+
+
+@needs_verilator
+def test_verilog_that_does_not_compile_is_one_line(refused, tmp_path):
+    for path in VERILOG.iterdir():
+        shutil.copy(path, tmp_path)
+    core = tmp_path / "viform_system.v"
+    core.write_text(core.read_text().replace("endmodule", "wire wire;\nendmodule", 1))
+    said = refused("board", "compare", "--lockstep", "--sources", tmp_path, "--pixels", "1e4")
+    assert "must be Verilog that compiles, not refused: viform_system.v:" in said
+    assert "syntax error" in said and "failed-verilator.log" in said
+
+
+@needs_verilator
+def test_a_folder_without_the_verilog_is_one_line(refused, tmp_path):
+    said = refused("board", "compare", "--lockstep", "--sources", tmp_path, "--pixels", "1e4")
+    assert "must be one that holds viform_system.v" in said
+
+
+@pytest.mark.slow
+@needs_verilator
+def test_a_slow_baud_passes(viform):
+    code, out, err = viform("board", "bringup", "--port", "virtual", "--baud", "9600", "--json")
+    assert code == 0, json.loads(out)["cause"] + err
