@@ -2,9 +2,9 @@
 
 Each memory of the Verilog has one write and one read port and is asked to lie in block RAM. A block
 of 18 kbit takes one of the shapes below, the same in an ECP5 (Lattice FPGA-DS-02012, sysMEM block
-configurations) and in half a 36 kbit block of the 7 series (Xilinx UG473, simple dual port); a
-memory needs no fewer blocks than its best shape. A test holds that yosys 0.23 needs no more either;
-another tool may.
+configurations) and in half a 36 kbit block of the 7 series (Xilinx UG473, simple dual port). A
+memory's bits are shared out over columns of blocks, each column of the shape that makes the fewest
+blocks in all. yosys 0.23 takes just as many (held by tests); another tool may take more.
 """
 
 from __future__ import annotations
@@ -55,4 +55,10 @@ def fitted(geometry: Geometry, target: Target) -> Geometry:
 
 
 def _blocks(words: int, bits: int) -> int:
-    return min(-(-words // deep) * -(-bits // wide) for deep, wide in _SHAPES)
+    """Returns the fewest blocks whose columns hold `words` words of `bits` bits."""
+    fewest = [0]  # for 0, 1, ... bits
+    for wanted in range(1, bits + 1):
+        fewest.append(
+            min(-(-words // deep) + fewest[max(0, wanted - wide)] for deep, wide in _SHAPES)
+        )
+    return fewest[bits]

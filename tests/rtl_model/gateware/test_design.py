@@ -1,5 +1,7 @@
 """Targets, bauds, memories, and the folder that is there whole or not at all."""
 
+import shutil
+
 import pytest
 
 from cosim import InputError
@@ -15,7 +17,7 @@ from rtl_model.gateware import (
 )
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
-from rtl_model.synthesis import VERILOG
+from rtl_model.synthesis import VERILOG, synthesise
 from rtl_model.verilated import build_crc
 
 ULX3S = TARGETS["ulx3s-25f"]
@@ -70,10 +72,24 @@ def test_a_baud_that_is_not_is_one_line_with_the_nearest_good(clock, baud, says)
         # 18 kbit blocks that yosys 0.23 mapped, alike in ecp5 and in xc7 (where a RAMB36 is two).
         (Geometry(), 36),
         (Geometry(rows=64, columns=64, capture_words=2048, sink_words=512), 32),
+        (Geometry(rows=7, columns=200, lanes=64, capture_words=64, sink_words=16), 54),
     ],
 )
 def test_block_rams_in_closed_form(geometry, blocks):
     assert block_rams(geometry) == blocks
+
+
+@pytest.mark.skipif(shutil.which("yosys") is None, reason="needs the system package yosys")
+@pytest.mark.slow
+@pytest.mark.parametrize(("depth", "bits"), [(800, 10), (1500, 11), (3000, 12)])
+def test_deep_memories_mix_shapes_as_yosys_does(depth, bits):
+    """Pattern and charges of four pixels: what one more group of lanes adds, with 32 bits more of
+    the copy that the bus reads."""
+    cells = synthesise("ecp5", top="viform_pixels", settings={"DEPTH": depth, "ADDRESS_BITS": bits})
+    tall = Geometry(rows=depth, columns=32)
+    alone = block_rams(tall) - block_rams(Geometry(rows=1))
+    copy = block_rams(Geometry(capture_words=8 * depth)) - block_rams(Geometry(capture_words=1))
+    assert (alone - copy) / 8 + 3 == cells.block_rams
 
 
 def test_memories_are_cut_only_where_they_do_not_fit():
