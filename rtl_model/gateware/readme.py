@@ -54,8 +54,8 @@ The serial line is on {target.serial}.
 
 `identify` must say build {build:08x}. `csr.csv` is the register map for other tools of LiteX.
 
-The LED blinks about once a second while the clock runs, and fast while bytes come in. Fast without
-end: `serial_rx` is held low.
+The LED blinks once in one to two seconds while the clock runs, and fast while bytes come in. Fast
+without end: `serial_rx` is held low.
 
 | port | pin |
 |---|---|

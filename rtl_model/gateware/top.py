@@ -37,8 +37,8 @@ def top_module(target: Target, geometry: Geometry, build: int) -> str:
     """Returns the Verilog-2005 of `viform_top`.
 
     Reset is held for 255 clocks after configuration, by a counter that configuration sets to 0. The
-    LED blinks about once a second, and about eight times as fast while `serial_rx` is low or was so
-    in the last eighth of a second. build: parameter BUILD, what `ctrl_build` says.
+    LED blinks once in one to two seconds, and eight times as fast while `serial_rx` is low and for an
+    eighth to a quarter of a second after. build: parameter BUILD, what `ctrl_build` says.
     """
     parameters = [f".{name}({value})" for name, value in geometry.verilog.items()]
     parameters.append(f".BUILD(32'h{build:08X})")
@@ -63,7 +63,7 @@ module {TOP} (
     wire rst = awake != 8'hFF;
     always @(posedge clk) if (rst) awake <= awake + 8'd1;
 
-    // The LED: slow is alive, fast is a low level on serial_rx now or an eighth of a second ago.
+    // The LED: slow is alive, fast is a low level on serial_rx, now or a moment ago.
     reg [{beat - 1}:0] beat = {beat}'d0;
     reg [{hold - 1}:0] held = {hold}'d0;
     reg [1:0] heard = 2'b11;
