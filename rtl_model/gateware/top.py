@@ -37,8 +37,8 @@ def top_module(target: Target, geometry: Geometry, build: int) -> str:
     """Returns the Verilog-2005 of `viform_top`.
 
     Reset is held for 255 clocks after configuration, by a counter that configuration sets to 0. The
-    LED blinks once in one to two seconds, and eight times as fast while `serial_rx` is low and for an
-    eighth to a quarter of a second after. build: parameter BUILD, what `ctrl_build` says.
+    LED blinks once in one to two seconds, and eight times as fast while `serial_rx` is low and for
+    an eighth to a quarter of a second after. build: parameter BUILD, what `ctrl_build` says.
     """
     parameters = [f".{name}({value})" for name, value in geometry.verilog.items()]
     parameters.append(f".BUILD(32'h{build:08X})")
