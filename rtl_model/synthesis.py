@@ -38,6 +38,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "luts": ("SB_LUT", "LUT"),
     "flip_flops": ("SB_DFF", "TRELLIS_FF", "FDRE", "FDSE", "FDCE", "FDPE"),
     "block_rams": ("SB_RAM", "DP16KD", "RAMB"),
+    "large_block_rams": ("RAMB36",),
     "distributed_rams": ("TRELLIS_DPR16X4", "RAM16", "RAM32", "RAM64", "RAM128", "RAM256"),
     "carries": ("SB_CARRY", "CCU2C", "CARRY4"),
 }
@@ -45,7 +46,8 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one build in one family."""
+    """Cells of one build in one family. Of the block RAMs, `large_block_rams` are twice as large as
+    the others: an xc7's RAMB36, two of its RAMB18."""
 
     family: Family
     luts: int
@@ -53,6 +55,7 @@ class Cells:
     block_rams: int
     distributed_rams: int
     carries: int
+    large_block_rams: int = 0
 
 
 def synthesise(
@@ -61,10 +64,11 @@ def synthesise(
     *,
     top: str = "viform_board",
     settings: dict[str, int] | None = None,
+    sources: Path = VERILOG,
     timeout_s: float = 900.0,
 ) -> Cells:
     """Returns the cells of module `top` in `family`. `settings` are its Verilog parameters; without
-    them they are those of `geometry` (the 32 x 32 build).
+    them they are those of `geometry` (the 32 x 32 build). `sources` is the folder of its Verilog.
 
     Fails with InputError where yosys is missing or refuses the sources.
     """
@@ -76,14 +80,14 @@ def synthesise(
     chosen = "".join(f" -set {name} {value}" for name, value in settings.items())
     with tempfile.TemporaryDirectory() as folder:
         statistics = Path(folder) / "statistics.json"
-        sources = " ".join(path.name for path in sorted(VERILOG.glob("*.v")))
-        script = [f"read_verilog -I. {sources}"]
+        names = " ".join(path.name for path in sorted(sources.glob("*.v")))
+        script = [f"read_verilog -I. {names}"]
         if chosen:
             script.append(f"chparam{chosen} {top}")
         script += [f"{SCRIPTS[family]} -top {top}", f"tee -q -o {statistics} stat -json"]
         done = subprocess.run(
             [yosys, "-q", "-p", "; ".join(script)],
-            cwd=VERILOG,
+            cwd=sources,
             capture_output=True,
             text=True,
             timeout=timeout_s,

@@ -592,6 +592,26 @@ def test_verilator_comes_with_the_commands_that_compile_verilog(tmp_path):
     assert box.run("run", "bring-up").stderr == ""
 
 
+def test_yosys_comes_only_where_cells_are_counted(tmp_path):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    for line in (
+        "board gateware ulx3s-25f --out d",
+        "board gateware --list --cells",
+        "board gateware ulx3s-25f --cells --help",
+        "link ber gateware --cells",
+    ):
+        assert box.run(*line.split()).returncode == 0
+    assert not [call for call in box.calls() if call.startswith("apt")]
+    counted = box.run(*["board", "gateware", "ulx3s-25f", "--json", "--cells", "--out", "d"])
+    assert counted.stdout.startswith("<board><gateware>")
+    installs = [call for call in box.calls() if "install" in call and call.startswith("apt")]
+    assert [call.split("recommends ")[1] for call in installs] == ["yosys"]
+    box.rtl()
+    assert "installing" not in box.run("board", "gateware", "x", "--cells", "--out", "d").stderr
+
+
 def test_a_failed_apt_shows_its_end(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()

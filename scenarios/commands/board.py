@@ -5,6 +5,7 @@ import typer
 from scenarios.commands.board_bringup import board_bringup
 from scenarios.commands.board_capture import board_capture
 from scenarios.commands.board_compare import board_compare
+from scenarios.commands.board_gateware import board_gateware
 from scenarios.commands.board_identify import board_identify
 from scenarios.commands.board_prbs import board_prbs
 from scenarios.commands.board_regs import board_regs
@@ -29,3 +30,4 @@ board.command("capture")(board_capture)
 board.command("compare")(board_compare)
 board.command("replay")(board_replay)
 board.command("virtual")(board_virtual)
+board.command("gateware")(board_gateware)

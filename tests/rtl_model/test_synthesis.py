@@ -18,7 +18,9 @@ PIXELS = Cells("ice40", luts=580, flip_flops=86, block_rams=5, distributed_rams=
 CEILINGS = {
     "ice40": Cells("ice40", 9000, 2380, block_rams=84, distributed_rams=0, carries=2830),
     "ecp5": Cells("ecp5", 7150, 2380, block_rams=36, distributed_rams=0, carries=1630),
-    "xc7": Cells("xc7", 5080, 2210, block_rams=23, distributed_rams=0, carries=820),
+    "xc7": Cells(
+        "xc7", 5080, 2210, block_rams=23, distributed_rams=0, carries=820, large_block_rams=13
+    ),
 }
 
 
@@ -29,6 +31,7 @@ def within(cells: Cells, ceiling: Cells) -> bool:
         and 0 < cells.luts <= ceiling.luts
         and 0 < cells.flip_flops <= ceiling.flip_flops
         and cells.block_rams == ceiling.block_rams
+        and cells.large_block_rams == ceiling.large_block_rams
         and cells.distributed_rams <= ceiling.distributed_rams
         and 0 < cells.carries <= ceiling.carries
     )

@@ -1,0 +1,64 @@
+"""One build for one target: its geometry, its BUILD, and the files of its folder."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rtl_model.gateware.baud import baud_error, check_baud
+from rtl_model.gateware.block_ram import fitted
+from rtl_model.gateware.constraints import constraints
+from rtl_model.gateware.readme import readme
+from rtl_model.gateware.recipe import recipe
+from rtl_model.gateware.targets import Target
+from rtl_model.gateware.top import TOP, top_module
+from rtl_model.geometry import Geometry
+from rtl_model.registers import csr_csv
+from rtl_model.verilated import VERILOG, build_crc
+
+__all__ = ["Design", "design_for"]
+
+
+class Design(NamedTuple):
+    """What is put on a board.
+
+    Attributes:
+        target: the board.
+        geometry: with the target's clock, and memories that its device has room for.
+        build: what `ctrl_build` will say.
+    """
+
+    target: Target
+    geometry: Geometry
+    build: int
+
+    @property
+    def baud_error(self) -> float:
+        """Of the serial line against the baud asked for, as a fraction with its sign."""
+        return baud_error(self.geometry.clock_hz, self.geometry.baud)
+
+    def files(self) -> dict[str, str]:
+        """Returns names and texts of all files. The Makefile is last: without it the folder does
+        not look whole."""
+        texts = {
+            path.name: path.read_text(encoding="utf-8")
+            for path in sorted((*VERILOG.glob("*.v"), *VERILOG.glob("*.vh")))
+        }
+        texts[f"{TOP}.v"] = top_module(self.target, self.geometry, self.build)
+        name, text = constraints(self.target)
+        made = recipe(self.target, sorted(texts), name)
+        texts |= {name: text, "csr.csv": csr_csv(self.geometry)}
+        texts["README.md"] = readme(self.target, self.geometry, self.build)
+        return texts | made
+
+
+def design_for(
+    target: Target, *, rows: int = 32, columns: int = 32, lanes: int = 32, baud: int = 115_200
+) -> Design:
+    """Returns the build of a geometry for a target.
+
+    Raises InputError for a baud that the target's clock makes badly, and for a geometry whose
+    memories its block RAMs cannot hold.
+    """
+    check_baud(target.clock_hz, baud)
+    geometry = fitted(Geometry(rows, columns, lanes, target.clock_hz, baud), target)
+    return Design(target, geometry, build_crc(geometry))

@@ -1,0 +1,56 @@
+"""Does a build fit its device? Cells as yosys counts them, beside what the data sheet has."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from rtl_model.gateware.design import Design
+from rtl_model.gateware.top import TOP
+from rtl_model.synthesis import synthesise
+
+__all__ = ["Fit", "fit"]
+
+
+class Fit(NamedTuple):
+    """Cells that a build takes, and those of the device.
+
+    LUTs of an ECP5 count two for each cell of a carry chain, which is made of them, and block RAMs
+    are of 18 kbit, so that one of 36 kbit counts as two. Nothing is placed: a build near 100 % may
+    still fail.
+    """
+
+    luts: int
+    luts_of: int
+    flip_flops: int
+    flip_flops_of: int
+    block_rams: int
+    block_rams_of: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are as many of each as are taken."""
+        return (
+            self.luts <= self.luts_of
+            and self.flip_flops <= self.flip_flops_of
+            and self.block_rams <= self.block_rams_of
+        )
+
+
+def fit(design: Design) -> Fit:
+    """Synthesises a design's top with yosys; InputError where that is missing."""
+    device = design.target.device
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in design.files().items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        cells = synthesise(device.family, top=TOP, settings={}, sources=Path(folder))
+    ecp5 = device.family == "ecp5"
+    return Fit(
+        luts=cells.luts + (2 * cells.carries if ecp5 else 0),
+        luts_of=device.luts,
+        flip_flops=cells.flip_flops,
+        flip_flops_of=device.flip_flops,
+        block_rams=cells.block_rams + cells.large_block_rams,
+        block_rams_of=device.block_rams,
+    )

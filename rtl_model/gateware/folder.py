@@ -1,0 +1,70 @@
+"""A design as a folder: there whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+from cosim import InputError
+from rtl_model.gateware.design import Design
+
+__all__ = ["check_folder", "write_folder"]
+
+
+def check_folder(folder: Path) -> None:
+    """Raises InputError where `folder` is no new name in a folder that exists, and no empty one."""
+    try:
+        if folder.is_dir():
+            if any(folder.iterdir()):
+                raise InputError(
+                    f"{folder}", "a new or an empty folder", "one that holds something",
+                    "choose another name, or empty it",
+                )  # fmt: skip
+        elif folder.exists() or folder.is_symlink():
+            raise InputError(f"{folder}", "a folder", "a file", "choose another name")
+        elif not folder.parent.is_dir():
+            raise InputError(
+                f"{folder}", "in a folder that exists", f"in {folder.parent}",
+                f"mkdir -p {folder.parent}",
+            )  # fmt: skip
+    except OSError as exc:
+        raise _refused(folder, exc) from exc
+
+
+def write_folder(design: Design, folder: Path) -> list[str]:
+    """Writes a design's files and returns their names, sorted.
+
+    All are written aside first and then moved in, the Makefile last; whatever fails leaves a folder
+    that was not there absent, and an empty one empty. Raises InputError as `check_folder`, and
+    where the system refuses.
+    """
+    check_folder(folder)
+    texts = design.files()
+    new = not folder.exists()
+    part = folder / f".{os.getpid()}.part"  # on the same file system, be it a mounted one
+    try:
+        part.mkdir(parents=True)
+        try:
+            for name, text in texts.items():
+                (part / name).write_text(text, encoding="utf-8")
+            for name in texts:
+                os.replace(part / name, folder / name)
+            part.rmdir()
+        except BaseException:
+            for name in reversed(texts):
+                (folder / name).unlink(missing_ok=True)
+            shutil.rmtree(part, ignore_errors=True)
+            if new:
+                folder.rmdir()
+            raise
+    except OSError as exc:
+        raise _refused(folder, exc) from exc
+    return sorted(texts)
+
+
+def _refused(folder: Path, exc: OSError) -> InputError:
+    return InputError(
+        f"{folder}", "a folder that can be written", f"refused ({exc.strerror or exc})",
+        "choose another name, or make room",
+    )  # fmt: skip

@@ -1,0 +1,108 @@
+"""How a folder becomes a bitstream: its Makefile and, for Vivado, a script beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rtl_model.gateware.targets import Target
+from rtl_model.gateware.top import TOP
+
+__all__ = ["recipe"]
+
+
+def recipe(target: Target, sources: Sequence[str], constraint: str) -> dict[str, str]:
+    """Returns names and texts of what builds and loads a target.
+
+    sources: names of the Verilog files, headers too. constraint: name of the constraint file.
+    """
+    modules = [name for name in sources if name.endswith(".v")]
+    head = f"# {target.board}. `make` builds viform.bit, `make program` loads it.\n"
+    tail = (
+        f".DELETE_ON_ERROR:\n.PHONY: all clean {' '.join(_loads(target))}\n"
+        f"VERILOG = {' '.join(sources)}\n\nall: viform.bit\n\n"
+    )
+    if target.device.family == "ecp5":
+        return {"Makefile": head + _TOOLS + tail + _ecp5(target, modules, constraint)}
+    return {
+        "build.tcl": _vivado(target, modules, constraint),
+        "Makefile": head
+        + "VIVADO ?= vivado\nLOADER ?= openFPGALoader\n"
+        + tail
+        + f"viform.bit: build.tcl $(VERILOG) {constraint}\n"
+        "\t$(VIVADO) -mode batch -nojournal -log vivado.log -source build.tcl\n\n"
+        + _load_rules(target)
+        + "clean:\n\trm -rf viform.bit vivado.log timing.rpt utilization.rpt .Xil\n",
+    }
+
+
+_TOOLS = """\
+YOSYS ?= yosys
+NEXTPNR ?= nextpnr-ecp5
+ECPPACK ?= ecppack
+LOADER ?= openFPGALoader
+DFU_SUFFIX ?= dfu-suffix
+DFU_UTIL ?= dfu-util
+"""
+
+
+def _ecp5(target: Target, modules: Sequence[str], constraint: str) -> str:
+    device = target.device
+    code = f" --idcode {device.idcode}" if device.idcode else ""
+    # nextpnr fails where the clock is not met, so a viform.bit is one that keeps time.
+    return (
+        "viform.json: $(VERILOG)\n"
+        f'\t$(YOSYS) -q -l yosys.log -p "read_verilog -I. {" ".join(modules)}; '
+        f'synth_ecp5 -top {TOP} -json $@"\n\n'
+        f"viform.config: viform.json {constraint}\n"
+        f"\t$(NEXTPNR) --{device.option} --package {target.package} --speed {target.speed} "
+        f"--json viform.json --lpf {constraint} \\\n"
+        "\t    --textcfg $@ --report nextpnr.json --log nextpnr.log --quiet\n\n"
+        "viform.bit: viform.config\n"
+        f"\t$(ECPPACK) --compress{code} viform.config $@\n\n"
+        + _load_rules(target)
+        + "clean:\n\trm -f viform.json viform.config viform.bit viform.dfu nextpnr.json "
+        "nextpnr.log yosys.log\n"
+    )
+
+
+def _loads(target: Target) -> tuple[str, ...]:
+    return ("program",) if target.dfu else ("program", "flash")
+
+
+def _load_rules(target: Target) -> str:
+    if target.dfu:
+        vendor, product = target.dfu.split(":")
+        return (
+            "# Hold the button while plugging in: the bootloader then waits.\n"
+            "program: viform.bit\n"
+            "\tcp viform.bit viform.dfu\n"
+            f"\t$(DFU_SUFFIX) -v {vendor} -p {product} -a viform.dfu\n"
+            "\t$(DFU_UTIL) -D viform.dfu\n\n"
+        )
+    return (
+        "# Into the FPGA, until power goes.\n"
+        f"program: viform.bit\n\t$(LOADER) -b {target.loader} viform.bit\n\n"
+        "# Into the board's flash, for every power-on.\n"
+        f"flash: viform.bit\n\t$(LOADER) -b {target.loader} -f viform.bit\n\n"
+    )
+
+
+def _vivado(target: Target, modules: Sequence[str], constraint: str) -> str:
+    return f"""\
+# {target.board}: viform.bit by Vivado, in batch mode. Stops with an error where time is not kept.
+read_verilog {{{" ".join(modules)}}}
+read_xdc {constraint}
+synth_design -top {TOP} -part {target.part} -include_dirs .
+opt_design
+place_design
+phys_opt_design
+route_design
+report_utilization -file utilization.rpt
+report_timing_summary -file timing.rpt
+foreach {{kind what}} {{max setup min hold}} {{
+    set slack [get_property SLACK [get_timing_paths -delay_type $kind]]
+    puts "viform: $what slack $slack ns"
+    if {{$slack < 0}} {{ error "$what is missed by [expr -$slack] ns: see timing.rpt" }}
+}}
+write_bitstream -force viform.bit
+"""

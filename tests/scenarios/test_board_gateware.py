@@ -1,0 +1,107 @@
+"""`viform board gateware`: its folder, its documents, and one line for what cannot be."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from rtl_model.gateware import TARGETS, Fit, design_for
+from rtl_model.geometry import Geometry
+from scenarios.commands.board_gateware import board_gateware
+
+COMMAND = [sys.executable, "-c", "from scenarios.cli import main; main()", "board", "gateware"]
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=900)
+
+
+def test_a_folder_and_its_document(tmp_path: Path) -> None:
+    out = tmp_path / "board"
+    done = run("arty-a7-35", "--out", str(out), "--rows", "16", "--baud", "1000000", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    document = json.loads(done.stdout)
+    assert list(document) == [
+        "ok", "target", "family", "part", "clock_hz", "baud", "baud_error", "geometry", "build",
+        "files", "cells",
+    ]  # fmt: skip
+    assert document["geometry"] == Geometry(16, 32, 32, 50_000_000, 1_000_000)._asdict()
+    assert (document["ok"], document["cells"], document["baud_error"]) == (True, None, 0.0)
+    assert document["files"] == sorted(path.name for path in out.iterdir())
+    design = design_for(TARGETS["arty-a7-35"], rows=16, baud=1_000_000)
+    assert document["build"] == f"{design.build:08x}"
+
+    again = run("arty-a7-35", "--out", str(out))
+    assert (again.returncode, again.stdout) == (2, "")
+    assert "must be a new or an empty folder" in again.stderr
+
+
+def test_the_list_names_every_target() -> None:
+    done = run("--list", "--json")
+    assert [row["target"] for row in json.loads(done.stdout)["targets"]] == list(TARGETS)
+    assert [line.split()[0] for line in run("--list").stdout.splitlines()] == list(TARGETS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("ulx3s",), "the target must be one of ulx3s-12f"),
+        (("ulx3s-25f", "--baud", "2000000"), "take 1500000 or 2500000"),
+        (("ulx3s-25f", "--rows", "4000"), "56 block RAMs"),
+        (("ulx3s-25f", "--lanes", "16"), "--lanes must be 32 or 64"),
+        ((), "TARGET must be given"),
+    ],
+)
+def test_what_cannot_be_is_one_line(arguments: tuple[str, ...], says: str, tmp_path: Path) -> None:
+    done = run(*arguments, "--out", str(tmp_path / "board"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert says in done.stderr
+    assert not (tmp_path / "board").exists()
+
+
+def test_out_must_be_given() -> None:
+    done = run("ulx3s-25f")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "--out DIR must be given" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("yosys") is None, reason="needs the system package yosys")
+def test_cells_are_counted_beside_the_devices(tmp_path: Path) -> None:
+    out = tmp_path / "board"
+    done = run("ulx3s-12f", "--out", str(out), "--cells", "--json")
+    cells = json.loads(done.stdout)["cells"]
+    assert done.returncode == 0
+    assert (cells["block_rams"], cells["block_rams_of"]) == (32, 32)
+    assert 0 < cells["flip_flops"] < cells["luts"] <= cells["luts_of"] == 12_000
+    assert (out / "Makefile").is_file()
+
+
+@pytest.mark.parametrize("json_wanted", [False, True])
+def test_what_does_not_fit_is_told_and_not_written(
+    json_wanted: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    taken = Fit(25_000, 24_288, 2_000, 24_288, 36, 56)
+    monkeypatch.setattr("rtl_model.gateware.fit", lambda design: taken)
+    with pytest.raises(typer.Exit) as left:
+        board_gateware("ulx3s-25f", tmp_path / "board", cells=True, json=json_wanted)
+    assert left.value.exit_code == 1
+    said = capsys.readouterr().out
+    if json_wanted:
+        document = json.loads(said)
+        assert (document["ok"], document["files"]) == (False, [])
+        assert document["cells"] == taken._asdict()
+    else:
+        assert "luts       25000 of 24288, 103 %\n" in said
+        assert said.endswith("is too small: nothing was written\n")
+    assert not (tmp_path / "board").exists()
