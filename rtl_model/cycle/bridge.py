@@ -153,7 +153,7 @@ class Bridge:
         elif count > 0 and count % 4 == 0:
             word = count // 4 - 1
             self._count(clock + 1)
-            self._write(clock, self._address + word * _WRITES[command], self._got[-4:])
+            self._write(clock, self._address + word * _WRITES[command], bytes(self._got[-4:]))
             if word + 1 == self._words:
                 self._got = bytearray()
         return []
