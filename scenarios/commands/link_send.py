@@ -77,6 +77,7 @@ def link_send(
                 "parity": parity, "interleave": interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
+                "closing": sent.layout.closing,
                 "frames": sent.outbox.frames, "frames_needed": sent.outbox.frames_needed,
                 "frames_repair": repair, "frames_fill": fill,
                 "seconds": seconds, "goodput_bps": 8 * len(data) / seconds,

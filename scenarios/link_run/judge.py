@@ -43,9 +43,9 @@ at the run's."""
 def _errors(run: PreparedLink, received: Any) -> Errors:
     """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
     held = sorted(received.packed) if received.mode == run.mode else []
-    symbols = [n for n in held if TRAINING <= n < run.sent.symbols]
+    symbols = [n for n in held if TRAINING <= n < run.sent.data_end]
     return count_errors(
-        run.sent.bits, received.decided, run.sent.layout, symbols, run.sent.symbols - 1
+        run.sent.bits, received.decided, run.sent.layout, symbols, run.sent.data_end - 1
     )
 
 
@@ -54,7 +54,7 @@ def _soft(run: PreparedLink, received: Any) -> SoftValues | None:
     if received.mode != run.mode or not len(received.soft):
         return None
     symbol, cell = received.soft_at.T
-    fine = (symbol >= TRAINING) & (symbol < run.sent.symbols)
+    fine = (symbol >= TRAINING) & (symbol < run.sent.data_end)
     symbol, cell, soft = symbol[fine], cell[fine], received.soft[fine]
     on = np.empty(symbol.size, np.bool_)
     for each in np.unique(symbol):
@@ -68,7 +68,7 @@ def _eye(run: PreparedLink, stream: SpikeStream, received: Any) -> Eye | None:
     found, timing = received.registration, received.timing
     if received.mode != run.mode or found is None or timing is None:
         return None
-    return open_eye(stream, run.sent.layout, found, timing, run.sent.bits, run.sent.symbols)
+    return open_eye(stream, run.sent.layout, found, timing, run.sent.bits, run.sent.data_end)
 
 
 def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) -> Theory:

@@ -69,11 +69,10 @@ class ReadyLink:
             if row.errors is not None and _alike(row.mode, self.mode)
         ]  # fmt: skip
         wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
-        whole = TRAINING + self.sent.outbox.groups * self.sent.layout.group
         hz = self.setting.panel.clock.hz
         return (
             f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
-            f"{whole * self.mode.ticks / hz:.3g} s that the file takes are filmed; to film all, "
+            f"{self.sent.whole * self.mode.ticks / hz:.3g} s that the file takes are filmed; to film all, "
             "give link.modem.cell, ticks, line and parity"
         )
 
