@@ -3,11 +3,12 @@
 Tags stand in the corners all the time. A few columns of cells are pilots: all of them show the same
 known sequence, so that symbols can be counted and timed row by row wherever a recording begins.
 Every other cell carries data. Symbols 0 to TRAINING of a transmission show a known pattern in the
-data cells as well; from then on each cell carries its line code, in groups of `group` symbols. Behind
-the last group the training's first symbols come once more, so that what follows the last data is
-like what followed everything else: the tick that two symbols share, the light of the cells beside and
-charge that is kept are learned from symbols among others, and darkness behind would belie them. They
-carry nothing: a receiver needs no word of them, and a recording without them is read as well.
+data cells as well; from then on each cell carries its line code, in groups of `group` symbols.
+Behind the last group the training's first symbols come once more, so that what follows the last
+data is like what followed everything else: the tick that two symbols share, the light of the cells
+beside and charge that is kept are learned from symbols among others, and darkness behind would
+belie them. They carry nothing: a receiver needs no word of them, and a recording without them is
+read as well.
 """
 
 from __future__ import annotations

@@ -33,8 +33,7 @@ WIDTH = 128
 SYMBOLS = 60
 """Of random data, after the training."""
 _BEHIND = 2
-"""Symbols of more data that follow: those decided do not end in darkness, as most of a file's do not.
-"""
+"""Symbols of more data that follow: those decided do not end in darkness, as a file's do not."""
 _MARGIN = 12
 """Camera pixels kept around its image."""
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from cosim import InputError
 from link.layout import Layout
@@ -97,6 +98,14 @@ def test_errors_are_counted_beside_what_was_sent(sent):
     assert run.theory.closed_interval[0] <= run.theory.closed <= run.theory.closed_interval[1]
 
 
+def test_the_last_symbol_errs_no_more_than_others(sent):
+    """Behind it come known cells, not darkness: else nine of its bits err, three of all others."""
+    errors = sent[3].errors
+    assert errors.by_symbol.size == errors.symbols and errors.wrong <= 8 and errors.at_end <= 1
+    mean = errors.wrong / errors.symbols
+    assert ((errors.by_symbol - mean) ** 2).sum() / mean < chi2.ppf(0.999, errors.symbols - 1)
+
+
 def test_the_report_is_one_file_with_every_section(sent):
     _, _, folder, _, _ = sent
     page = (folder / "report.html").read_text()
@@ -153,8 +162,18 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("failed", cause, False)
     assert not [*(folder / "received").glob("*")]
     assert verdict["told"]
-    if cause == "out_of_view":  # closed forms of a panel in view say nothing of this one
-        assert result.metrics["ber_theory"].value is None
+    # What was neither measured nor foreseen is null, and 0 only what was counted.
+    metric = {name: each.value for name, each in result.metrics.items()}
+    assert metric["goodput_bps"] is metric["goodput_error"] is None
+    unlike = ("out_of_view", "occluded", "wrong_clock")  # closed forms have none of these
+    assert (metric["ber_theory"] is None) == (cause in (*unlike, "out_of_focus"))
+    assert (metric["capacity_bps"] is None) == (cause in ("out_of_view", "out_of_focus"))
+    if cause != "too_large":
+        for name in ("ber", "ber_low", "ber_high", "ber_soft", "eye_height", "latency_us",
+                     "frames_needed"):  # fmt: skip
+            assert metric[name] is None
+        assert (metric["bits_compared"], metric["frames_received"]) == (0, 0)
+        assert result.latency == []
 
 
 HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")
