@@ -281,7 +281,8 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
         return Verdict(
             Cause.TOO_SMALL,
             f"what shines is {size} camera pixels large, and no tag is readable ({figure}): tags "
-            f"too small, whose modules need {LEAST_MODULE:g} camera pixels or more; step nearer, or take a longer lens",
+            f"too small, whose modules need {LEAST_MODULE:g} camera pixels or more; step nearer, "
+            "or take a longer lens",
         )
     if e.most < _SHINES:
         return Verdict(

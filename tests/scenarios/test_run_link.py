@@ -15,11 +15,12 @@ from scipy.stats import chi2
 
 from cosim import InputError
 from link.layout import Layout
+from link.mode import Mode
 from link.verdict import Cause, Verdict
 from scenarios.commands.output import SilentProgress
 from scenarios.commands.run import print_result
 from scenarios.link_run.finished import LinkRun
-from scenarios.link_run.prepare import choose_mode, ready_link
+from scenarios.link_run.prepare import choose_mode, ready_link, tags_told
 from scenarios.linking import link_setting
 from scenarios.loading import load
 from scenarios.report.link import write_link_report
@@ -153,6 +154,7 @@ def test_an_empty_file_crosses_as_one(tmp_path):
         pytest.param("link.air.sun=1e5 lux,link.air.sun_angle=0 deg", "saturated",
                      marks=pytest.mark.slow),
         pytest.param("duration=6 ms,link.size=200000", "too_large", marks=pytest.mark.slow),
+        pytest.param("link.distance=8 m", "too_small", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
@@ -162,6 +164,11 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("failed", cause, False)
     assert not [*(folder / "received").glob("*")]
     assert verdict["told"]
+    if cause == "too_small":  # the run knew before
+        assert "tags too small" in verdict["told"]
+        setting = link_setting(load("light-link", [*SMALL, assignment])[1])
+        told = tags_told(setting, Mode(384, 224, 2, 2, "8b10b", 32))
+        assert told is not None and "has 0.98 camera pixels and is found from 1.6 on" in told
     # What was neither measured nor foreseen is null, and 0 only what was counted.
     metric = {name: each.value for name, each in result.metrics.items()}
     assert metric["goodput_bps"] is metric["goodput_error"] is None
