@@ -321,6 +321,5 @@ def _notes(run: ReadyLink) -> list[str]:
         )  # fmt: skip
     if run.hopeless:
         notes.append(run.hopeless_told())
-    if (told := tags_told(setting, run.mode)) is not None:
-        notes.append(told)
-    return notes
+    small = tags_told(setting, run.mode)
+    return notes if small is None else [*notes, small]
