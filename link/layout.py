@@ -4,6 +4,11 @@ Tags stand in the corners all the time. A few columns of cells are pilots: all o
 known sequence, so that symbols can be counted and timed row by row wherever a recording begins.
 Every other cell carries data. Symbols 0 to TRAINING of a transmission show a known pattern in the
 data cells as well; from then on each cell carries its line code, in groups of `group` symbols.
+Behind the last group the training's first symbols come once more, so that what follows the last
+data is like what followed everything else: the tick that two symbols share, the light of the cells
+beside and charge that is kept are learned from symbols among others, and darkness behind would
+belie them. They carry nothing: a receiver needs no word of them, and a recording without them is
+read as well.
 """
 
 from __future__ import annotations
@@ -18,8 +23,8 @@ import numpy.typing as npt
 from link.mode import LineCode, Mode
 
 __all__ = [
-    "GROUP_BITS", "GROUP_SYMBOLS", "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "pilots",
-    "training",
+    "GROUP_BITS", "GROUP_SYMBOLS", "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
+    "pilots", "training",
 ]  # fmt: skip
 
 TRAINING: Final = 48
@@ -28,6 +33,9 @@ PERIOD: Final = 960
 """Symbols after which the pilots' sequence begins anew: a multiple of every group."""
 TAG_MODULES: Final = 10
 """Of a tag's side: 6 of bits, a black border, a white margin."""
+_CLOSING: Final = 2
+"""Ticks behind the last group that are lit: the one that its last symbol shares, and one wholly of
+what follows, which tells that from darkness."""
 _SMALLEST, _SHARE = 4, 96
 """Panel pixels to a tag's module: at least, and the panel's shorter side over this."""
 _FEWEST, _MOST, _PILOT = 2, 16, 32
@@ -58,6 +66,11 @@ def training(cells: int) -> npt.NDArray[np.bool_]:
     return np.stack([even, ~even], axis=1).reshape(TRAINING, cells)
 
 
+def closing(layout: Layout) -> npt.NDArray[np.bool_]:
+    """What the data cells show behind the last group, (`Layout.closing`, cells)."""
+    return training(layout.cells)[: layout.closing]
+
+
 @dataclass(frozen=True)
 class Layout:
     """Of one mode."""
@@ -83,6 +96,11 @@ class Layout:
     def group(self) -> int:
         """Symbols to a group."""
         return GROUP_SYMBOLS[self.mode.line]
+
+    @property
+    def closing(self) -> int:
+        """Symbols behind the last group, of _CLOSING ticks or more."""
+        return -(-_CLOSING // self.mode.ticks)
 
     @cached_property
     def pilot_columns(self) -> npt.NDArray[np.intp]:

@@ -160,7 +160,7 @@ class LinkPatches:
             self.plane = PatchPlane(grid, list(range(len(boxes))))
         ticks = sent.mode.ticks
         most = max(CYCLES // ticks - TRAINING, FEWEST)
-        self.symbols = max(min(most, sent.symbols - TRAINING), 0)
+        self.symbols = max(min(most, sent.data_end - TRAINING), 0)
         """After the training."""
 
     @property

@@ -48,6 +48,10 @@ class Outbox:
         self._wanted = wanted
         self.groups = blocks * self._blocks.groups
         """Groups that carry them."""
+        most = min(int(self.frames / (1 + overhead)), self.frames - _BEYOND)
+        self.room = len(data) + most * symbol - self._length
+        """Bytes of a file of this name that as many blocks carry: the panel's cells send side by
+        side, so that a smaller one takes no less time than this."""
         self._packets = packets(packed, symbol, self.frames)
         self._kept: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 

@@ -30,6 +30,9 @@ LIMIT: Final = 60.0
 AROUND: Final = 2
 """Symbols before and after those asked for that the chain holds as well."""
 
+_EDGE: Final = 1 / 32
+"""Ticks about a tick's beginning within which symbols are taken to begin with it: a quarter of a
+class of phase."""
 Values = npt.NDArray[np.float64]
 
 
@@ -41,7 +44,13 @@ class Joint:
         self._layout, self._registration, self.timing = layout, registration, timing
         self.seen = see(layout, registration)
         self._ticks = layout.mode.ticks
-        self._time = timing.first, timing.period, timing.slope, float(timing.rows)
+        phase = float(timing.start(0, timing.rows / 2)) % 1
+        self.late = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
+        """Ticks that symbols are taken to begin late by: so that those which begin with a tick do
+        not fall into the tick before when the timing drifts by a hair, of which nothing was
+        learned."""
+        first = timing.first + self.late
+        self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (
             self.seen.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
             1 << (PART + CONTEXT),

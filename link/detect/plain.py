@@ -28,7 +28,7 @@ def _said(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
     x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
     qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
     qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
-    begin = time.start(symbol, y)
+    begin = time.start(symbol, y) + detector.late
     tick = np.floor(begin).astype(np.intp)
     phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
     out = np.zeros((seen.x.size, PAIRS), np.float32)

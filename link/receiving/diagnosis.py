@@ -15,7 +15,7 @@ from link.receiving.gap import gap_told
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
-from link.receiving.tags import find_tags, tag_places
+from link.receiving.tags import LEAST_MODULE, find_tags, tag_places
 from link.verdict import Cause, Verdict
 
 __all__ = ["explain_failure", "explain_loss"]
@@ -25,6 +25,8 @@ _DARK: Final = 0.004
 """Rate below which nothing is said to shine: a spike in 250 ticks."""
 _DIM: Final = 0.6
 """Rate of the tags' white below which the panel is said to be dim."""
+_SHINES: Final = 0.1
+"""Rate of the brightest pixels below which it is too dark to say what an image holds."""
 _FULL: Final = 0.5
 """Share of pixels at every tick, or rate of the tags' black, from which the sensor is saturated."""
 _SHORT: Final = 48
@@ -46,6 +48,9 @@ _FILLS = 0.95
 _LEAST: Final = 40
 """Camera pixels to the shorter side of an image in which a panel's tags could stand: two of them,
 of ten modules, at two pixels each."""
+_TAGGED: Final = 96 * LEAST_MODULE
+"""Camera pixels to the shorter side of a panel's image below which its tags may be too small: it
+has at most so many of their modules (`link.layout`)."""
 _BLOB, _SHARP = 0.04, 0.03
 """Share of the image that light stands on at least, and of its variance that is fine detail at
 most, of a panel out of focus."""
@@ -269,7 +274,17 @@ def _of_no_tag(recording: Recording, e: Evidence) -> Verdict:
             f"a panel sends ({figure}), about {small} camera pixels large, but no tag is readable; "
             "focus the lens, or step nearer",
         )
-    if e.most < 0.1:
+    lit_box = len(rows) and len(columns) and not at_edge
+    shorter = min(columns[-1] - columns[0], rows[-1] - rows[0]) + 1 if lit_box else 0
+    if 0 < shorter < _TAGGED and e.most >= _SHINES:
+        size = f"{columns[-1] - columns[0] + 1} x {rows[-1] - rows[0] + 1}"
+        return Verdict(
+            Cause.TOO_SMALL,
+            f"what shines is {size} camera pixels large, and no tag is readable ({figure}): tags "
+            f"too small, whose modules need {LEAST_MODULE:g} camera pixels or more; step nearer, "
+            "or take a longer lens",
+        )
+    if e.most < _SHINES:
         return Verdict(
             Cause.DIM,
             f"no tag is readable and the brightest pixels fire {e.most:.2g} times a tick "

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import TRAINING, training
+from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Late
 from link.receiving.phasing import find_late, nudge
@@ -44,6 +44,8 @@ _MOVED: Final = 1 / 16
 """Ticks that the phase may move before the detector learns again."""
 _SLACK: Final = 4.0
 """Ticks after the tags go dark that may still belong to the last symbol."""
+_ALIKE: Final = 0.9
+"""Share of decisions that are those of the closing, from which it is the closing; of data half."""
 _CUT: Final = 0.1
 """Ticks of a group that the recording may lack: the timing is not known so well that a group which
 ends with the recording seems to end before it."""
@@ -151,6 +153,11 @@ class Session:
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
+            if self._closes(soft[-group:]):
+                count -= 1
+                soft = soft[:-group]
+                if not count:
+                    break
             soft *= np.float32(1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft)
             self._next += count
@@ -170,6 +177,12 @@ class Session:
                 self.lost = True
         if self._known is not None:
             recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
+
+    def _closes(self, soft: npt.NDArray[np.float32]) -> bool:
+        """Whether what would be the last group begins with the transmission's closing, which is
+        almost as long where groups are short."""
+        known = closing(self.layout)[: len(soft)]
+        return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
 
     def _keep(
         self, first: int, decided: npt.NDArray[np.bool_]

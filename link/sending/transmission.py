@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim.viform import WORD, Words, words_for
 from link.coding import Outbox, encode_line
-from link.layout import PERIOD, TRAINING, Layout, pilots, training
+from link.layout import PERIOD, TRAINING, Layout, closing, pilots, training
 from link.mode import Mode
 from link.sending.tags import Tag, draw_tags
 
@@ -21,7 +21,7 @@ T = TypeVar("T", np.bool_, np.uint32)
 
 
 class Transmission:
-    """Training, then groups that carry the file.
+    """Training, then groups that carry the file, then the closing.
 
     most_symbols: what does not fit into so many symbols is cut off. interleave, overhead: as
     `Outbox` has them. Raises ValueError for a mode or a file that cannot be sent.
@@ -35,9 +35,13 @@ class Transmission:
             raise ValueError(f"most_symbols must be 1 or more, not {most_symbols}")
         self.mode, self.layout = mode, Layout(mode)
         self.outbox = Outbox(data, name, self.layout, interleave=interleave, overhead=overhead)
-        whole = TRAINING + self.outbox.groups * self.layout.group
-        self.symbols = whole if most_symbols is None else min(whole, most_symbols)
-        """Symbols in all, training with them."""
+        carrying = TRAINING + self.outbox.groups * self.layout.group
+        self.whole = carrying + self.layout.closing
+        """Symbols that the whole file takes."""
+        self.symbols = self.whole if most_symbols is None else min(self.whole, most_symbols)
+        """Symbols in all, training and closing with them."""
+        self.data_end = min(carrying, self.symbols)
+        """Symbol behind the last one that carries the file."""
         self._disparities: list[npt.NDArray[np.uint8]] = []
         self._group: tuple[int, _Bits] | None = None
 
@@ -54,7 +58,7 @@ class Transmission:
     @property
     def groups(self) -> int:
         """Groups that are shown whole."""
-        return max(self.symbols - TRAINING, 0) // self.layout.group
+        return max(self.data_end - TRAINING, 0) // self.layout.group
 
     @property
     def sent_whole(self) -> bool:
@@ -65,6 +69,10 @@ class Transmission:
     @cached_property
     def _training(self) -> _Bits:
         return training(self.layout.cells)
+
+    @cached_property
+    def _closing(self) -> _Bits:
+        return closing(self.layout)
 
     @cached_property
     def _tags(self) -> tuple[Tag, ...]:
@@ -101,9 +109,14 @@ class Transmission:
         """What the data cells show in symbols `first` on, (count, cells)."""
         self._check(first, count)
         out = np.empty((count, self.layout.cells), np.bool_)
-        for n in range(count):
-            group, within = divmod(first + n - TRAINING, self.layout.group)
-            out[n] = self._line(group)[within] if group >= 0 else self._training[first + n]
+        for n, symbol in enumerate(range(first, first + count)):
+            group, within = divmod(symbol - TRAINING, self.layout.group)
+            if group < 0:
+                out[n] = self._training[symbol]
+            elif group < self.outbox.groups:
+                out[n] = self._line(group)[within]
+            else:
+                out[n] = self._closing[symbol - self.data_end]
         return out
 
     def cells(self, first: int, count: int) -> _Bits:

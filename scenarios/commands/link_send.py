@@ -77,17 +77,21 @@ def link_send(
                 "parity": parity, "interleave": interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
+                "closing": sent.layout.closing,
                 "frames": sent.outbox.frames, "frames_needed": sent.outbox.frames_needed,
                 "frames_repair": repair, "frames_fill": fill,
+                "room_bytes": sent.outbox.room,
                 "seconds": seconds, "goodput_bps": 8 * len(data) / seconds,
             }
         )  # fmt: skip
     else:
         rate = 8 * len(data) / seconds
+        known = TRAINING + sent.layout.closing
         progress.note(
             f"{len(data)} bytes in {sent.outbox.frames} frames ({sent.outbox.frames_needed} are "
             f"enough, {fill} only fill the last group), {sent.planes} planes, "
-            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s"
+            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s; up to {sent.outbox.room} "
+            f"bytes take as long, and {known} of {sent.symbols} symbols are training and closing"
         )
 
 

@@ -44,7 +44,8 @@ def group_delays(
 def link_latency(
     setting: LinkSetting, layout: Layout, verified: Mapping[int, int]
 ) -> list[Latency]:
-    """A row a stage, over all verified groups; together they are the whole way of a byte.
+    """A row a stage, over all verified groups; together they are the whole way of a byte. No rows
+    where none was verified.
 
     encoder: a group leaves when it is full; at the link's own rate its bytes come evenly while the
     group before is shown. panel: from a group's first plane to the end of its last one, and its
@@ -52,6 +53,8 @@ def link_latency(
     cycle's end. decoder: cycles beyond that until the group was verified, of the receiver's
     schedule; its computing takes no time of the simulated machine.
     """
+    if not verified:
+        return []
     camera, panel = setting.camera.clock, setting.panel.clock
     group = _shown(layout, panel, 0)
     length = group[1] - group[0]

@@ -38,8 +38,9 @@ class Theory:
     """Raw bit error rates beside the measured one. soft: what the soft values themselves promise,
     the mean of 1/(1 + e^|L|) over all of them. closed: an estimate from geometry, light and
     threshold (`cell_errors`), closed_interval the 99.9 % limits of what it draws; without them it
-    is the coarse one of `reach.predict_errors`: no hard reset, or nothing received. interval: of
-    the measured rate, 99.9 %."""
+    is the coarse one of `reach.predict_errors`: no hard reset, or nothing received. None where no
+    closed form has what stood in the way, or where it underflows. interval: of the measured rate,
+    99.9 %."""
 
     soft: float | None
     closed: float | None
@@ -52,9 +53,9 @@ class LinkRun:
     """mode, layout: those sent with. received: of `link.receiving`. delivered: whether the bytes in
     received/ are those that were sent. image: spikes a cycle of every camera pixel over the light's
     time, (H, W). outline: camera (x, y) of the panel's corners as the receiver found them, (4, 2),
-    None where it did not; truth: the same as they are. delays: ps of every verified group. choice:
-    of the mode, None where it was given. check: of the plan, in the unit of
-    the run's own bits."""
+    None where it did not; truth: the same as they are. delays: ps of every verified group.
+    capacity: bits a second, None where the panel is not wholly in view. choice: of the mode, None
+    where it was given. check: of the plan, in the unit of the run's own bits."""
 
     result: Result
     scenario: LinkScenario
@@ -77,7 +78,7 @@ class LinkRun:
     delays: npt.NDArray[np.int64]
     scene: CellScene
     reach: list[Reach]
-    capacity: float
+    capacity: float | None
     seconds: dict[str, float]
     began: float
     check: LinkCheck

@@ -14,7 +14,7 @@ from link.air import image_of
 from link.air.geometry import panel_corners
 from link.layout import TRAINING
 from link.theory import clopper_pearson
-from link.verdict import Verdict
+from link.verdict import Cause, Verdict
 from scenarios.link_capacity import capacity_bps
 from scenarios.link_check import LinkCheck
 from scenarios.link_given import given_by
@@ -35,6 +35,11 @@ __all__ = ["judge_link"]
 
 LEVEL = 0.999
 """Of the interval of the raw bit error rate."""
+_UNLIKE = frozenset(
+    {Cause.OUT_OF_VIEW, Cause.MIRRORED, Cause.OCCLUDED, Cause.WRONG_CLOCK, Cause.INTERRUPTED}
+)
+"""Causes that no closed form of a cell's errors has: nothing is foreseen of a link that they kept
+from being read."""
 _DISTANCES = 40
 """At which the rate is foreseen, from where the panel fills the view to thirty times the run's, and
 at the run's."""
@@ -43,9 +48,9 @@ at the run's."""
 def _errors(run: PreparedLink, received: Any) -> Errors:
     """Decisions beside bits, over the symbols that the receiver has read in the mode sent in."""
     held = sorted(received.packed) if received.mode == run.mode else []
-    symbols = [n for n in held if TRAINING <= n < run.sent.symbols]
+    symbols = [n for n in held if TRAINING <= n < run.sent.data_end]
     return count_errors(
-        run.sent.bits, received.decided, run.sent.layout, symbols, run.sent.symbols - 1
+        run.sent.bits, received.decided, run.sent.layout, symbols, run.sent.data_end - 1
     )
 
 
@@ -54,7 +59,7 @@ def _soft(run: PreparedLink, received: Any) -> SoftValues | None:
     if received.mode != run.mode or not len(received.soft):
         return None
     symbol, cell = received.soft_at.T
-    fine = (symbol >= TRAINING) & (symbol < run.sent.symbols)
+    fine = (symbol >= TRAINING) & (symbol < run.sent.data_end)
     symbol, cell, soft = symbol[fine], cell[fine], received.soft[fine]
     on = np.empty(symbol.size, np.bool_)
     for each in np.unique(symbol):
@@ -68,20 +73,23 @@ def _eye(run: PreparedLink, stream: SpikeStream, received: Any) -> Eye | None:
     found, timing = received.registration, received.timing
     if received.mode != run.mode or found is None or timing is None:
         return None
-    return open_eye(stream, run.sent.layout, found, timing, run.sent.bits, run.sent.symbols)
+    return open_eye(stream, run.sent.layout, found, timing, run.sent.bits, run.sent.data_end)
 
 
-def _theory(scene: CellScene, run: PreparedLink, errors: Errors, received: Any) -> Theory:
+def _theory(
+    scene: CellScene, run: PreparedLink, errors: Errors, received: Any, cause: Cause
+) -> Theory:
     interval = None
     if errors.bits:
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
         interval = float(low), float(high)
     soft = received.promise if received.mode == run.mode else None
     wide = scene.blur > run.mode.cell * scene.pixel
-    if not in_view(run.setting):  # nothing of the closed forms knows that
+    unlike = not errors.bits and cause in _UNLIKE
+    if not in_view(run.setting) or run.setting.aim.occluded > 0 or unlike:
         return Theory(soft, None, interval)
     if scene.reset != "hard" or wide or not errors.bits:
-        return Theory(soft, predict_errors(scene, run.mode), interval)
+        return Theory(soft, predict_errors(scene, run.mode) or None, interval)
     timing = true_timing(run.setting, run.make_air().late, run.mode.ticks)
     found = cell_errors(cell_sight(run.setting, timing, run.sent.symbols), run.mode)
     return Theory(soft, found.rate, interval, (found.low, found.high))
@@ -141,7 +149,7 @@ def _metrics(finished: LinkRun, run: PreparedLink) -> dict[str, Metric]:
         "ticks": Metric(run.mode.ticks, "panel planes"),
         "parity": Metric(run.mode.parity, "bytes"),
         "f_number": Metric(run.setting.optics.f_number, "1"),
-        "goodput_error": Metric(run.check.goodput, "1"),
+        "goodput_error": Metric(run.check.goodput if finished.delivered else None, "1"),
         "full_physics": Metric(_full_physics(run), "s"),
         **_compared(finished.check),
         "camera": Metric(finished.seconds["air"] + finished.seconds["sensor"], "s"),
@@ -232,12 +240,13 @@ def judge_link(
     )
     finished = LinkRun(
         result, run.scenario, folder, setting, run.payload, run.mode, layout, verdict, delivered,
-        received, errors, _theory(scene, run, errors, received),
+        received, errors, _theory(scene, run, errors, received, verdict.cause),
         link_rates(layout, setting.panel.clock, len(run.payload.data), done), eye,
         _soft(run, received), _image(stream),
         outline, _outline(truth, run), group_delays(setting, layout, verified), scene,
-        _reach(run, scene), capacity_bps(given_by(setting, scene, run.mode)), seconds, began, check,
-        run.choice,
+        _reach(run, scene),
+        capacity_bps(given_by(setting, scene, run.mode)) if in_view(setting) else None,
+        seconds, began, check, run.choice,
         [*run.notes, *run.short, f"{verdict.cause.value}: {verdict.told}"],
     )  # fmt: skip
     result.metrics = _metrics(finished, run)

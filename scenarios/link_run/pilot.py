@@ -32,6 +32,8 @@ WIDTH = 128
 """Panel pixels of the strip: the least that a mode may have."""
 SYMBOLS = 60
 """Of random data, after the training."""
+_BEHIND = 2
+"""Symbols of more data that follow: those decided do not end in darkness, as a file's do not."""
 _MARGIN = 12
 """Camera pixels kept around its image."""
 
@@ -102,9 +104,9 @@ def film_pilot(
     size = Transmission(mode, b"0", "pilot")
     groups = -(-SYMBOLS // size.layout.group)
     data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
-    sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + groups * size.layout.group)
+    count = groups * size.layout.group
+    sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
     words, timing, air = _film(strip, sent, device)
     made = make_detector(detector, sent.layout, air.truth, timing)  # type: ignore[arg-type]
     made.learn(words, 0, sent.bits(0, TRAINING), 0)
-    count = sent.symbols - TRAINING
     return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

@@ -15,6 +15,7 @@ from link.air import Air, image_of
 from link.air.geometry import panel_corners
 from link.layout import TRAINING, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
+from link.receiving.tags import LEAST_MODULE
 from link.sending import Transmission
 from scenarios.link_check import LinkCheck, check_link
 from scenarios.link_plan import LinkPlan, plan_link
@@ -30,12 +31,17 @@ from sensor.tiers import Tier
 if TYPE_CHECKING:
     from link.choosing import Choice
 
-__all__ = ["PreparedLink", "ReadyLink", "choose_mode", "in_view", "prepare_link", "ready_link"]
+__all__ = [
+    "PreparedLink", "ReadyLink", "choose_mode", "in_view", "prepare_link", "ready_link",
+    "tags_told",
+]  # fmt: skip
 
 _PILOTS = 8
 """At most."""
 _HOPELESS_PLANES = 600
 """Filmed at most where no mode is foreseen to work: enough for a receiver to say why."""
+_NEVER = 0.8
+"""Share of the camera pixels that a tag's module needs, below which tags were never found."""
 _HOPELESS_BLUR = 2.0
 """Sides of a cell, of blur from which no patch is looked at: nothing would be decided right."""
 
@@ -69,11 +75,11 @@ class ReadyLink:
             if row.errors is not None and _alike(row.mode, self.mode)
         ]  # fmt: skip
         wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
-        whole = TRAINING + self.sent.outbox.groups * self.sent.layout.group
         hz = self.setting.panel.clock.hz
+        whole = self.sent.whole * self.mode.ticks / hz
         return (
             f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
-            f"{whole * self.mode.ticks / hz:.3g} s that the file takes are filmed; to film all, "
+            f"{whole:.3g} s that the file takes are filmed; to film all, "
             "give link.modem.cell, ticks, line and parity"
         )
 
@@ -148,6 +154,24 @@ def in_view(setting: LinkSetting) -> bool:
     return bool(inside.all())
 
 
+def _tags_share(setting: LinkSetting, mode: Mode) -> float:
+    """Camera pixels of a tag's module over those that it needs to be found in a sharp image: of one
+    that is not, blur is the cause."""
+    return setting.scale * Layout(mode).module / LEAST_MODULE
+
+
+def tags_told(setting: LinkSetting, mode: Mode) -> str | None:
+    """That the tags are too small to be found, None where they are not."""
+    share = _tags_share(setting, mode)
+    if share >= 1:
+        return None
+    module = setting.scale * Layout(mode).module
+    return (
+        f"tags too small: a module of theirs has {module:.2g} camera pixels and is found from "
+        f"{LEAST_MODULE:g} on; step nearer, or take a longer lens or a larger panel"
+    )
+
+
 def given_mode(scenario: LinkScenario) -> Mode | None:
     """The mode that the scenario names, None where a part of it is to be chosen."""
     modem, panel = scenario.link.modem, scenario.link.panel
@@ -185,7 +209,8 @@ def choose_mode(
 
     modem = scenario.link.modem
     modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
-    if not in_view(setting):  # nothing arrives in any of them: that which is soonest over
+    unread = _tags_share(setting, modes[0]) < _NEVER
+    if unread or not in_view(setting):  # nothing arrives in any of them: that which is soonest over
         return modes[0], None
     strip = strip_of(setting)
     progress.start("pilots", _PILOTS)
@@ -296,4 +321,5 @@ def _notes(run: ReadyLink) -> list[str]:
         )  # fmt: skip
     if run.hopeless:
         notes.append(run.hopeless_told())
-    return notes
+    small = tags_told(setting, run.mode)
+    return notes if small is None else [*notes, small]

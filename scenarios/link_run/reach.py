@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from link.layout import GROUP_BITS, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
+from link.receiving.tags import least_module
 from link.theory import Reset, byte_error, rs_word_error
 
 __all__ = [
@@ -127,12 +128,14 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
 @dataclass(frozen=True)
 class Reach:
     """distance: m. rate: bits a second of the best mode that works, 0 where none does. mode: that
-    mode. errors: predicted raw bit error rate of it."""
+    mode. errors: predicted raw bit error rate of it. tags: whether the tags are large enough in the
+    image to be found, without which no rate is foreseen."""
 
     distance: float
     rate: float
     mode: Mode | None
     errors: float
+    tags: bool = True
 
 
 def _frame_loss(errors: float, mode: Mode) -> float:
@@ -164,6 +167,9 @@ def reach(
         found = Reach(float(distance), 0.0, None, 0.5)
         there = replace(scene, pixel=pixel, on=scene.on * through)
         kept: dict[tuple[int, int, str], float] = {}
+        if pixel * Layout(mode).module < least_module(scene.blur):
+            out.append(replace(found, tags=False))
+            continue
         if pixel * mode.height <= sensor[0] and pixel * mode.width <= sensor[1]:
             for each in worth:
                 key = (each.cell, each.ticks, each.line)

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
+from link.receiving.tags import least_module
 from link.verdict import Cause
 from scenarios.link_run.eye import RARE
 from scenarios.link_run.finished import LinkRun
@@ -25,35 +26,39 @@ from scenarios.report.link_figures import (
     soft_figure,
     view_figure,
 )
-from scenarios.report.link_tables import kept_section, machine_section
+from scenarios.report.link_tables import NOT_KNOWN, kept_section, machine_section
 from scenarios.report.parts import cards, opening, plot, run_time, table, write_page
 
 __all__ = ["write_link_report"]
 
 
 def _rate(value: float | None) -> str:
-    return "none" if value is None else bits(value)
+    return NOT_KNOWN if value is None else bits(value)
 
 
-def _count(value: float | None, unit: str = "") -> str:
-    return "unknown" if value is None else f"{value:.3g}{unit}"
+def _count(value: float | None) -> str:
+    return NOT_KNOWN if value is None else f"{value:.3g}"
+
+
+def _frames_of(run: LinkRun, name: str) -> str:
+    value = run.result.metrics[f"frames_{name}"].value
+    return NOT_KNOWN if value is None else f"{value:,.0f}"
 
 
 def _cards(run: LinkRun) -> str:
     error, spent = run.result.error, time.perf_counter() - run.began
-    frames = run.result.metrics
     paired = run.check.paired
     told = (
         "error against full physics: not measured" if paired is None
         else f"error against full physics, at most {paired.high:.2g} (99.9 %): {paired.kind}"
     )  # fmt: skip
-    lost, sent = frames["frames_lost"].value or 0, frames["frames_sent"].value or 0
+    lost, sent = _frames_of(run, "lost"), _frames_of(run, "sent")
     return cards([
         ("first", "whole" if run.delivered else "not delivered",
          f"{len(run.payload.data):,} bytes, {run.payload.name}"),
         ("first", _rate(run.rates.goodput), "goodput: first light to last verified byte"),
         ("first", _count(run.errors.rate), "raw bit error rate"),
-        ("", f"{lost:.0f} of {sent:.0f}", "frames lost"),
+        ("", f"{lost} of {sent}", "frames lost"),
         ("", _count(error.value), told),
         ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
         ("", str(len(run.result.left_out)), "effects left out"),
@@ -101,11 +106,10 @@ def _rates(run: LinkRun) -> str:
 
 def _frames(run: LinkRun) -> str:
     """What was sent beyond the file's own frames, and why."""
-    told = {name: each.value or 0 for name, each in run.result.metrics.items()}
-    sent, more, fill = (told[f"frames_{name}"] for name in ("sent", "repair", "fill"))
+    sent, more, fill = (_frames_of(run, name) for name in ("sent", "repair", "fill"))
     return (
-        f"{sent:,.0f} sent; beyond the file's own, {more:,.0f} that link.modem.overhead asks for "
-        f"and {fill:,.0f} that only fill the last group"
+        f"{sent} sent; beyond the file's own, {more} that link.modem.overhead asks for "
+        f"and {fill} that only fill the last group"
     )
 
 
@@ -312,17 +316,30 @@ def _delay(run: LinkRun) -> str:
     )  # fmt: skip
 
 
+def _tags(run: LinkRun) -> str:
+    """From which distance on the tags are too small."""
+    far = [row.distance for row in run.reach if not row.tags]
+    if not far:
+        return ""
+    return (
+        f" From {min(far):.3g} m on: tags too small. A module of theirs needs "
+        f"{least_module(run.scene.blur):.2g} camera pixels, and a panel whose tags are not found "
+        "is not read, however large its cells."
+    )
+
+
 def _reach(run: LinkRun) -> str:
     path = run.folder / "figures" / "reach.png"
+    tags = _tags(run)
     if not any(row.rate for row in run.reach):
-        return "<h2>Rate against distance</h2><p>No distance is foreseen to work.</p>"
+        return f"<h2>Rate against distance</h2><p>No distance is foreseen to work.{tags}</p>"
     reach_figure(run, path)
     return (
         "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
         "measurement, with this panel, lens, light and camera, over the modes that a run tries on "
         "its own: a resolved panel's image is as bright at any distance, but smaller, so cells "
         "must grow; nearer than the line begins, the panel does not fit "
-        "into the view. Only the dots come from this run.</p>"
+        f"into the view. Only the dots come from this run.{tags}</p>"
         + plot(path, "rate against distance")
     )  # fmt: skip
 

@@ -7,10 +7,18 @@ from scenarios.link_run.finished import Theory
 
 __all__ = ["of_end", "of_theory"]
 
+_CHANCE = 1e-3
+"""Of so many errors in the last symbol, below which they are told apart."""
+
 
 def of_theory(theory: Theory) -> str:
     """What the theory beside the measured rate is, and what it leaves out."""
     span = theory.closed_interval
+    if theory.closed is None:
+        return (
+            "What theory would say is not known: its closed forms have no panel that is hidden, "
+            "out of view, mirrored or off its clock, and tell no rate too small for a number."
+        )
     if span is None:
         return (
             "The theory is a coarse estimate, by Bhattacharyya's bound for looks that err "
@@ -24,12 +32,17 @@ def of_theory(theory: Theory) -> str:
 
 
 def of_end(errors: Errors) -> str:
-    """How many errors are of the transmission's last symbol; nothing where none is."""
+    """How many errors are of the transmission's last symbol, where they are more than chance brings
+    among so many symbols: a duration that cuts the transmission leaves darkness behind it."""
+    from scipy.stats import poisson
+
     rest = errors.bits - errors.bits // max(errors.symbols, 1)
     if not errors.at_end or not rest:
         return ""
+    others = errors.wrong - errors.at_end
+    if poisson.sf(errors.at_end - 1, (others + 1) / (errors.symbols - 1)) > _CHANCE:
+        return ""
     return (
-        f" {errors.at_end:,} of the wrong bits are of the transmission's last symbol, which has "
-        "darkness behind it, as neither the training nor the theory has; without that symbol "
-        f"{(errors.wrong - errors.at_end) / rest:.2g} are wrong."
+        f" {errors.at_end:,} of the wrong bits are of the transmission's last symbol, more than of "
+        f"others; without that symbol {others / rest:.2g} are wrong."
     )

@@ -67,12 +67,12 @@ def _bits_axis(rate: float, _: int) -> str:
 
 
 def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
-    """Bars of rates (what, bits a second), None drawn as nothing."""
+    """Bars of rates (what, bits a second); no bar where one is not known."""
     with _drawn(path, 8.2, 0.45 * len(rows) + 0.7) as (_, ax):
         most = max((rate for _, rate in rows if rate), default=1.0)
         for n, (_, rate) in enumerate(rows):
             ax.barh(n, rate or 0.0, color=BLUE if n else PALE, height=0.62)
-            told = "none" if rate is None else bits(rate)
+            told = "not known" if rate is None else bits(rate)
             ax.text((rate or 0.0) + most * 0.01, n, told, va="center", fontsize=9, color=INK)
         ax.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=9, color=INK)
         ax.invert_yaxis()
@@ -101,7 +101,9 @@ def errors_figure(run: LinkRun, path: Path) -> None:
             if interval is not None:
                 low, high = (max(x, least) for x in interval)
                 ax.plot([low, high], [n, n], color=colour, linewidth=5, alpha=0.35)
-            if value is not None:  # one below the axis points there
+            if value is None:
+                ax.text(least * 1.2, n, "not known", va="center", fontsize=8.5, color=INK)
+            else:  # one below the axis points there
                 ax.plot(
                     max(value, least), n, "o" if value >= least else "<", color=colour,
                     markersize=6, clip_on=False,

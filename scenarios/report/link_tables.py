@@ -11,11 +11,15 @@ from scenarios.link_run.finished import LinkRun
 from scenarios.report.machine import faults, optics
 from scenarios.report.parts import table
 
-__all__ = ["kept_section", "machine_section", "told_error"]
+__all__ = ["NOT_KNOWN", "kept_section", "machine_section", "told_error"]
+
+
+NOT_KNOWN = "not known"
+"""What the page says where the result says null."""
 
 
 def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2g}"
+    return NOT_KNOWN if value is None else f"{value:.2g}"
 
 
 def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:

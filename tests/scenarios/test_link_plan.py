@@ -21,6 +21,7 @@ from scenarios.link_check import LinkCheck, check_link, compare, goodput_change
 from scenarios.link_forecast import forecast_link
 from scenarios.link_patches import LinkPatches, Variant, true_timing
 from scenarios.link_plan import LinkLook, camera_changes, half_width, look_link
+from scenarios.link_run.reach import CellScene, reach
 from scenarios.linking import LinkSetting, link_setting
 from scenarios.loading import linked, load
 from sensor import DevicePattern
@@ -270,6 +271,18 @@ def test_true_timing_is_where_rows_meet_the_symbols(setting: LinkSetting) -> Non
     assert still.slope == pytest.approx(-setting.camera.row_skew, rel=1e-6)
 
 
+def test_no_rate_is_foreseen_where_the_tags_are_too_small() -> None:
+    scene = CellScene(1.0, 0.3, 1.4, 0.01, 1000.0, 5.8, "hard", 0.9)
+    mode = Mode(960, 960, 2, 2, "8b10b", 32)  # tags of 10 panel pixels a module
+    distances = np.array([2.0, 12.0, 13.0, 40.0])
+    found = reach(scene, mode, 2.0, 0.02, distances, 40e3, (1000, 1000), np.ones(4))
+    assert [row.tags for row in found] == [True, True, False, False]
+    assert found[1].rate > 0 and [row.rate for row in found[2:]] == [0, 0]
+    soft = reach(replace(scene, blur=1.0), mode, 2.0, 0.02, distances, 40e3, (1000, 1000),
+                 np.ones(4))  # fmt: skip
+    assert [row.tags for row in soft] == [True, False, False, False]  # 3.1 camera pixels
+
+
 def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() -> None:
     given = linked(
         load("light-link", [*SMALL, "link.size=900", "link.modem.cell=2", "link.modem.ticks=2",
@@ -279,7 +292,10 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
     assert "scintillation" in {row["effect"] for row in document["left_out"]}
     assert 0 < document["promised"] <= SHARE * document["tolerance"]
-    assert document["predicted"]["full_physics_s"] > 0
+    predicted = document["predicted"]
+    assert predicted["full_physics_s"] > 0
+    # Only light's effects are left out: the camera is the same, and costs the same.
+    assert predicted["everything_s"] == predicted["sensor_s"] > 0
     aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
     away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
     with pytest.raises(InputError, match="whose panel is in view"):

@@ -11,14 +11,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from cosim import InputError
 from link.layout import Layout
+from link.mode import Mode
 from link.verdict import Cause, Verdict
 from scenarios.commands.output import SilentProgress
 from scenarios.commands.run import print_result
 from scenarios.link_run.finished import LinkRun
-from scenarios.link_run.prepare import choose_mode, ready_link
+from scenarios.link_run.prepare import choose_mode, ready_link, tags_told
 from scenarios.linking import link_setting
 from scenarios.loading import load
 from scenarios.report.link import write_link_report
@@ -97,6 +99,14 @@ def test_errors_are_counted_beside_what_was_sent(sent):
     assert run.theory.closed_interval[0] <= run.theory.closed <= run.theory.closed_interval[1]
 
 
+def test_the_last_symbol_errs_no_more_than_others(sent):
+    """Behind it come known cells, not darkness: else nine of its bits err, three of all others."""
+    errors = sent[3].errors
+    assert errors.by_symbol.size == errors.symbols and errors.wrong <= 8 and errors.at_end <= 1
+    mean = errors.wrong / errors.symbols
+    assert ((errors.by_symbol - mean) ** 2).sum() / mean < chi2.ppf(0.999, errors.symbols - 1)
+
+
 def test_the_report_is_one_file_with_every_section(sent):
     _, _, folder, _, _ = sent
     page = (folder / "report.html").read_text()
@@ -144,6 +154,7 @@ def test_an_empty_file_crosses_as_one(tmp_path):
         pytest.param("link.air.sun=1e5 lux,link.air.sun_angle=0 deg", "saturated",
                      marks=pytest.mark.slow),
         pytest.param("duration=6 ms,link.size=200000", "too_large", marks=pytest.mark.slow),
+        pytest.param("link.distance=8 m", "too_small", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
@@ -153,8 +164,23 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     assert (result.outcome, verdict["cause"], verdict["delivered"]) == ("failed", cause, False)
     assert not [*(folder / "received").glob("*")]
     assert verdict["told"]
-    if cause == "out_of_view":  # closed forms of a panel in view say nothing of this one
-        assert result.metrics["ber_theory"].value is None
+    if cause == "too_small":  # the run knew before
+        assert "tags too small" in verdict["told"]
+        setting = link_setting(load("light-link", [*SMALL, assignment])[1])
+        told = tags_told(setting, Mode(384, 224, 2, 2, "8b10b", 32))
+        assert told is not None and "has 0.98 camera pixels and is found from 1.6 on" in told
+    # What was neither measured nor foreseen is null, and 0 only what was counted.
+    metric = {name: each.value for name, each in result.metrics.items()}
+    assert metric["goodput_bps"] is metric["goodput_error"] is None
+    unlike = ("out_of_view", "occluded", "wrong_clock")  # closed forms have none of these
+    assert (metric["ber_theory"] is None) == (cause in (*unlike, "out_of_focus"))
+    assert (metric["capacity_bps"] is None) == (cause in ("out_of_view", "out_of_focus"))
+    if cause != "too_large":
+        for name in ("ber", "ber_low", "ber_high", "ber_soft", "eye_height", "latency_us",
+                     "frames_needed"):  # fmt: skip
+            assert metric[name] is None
+        assert (metric["bits_compared"], metric["frames_received"]) == (0, 0)
+        assert result.latency == []
 
 
 HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")

@@ -78,4 +78,4 @@ def test_planes_that_end_with_the_light_are_received_whole(tmp_path: Path) -> No
     link_receive(tmp_path / "sent.npz", tmp_path / "out", "joint", True, None, False)
     assert (tmp_path / "out/received/a.bin").read_bytes() == DATA
     told = json.loads((tmp_path / "out/receive.json").read_text())
-    assert f"whole at tick {sent.planes}" in told["verdict"]
+    assert f"whole at tick {sent.data_end * sent.ticks}" in told["verdict"]

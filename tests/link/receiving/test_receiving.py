@@ -10,7 +10,7 @@ import pytest
 from cosim import Viform
 from cosim.viform import unpack_planes
 from link.layout import TAG_MODULES, Layout
-from link.mode import Mode
+from link.mode import LineCode, Mode
 from link.receiving import Received, Receiver
 from link.receiving.tags import art_of
 from link.sending import Transmission
@@ -247,3 +247,19 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
     assert "what ended by tick 136 is right" in got.verdict.told
     assert ("what began after tick 176 too" in got.verdict.told) == dark
     assert got.delivered is None
+
+
+@pytest.mark.parametrize("line", ["8b10b", pytest.param("manchester", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_transmission_is_read_with_the_closing_and_without(line: LineCode, closed: bool) -> None:
+    """Recordings of before have none. Where groups are short the closing is no group of its own."""
+    mode = Mode(256, 256, 4, 2, line, 32)
+    toy = small(DATA[:900], mode=mode)
+    end = toy.sent.data_end
+    assert toy.sent.symbols == end + 1
+    if not closed:
+        toy.sent = Transmission(mode, DATA[:900], "a.bin", overhead=0.3, most_symbols=end)
+    got = receive(toy)
+    assert got.delivered == (DATA[:900], "a.bin"), got.verdict
+    assert got.frames_seen == got.frames_right == toy.sent.outbox.frames
+    assert max(got.packed) == end - 1

@@ -8,7 +8,7 @@ import pytest
 
 from link.layout import Layout
 from link.mode import Mode
-from link.receiving.tags import find_tags, fit_homography, tag_places
+from link.receiving.tags import find_tags, fit_homography, least_module, tag_places
 from link.sending import draw_tags
 from tests.link.receiving.toy import homography
 
@@ -27,6 +27,12 @@ def seen(scale: float, white: float) -> np.ndarray:
     noise = np.random.default_rng(3).standard_normal((1000, 1000)).astype(np.float32)
     rates = cv2.resize(fine, (1000, 1000), interpolation=cv2.INTER_AREA)
     return np.asarray(np.clip(rates + 0.01 * noise, 0, 1), np.float32)
+
+
+@pytest.mark.parametrize(("module", "found"), [(1.7, True), (1.2, False)])
+def test_tags_are_found_from_so_many_pixels_a_module_on(module, found):
+    scale = module / Layout(WIDE).module
+    assert (find_tags(seen(scale, 0.9)).mode == WIDE) == found == (module >= least_module(0.4))
 
 
 @pytest.mark.parametrize("scale", [0.994, 0.2])

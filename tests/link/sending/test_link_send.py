@@ -45,8 +45,23 @@ def test_an_empty_file_is_sent_and_run_alike(tmp_path):
     said = json.loads(result.stdout)
     assert result.exit_code == 0 and (said["bytes"], said["goodput_bps"]) == (0, 0)
     assert said["frames"] == said["frames_needed"] + said["frames_repair"] + said["frames_fill"]
+    assert said["symbols"] == said["training"] + 6 * said["groups"] + said["closing"]
     payload = payload_of(load("light-link", [f"link.file={source}"])[1])
     assert (payload.name, payload.data) == ("nothing.txt", b"")
+
+
+@pytest.mark.parametrize("overhead", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("size", [0, 1, 5000])
+def test_the_room_of_the_groups_is_filled_without_another_one(size, overhead):
+    mode = Mode(192, 160, 2, 1, "4b6b", 16)
+
+    def sent(length: int) -> Transmission:
+        return Transmission(mode, bytes(length), "a.bin", overhead=overhead)
+
+    small = sent(size)
+    room = small.outbox.room
+    assert room >= size and sent(room).planes == small.planes < sent(room + 1).planes
+    assert sent(room).outbox.room == room
 
 
 @pytest.mark.parametrize(

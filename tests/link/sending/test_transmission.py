@@ -28,14 +28,17 @@ def test_the_planes_alone_bring_the_file_back(line, interleave):
     sent = sending(line, interleave=interleave)
     layout, side, ticks = sent.layout, sent.mode.cell, sent.ticks
     planes = unpack_planes(sent.words(0, sent.planes), 0, sent.planes).astype(bool)
-    assert len(planes) == sent.planes == (TRAINING + sent.outbox.groups * layout.group) * ticks
+    assert sent.data_end == TRAINING + sent.outbox.groups * layout.group
+    assert len(planes) == sent.planes == (sent.data_end + layout.closing) * ticks
     symbols = planes.reshape(-1, ticks, *planes.shape[1:])
     assert (symbols == symbols[:, :1]).all()
     cells = symbols[:, 0, ::side, ::side].reshape(sent.symbols, -1)
     assert (cells[:TRAINING, layout.data] == training(layout.cells)).all()
     known = pilots()[np.arange(sent.symbols) % PERIOD]
     assert (cells[:, layout.pilot.ravel()] == known[:, None]).all()
-    soft = np.where(cells[TRAINING:, layout.data], 2, -2).astype(np.float32)
+    assert (cells[sent.data_end :, layout.data] == training(layout.cells)[: layout.closing]).all()
+    shown = cells[TRAINING : sent.data_end, layout.data]
+    soft = np.where(shown, 2, -2).astype(np.float32)
     inbox = Inbox(layout, interleave=interleave)
     for group, decoded in enumerate(zip(*decode_line(line, soft), strict=True)):
         inbox.put(group, *decoded)
