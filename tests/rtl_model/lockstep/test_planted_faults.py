@@ -83,9 +83,6 @@ FAULTS = {
     "the first tile has the window before": Fault(
         "viform_scan.v", "start ? columns : column_window", "column_window", "spike"
     ),
-    "full wells wrap": Fault(
-        "viform_pixels.v", "| {12{full}}\n", "| {12{full && 1'b0}}\n", "spike"
-    ),
     "frame counter starts at one": Fault(
         "viform_scan.v",
         "start ? clear ? 32'd0 : frames",
