@@ -16,7 +16,7 @@ needs_yosys = pytest.mark.skipif(
 PIXELS = Cells("ice40", luts=615, flip_flops=87, block_rams=5, distributed_rams=0, carries=250)
 
 CEILINGS = {
-    "ice40": Cells("ice40", 9000, 2380, block_rams=84, distributed_rams=0, carries=2830),
+    "ice40": Cells("ice40", 9500, 2430, block_rams=84, distributed_rams=0, carries=3460),
     "ecp5": Cells("ecp5", 7080, 2430, block_rams=36, distributed_rams=0, carries=1940),
     "xc7": Cells("xc7", 5080, 2210, block_rams=23, distributed_rams=0, carries=820),
 }
