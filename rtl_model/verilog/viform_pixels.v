@@ -14,14 +14,14 @@ module viform_pixels #(
     input wire compute,
     input wire [ADDRESS_BITS-1:0] address,
     input wire [3:0] live,       // inside the window; the others are held in reset
-    input wire fresh,            // all charges are taken as 0
+    input wire fresh,            // at `read`: all charges are taken as 0
     input wire double,           // 20 kHz: a tick collects twice
     input wire [3:0] level,      // of the threshold
     input wire [1:0] rule,
-    input wire [1:0] pattern,
-    input wire [7:0] constant,
-    input wire [7:0] ramp,       // of lane 0
-    input wire odd,              // row ^ frame, least significant bit
+    input wire stored,           // the electrons are those of the pattern memory, or else these:
+    input wire rising,           // one more in each lane
+    input wire [7:0] even,       // of lane 0, and of all even lanes where they do not rise
+    input wire [7:0] odd,
     output reg [3:0] bits
 );
     localparam [7:0] COLUMN = FIRST_LANE[7:0];
@@ -42,69 +42,76 @@ module viform_pixels #(
     integer i;
     initial for (i = 0; i < DEPTH; i = i + 1) charges[i] = 48'd0;
 
-    // One tick of one pixel: {fired, rest}.
+    // One tick of one pixel: {fired, rest}. What is left after no quantum, one and two stands in
+    // three sums side by side, each of which waits for the electrons alone; Q is {k, FF}.
     function [12:0] tick;
         input is_live;
-        input is_fresh;
         input is_double;
         input [11:0] held;
         input [7:0] collected;
         input [3:0] k;
         input [1:0] reset_rule;
-        reg [12:0] sum;
+        reg [13:0] more;
+        reg [4:0] high;
+        reg [12:0] half;
+        reg [11:0] none; // no more than 4094 where it is taken
         reg [13:0] once;
-        reg [13:0] twice;
-        reg [12:0] left;
+        reg [13:0] twice; // no more than 4095
+        reg fired, keep, first, second, full;
         begin
-            sum = (is_fresh ? 13'd0 : {1'b0, held})
-                + (is_double ? {4'd0, collected, 1'b0} : {5'd0, collected});
-            once = {1'b0, sum} - {2'b00, k, 8'hFF};
-            twice = {1'b0, sum} - {1'b0, k, 8'hFF, 1'b0};
-            left = reset_rule == 2'd2 || twice[13] ? once[12:0] : twice[12:0];
-            if (!is_live) tick = 13'd0;
-            else if (once[13]) tick = {1'b0, sum[11:0]};
-            else if (reset_rule == 2'd1) tick = {1'b1, 12'd0};
-            else tick = {1'b1, left[12] ? 12'hFFF : left[11:0]};
+            more = is_double ? {5'd0, collected, 1'b0} : {6'd0, collected};
+            high = {1'b0, held[11:8]} + {1'b1, ~k};
+            half = {2'b00, held[11:1]} - {1'b0, k, 8'hFF};
+            none = held + more[11:0];
+            once = {high[4], high, held[7:0]} - ~more; // held - Q + more
+            twice = {half, held[0]} + more;
+            fired = is_live && !once[13];
+            keep = is_live && once[13];
+            first = fired && reset_rule != 2'd1 && (reset_rule == 2'd2 || twice[13]);
+            second = is_live && reset_rule != 2'd1 && reset_rule != 2'd2
+                && twice[13:12] == 2'b00;
+            full = fired && reset_rule == 2'd2 && once[12];
+            tick = {
+                fired,
+                {12{keep}} & none | {12{first}} & once[11:0] | {12{second}} & twice[11:0]
+                    | {12{full}}
+            };
         end
     endfunction
 
     // Electrons of lane `lane` in a 40 kHz tick.
     function [7:0] source;
-        input [1:0] kind;
-        input [7:0] stored;
-        input [7:0] same;
-        input [7:0] rising;
-        input bright;
-        case (kind)
-            2'd0: source = stored;
-            2'd1: source = same;
-            2'd2: source = rising;
-            default: source = bright ? same : 8'd0;
-        endcase
+        input kind;
+        input [7:0] read_out;
+        input climbs;
+        input [7:0] first;
+        input [7:0] lane;
+        source = {8{kind}} & read_out | (first + ({8{climbs}} & lane));
     endfunction
 
     always @(posedge clk) begin
-        if (read) charge <= compute && read_address == address ? 48'bx : charges[read_address];
+        if (read) charge <= fresh ? 48'd0
+            : compute && read_address == address ? 48'bx : charges[read_address];
         if (compute) begin : update
             reg [12:0] next_0, next_1, next_2, next_3;
             next_0 = tick(
-                live[0], fresh, double, charge[11:0],
-                source(pattern, electrons[7:0], constant, ramp + COLUMN + 8'd0, odd),
+                live[0], double, charge[11:0],
+                source(stored, electrons[7:0], rising, even, COLUMN + 8'd0),
                 level, rule
             );
             next_1 = tick(
-                live[1], fresh, double, charge[23:12],
-                source(pattern, electrons[15:8], constant, ramp + COLUMN + 8'd1, !odd),
+                live[1], double, charge[23:12],
+                source(stored, electrons[15:8], rising, odd, COLUMN + 8'd1),
                 level, rule
             );
             next_2 = tick(
-                live[2], fresh, double, charge[35:24],
-                source(pattern, electrons[23:16], constant, ramp + COLUMN + 8'd2, odd),
+                live[2], double, charge[35:24],
+                source(stored, electrons[23:16], rising, even, COLUMN + 8'd2),
                 level, rule
             );
             next_3 = tick(
-                live[3], fresh, double, charge[47:36],
-                source(pattern, electrons[31:24], constant, ramp + COLUMN + 8'd3, !odd),
+                live[3], double, charge[47:36],
+                source(stored, electrons[31:24], rising, odd, COLUMN + 8'd3),
                 level, rule
             );
             charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};

@@ -38,7 +38,6 @@ module viform_sensor #(
     localparam [31:0] DEPTH = ROWS * TILES > 1 ? ROWS * TILES : 2;
     localparam [31:0] GROUPS = LANES / 4;
     localparam [31:0] GROUP_BITS = $clog2(GROUPS);
-    localparam SHIFT = $clog2(LANES);
     localparam [31:0] ALL_ROWS = (ROWS - 1) << 16;
     localparam [31:0] ALL_COLUMNS = (COLUMNS - 1) << 16;
 
@@ -52,7 +51,8 @@ module viform_sensor #(
 
     wire [ADDRESS_BITS-1:0] read_address, address;
     wire [15:0] row, tile;
-    wire row_live, last_tile, fresh, double;
+    wire row_live, last_tile, fresh, double, odd;
+    wire [7:0] ramp;
     wire [LANES-1:0] live;
     wire [31:0] frame;
 
@@ -64,12 +64,16 @@ module viform_sensor #(
         .tick_clocks(tick_clocks), .rows(rows), .columns(columns), .frames(frames),
         .start(start), .read(scan_read), .read_address(read_address), .scanning(scanning),
         .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
-        .row_live(row_live), .live(live), .frame(frame), .fresh(fresh), .double(double)
+        .row_live(row_live), .live(live), .ramp(ramp), .odd(odd), .frame(frame), .fresh(fresh),
+        .double(double)
     );
 
-    wire [7:0] base = {tile[7-SHIFT:0], {SHIFT{1'b0}}};
-    wire [7:0] ramp = level + row[7:0] + base + frame[7:0];
-    wire odd = row[0] ^ frame[0];
+    // Electrons of the patterns that are none of the memory.
+    wire stored = pattern == 2'd0;
+    wire rising = pattern == 2'd2;
+    wire [7:0] first = level + ramp;
+    wire [7:0] even = rising ? first : pattern == 2'd1 || pattern[0] && odd ? level : 8'd0;
+    wire [7:0] uneven = rising ? first : pattern == 2'd1 || pattern[0] && !odd ? level : 8'd0;
 
     genvar group;
     generate
@@ -87,7 +91,7 @@ module viform_sensor #(
                 .read(scan_read), .read_address(read_address),
                 .compute(compute), .address(address), .live(live[4*group +: 4]),
                 .fresh(fresh), .double(double), .level(threshold), .rule(rule),
-                .pattern(pattern), .constant(level), .ramp(ramp), .odd(odd),
+                .stored(stored), .rising(rising), .even(even), .odd(uneven),
                 .bits(tile_bits[4*group +: 4])
             );
         end

@@ -27,40 +27,46 @@ class Fault(NamedTuple):
 
 FAULTS = {
     "threshold reached fires no more, only exceeded": Fault(
-        "viform_pixels.v", "if (once[13]) tick", "if (once[13] || once == 14'd0) tick", "spike"
+        "viform_pixels.v",
+        "fired = is_live && !once[13];\n            keep = is_live && once[13];",
+        "fired = is_live && !once[13] && once != 14'd0;\n            keep = is_live && !fired;",
+        "spike",
     ),
     "threshold constant 254": Fault(
-        "viform_pixels.v", "{2'b00, k, 8'hFF}", "{2'b00, k, 8'hFE}", "spike"
+        "viform_pixels.v", "held[7:0]} - ~more", "held[7:0]} + more + 14'd2", "spike"
     ),
     "two quanta of another level": Fault(
-        "viform_pixels.v", "{1'b0, k, 8'hFF, 1'b0}", "{1'b0, k ^ 4'd8, 8'hFF, 1'b0}", "spike"
+        "viform_pixels.v", "{1'b0, k, 8'hFF}", "{1'b0, k ^ 4'd8, 8'hFF}", "spike"
     ),
     "20 kHz collects once": Fault(
-        "viform_pixels.v", "{4'd0, collected, 1'b0}", "{5'd0, collected}", "spike"
+        "viform_pixels.v", "{5'd0, collected, 1'b0}", "{6'd0, collected}", "spike"
     ),
     "hard reset keeps one electron": Fault(
-        "viform_pixels.v", "tick = {1'b1, 12'd0};", "tick = {1'b1, 12'd1};", "spike"
+        "viform_pixels.v",
+        "| {12{full}}\n",
+        "| {12{full}} | {11'd0, fired && reset_rule == 2'd1}\n",
+        "spike",
     ),
     "window ends a column early": Fault(
         "viform_scan.v",
-        "wire [15:0] to = column_last - base;",
-        "wire [15:0] to = column_last - base - 16'd1;",
+        "to = column_last - first;",
+        "to = column_last - first - 16'd1;",
         "spike",
     ),
     "window begins a row late": Fault(
-        "viform_scan.v", "row >= row_first", "row > row_first", "tile"
+        "viform_scan.v", "read_row >= rows_now", "read_row > rows_now", "tile"
     ),
     "pads fire": Fault(
         "viform_scan.v",
-        "columns[31:16] > LAST_COLUMN[15:0] ? LAST_COLUMN[15:0] : columns[31:16]",
-        "columns[31:16]",
+        "{LANES{1'b1}} >> PADS : {LANES{1'b1}}",
+        "{LANES{1'b1}} : {LANES{1'b1}}",
         "spike",
     ),
     "checker is offset": Fault(
-        "viform_sensor.v", "row[0] ^ frame[0]", "row[0] ^ frame[1]", "spike"
+        "viform_scan.v", "read_row[0] ^ frame_now[0]", "read_row[0] ^ frame_now[1]", "spike"
     ),
     "ramp lacks the tile": Fault(
-        "viform_sensor.v", "row[7:0] + base", "row[7:0] + (base >> 1)", "spike"
+        "viform_scan.v", "read_row[7:0] + base[7:0]", "read_row[7:0] + base[8:1]", "spike"
     ),
     "pattern seen a clock early": Fault(
         "viform_ram.v",
@@ -68,16 +74,27 @@ FAULTS = {
         "write && write_address == read_address\n            ? write_data",
         "spike",
     ),
+    "clear keeps the first tile's charge": Fault(
+        "viform_scan.v", "fresh = start ? clear : cleared;", "fresh = cleared;", "spike"
+    ),
+    "the first tile has the frame's number before": Fault(
+        "viform_scan.v", "+ frame_now[7:0];", "+ frame[7:0];", "spike"
+    ),
+    "the first tile has the window before": Fault(
+        "viform_scan.v", "start ? columns : column_window", "column_window", "spike"
+    ),
     "frame counter starts at one": Fault(
         "viform_scan.v",
-        "frame <= clear ? 32'd0 : frames;",
-        "frame <= clear ? 32'd1 : frames;",
+        "start ? clear ? 32'd0 : frames",
+        "start ? clear ? 32'd1 : frames",
         "frame of the tile",
     ),
     "period a clock long": Fault(
         "viform_scan.v", "left <= period - 33'd1;", "left <= period;", "tile"
     ),
-    "clear keeps the charge": Fault("viform_scan.v", "fresh <= clear;", "fresh <= 1'b0;", "spike"),
+    "clear keeps the charge": Fault(
+        "viform_scan.v", "cleared <= clear;", "cleared <= 1'b0;", "spike"
+    ),
     "CRC's polynomial": Fault(
         "viform_crc32.vh", "32'hEDB88320", "32'hEDB88321", "sink_crc|capture_data"
     ),
