@@ -19,7 +19,8 @@ def board_identify(
 ) -> None:
     """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
     design by its csr.csv."""
-    from rtl_model.host import Cause, LineFault
+    from rtl_model.host import BoardInfo, Cause, LineFault
+    from rtl_model.verilated import build_crc
 
     with connected(
         port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
@@ -39,6 +40,8 @@ def board_identify(
         else:
             document |= {"ours": True, "registers": len(board.csr.registers)}
             document |= {"board": info._asdict() | {"build": f"{info.build:08x}"}}
+            if isinstance(info, BoardInfo) and info.build:
+                document |= {"build_matches": info.build == build_crc(info.geometry)}
     if json:
         print_document(document)
         return
@@ -48,5 +51,8 @@ def board_identify(
     if isinstance(board_rows, dict):
         for name, value in board_rows.items():
             print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
+        if "build_matches" in document:
+            whose = "this program's" if document["build_matches"] else "not this program's"
+            print(f"{'verilog':<14} {whose}, by the build's CRC-32")
     else:
         print(f"{'design':<14} not ours; {document['registers']} registers by its csr.csv")

@@ -6,6 +6,12 @@ from rtl_model.bringup import Stage
 
 __all__ = ["summary"]
 
+_VERILOG = {
+    None: "",
+    True: ", this program's Verilog",
+    False: ", other Verilog than this program's",
+}
+
 
 def summary(stage: Stage) -> str:
     """What a passed stage found; of one that did not pass, why."""
@@ -25,7 +31,7 @@ def _identity(stage: Stage) -> str:
     f = stage.figures
     return (
         f"{f['identifier']}, {f['lanes']} lanes, {f['clock_hz'] / 1e6:g} MHz, map {f['version']}, "
-        f"build {f['build']}"
+        f"build {f['build']}{_VERILOG[f.get('build_matches')]}"
     )
 
 

@@ -286,7 +286,8 @@ def test_no_rate_is_foreseen_where_the_tags_are_too_small() -> None:
 def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() -> None:
     given = linked(
         load("light-link", [*SMALL, "link.size=900", "link.modem.cell=2", "link.modem.ticks=2",
-                            "link.modem.line=8b10b", "link.modem.parity=32"])[1], "test",
+                            "link.modem.line=8b10b", "link.modem.parity=32",
+                            "sensor.crosstalk=0"])[1], "test",
     )  # fmt: skip
     document = forecast_link("small", given, None, Silent())
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"

@@ -2,11 +2,14 @@
 
 import pytest
 
-from rtl_model.bringup import STAGES, bring_up, junit_xml
+from rtl_model.bringup import STAGES, Stage, bring_up, junit_xml
 from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.deadline import DeadlinePort
+from rtl_model.bringup.identity import check_identity
 from rtl_model.bringup.uptime import Uptime
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
+from rtl_model.verilated import build_crc
+from scenarios.report.board_text import summary
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
 from tests.rtl_model.bringup.model_port import ModelPort
 
@@ -171,6 +174,19 @@ def test_an_uptime_that_fell_is_a_restart_unless_it_ran_over(first, last, told):
     fault = watch.restarted()
     assert (fault is not None) == told
     assert fault is None or (fault.kind, fault.figures["uptime_after"]) == ("restarted", last)
+
+
+@pytest.mark.parametrize(("change", "matches"), [(0, True), (1, False), (None, None)])
+def test_a_build_is_this_programs_verilog_or_not(change, matches):
+    said = 0 if change is None else build_crc(SIZE) ^ change
+    guarded = DeadlinePort(changed(0x18, lambda v: said))
+    bench = Bench(guarded, Uartbone(guarded, baud=115_200), default_map(), True, 115_200)
+    figures = check_identity(bench)
+    assert figures["build_matches"] is matches
+    told = summary(Stage("identity", "ok", None, figures, 0.0))
+    said_so = {None: "", True: ", this program's Verilog", False: ", other Verilog"}
+    assert told.partition(f"build {said:08x}")[2].startswith(said_so[matches])
+    assert ("Verilog" in told) == (matches is not None)
 
 
 def test_one_lost_byte_fails_the_stage_that_repeats_the_read():
