@@ -12,6 +12,7 @@ from pathlib import Path
 from cosim import InputError
 from cosim.files.whole import whole
 from scenarios.fidelity import METHODS, Imaged
+from scenarios.inputs import sealed
 from scenarios.png import write_linear_png
 
 __all__ = [
@@ -64,14 +65,15 @@ def check_room(folder: Path, bits: int) -> None:
 
 
 def begin_folder(folder: Path, scenario: str) -> None:
-    """The scenario's TOML is written first; what an earlier run said of itself here goes."""
+    """The scenario's TOML is written first, sealed with what its files hold; what an earlier run
+    said of itself here goes."""
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
     for kind in ("t*", "eye", "pursuit", "camera"):
         for picture in (folder / "images").glob(f"{kind}-*.png"):
             picture.unlink()
     with whole(folder / "scenario.toml") as part:
-        part.write_text(scenario, encoding="utf-8")
+        part.write_text(sealed(scenario), encoding="utf-8")
 
 
 def write_images(

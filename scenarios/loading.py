@@ -11,6 +11,7 @@ from typing import Any
 import tomli_w
 
 from cosim import InputError
+from scenarios.inputs import PATHS
 from scenarios.schema import (
     AnyScenario,
     ImagerScenario,
@@ -118,15 +119,11 @@ def _make_way(data: dict[str, Any], assignments: list[str]) -> None:
         data["scene"] = {key: value for key, value in scene.items() if key in keys}
 
 
-_PATHS = (("scene", "path"), ("link", "file"), ("board", "csr"))
-"""Sections and their keys that name a file."""
-
-
 def _absolute(
     scenario: AnyScenario,
 ) -> AnyScenario:
     """The scenario with its file's place written out."""
-    for section, key in _PATHS:
+    for section, key in PATHS:
         inner = getattr(scenario, section, None)
         path = getattr(inner, key, None)
         if inner is None or path is None:
@@ -152,7 +149,7 @@ def load(
     """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
     the file in TOML; the scenario returned holds absolute ones."""
     short, data, folder = _read(name)
-    for section, key in _PATHS if folder is not None else ():
+    for section, key in PATHS if folder is not None else ():
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])

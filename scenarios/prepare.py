@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from cosim import InputError, seconds_to_ps
 from cosim.lens import Lens
@@ -14,6 +13,7 @@ from scenarios.board import BoardCamera, Boards, refuse_boards
 from scenarios.display_setting import display_of
 from scenarios.exposure import camera_setting, choose_lens, lens_notes
 from scenarios.glass import Glass, follow, make_glass, short_of
+from scenarios.inputs import digest
 from scenarios.loading import to_toml
 from scenarios.planning import Look, RunPlan, look, plan_run
 from scenarios.readout import resized
@@ -37,9 +37,7 @@ def identity(scenario: Scenario, plan: RunPlan, glass: Glass | None) -> str:
     for name, tiles in plan.plan.kept.items():
         text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
     path = getattr(scenario.scene, "path", None)
-    if path is not None and Path(path).is_file():
-        with open(path, "rb") as file:
-            text += hashlib.file_digest(file, "sha256").hexdigest()
+    text += (digest(path) or "") if path is not None else ""
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError
+from scenarios.inputs import changed
 from scenarios.loading import load
 from scenarios.result import Result, read_result
 from scenarios.schema import AnyScenario, BoardScenario, Scenario
@@ -22,7 +23,8 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
     done or to be gone on with. A board's is always: it may have changed since.
 
     Nothing is written. The title decides nothing of a result and may differ. Raises InputError
-    where the folder holds another scenario, or the same one with other values.
+    where the folder holds another scenario, the same one with other values, or one that is done of
+    a file whose content has changed since.
     """
     held_in = out / "scenario.toml"
     try:
@@ -46,7 +48,14 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
             "--resume", f"given for the run that {out} holds ({held_name}{there})",
             f"for {name}{here}", "give another --out",
         )  # fmt: skip
-    return None if isinstance(scenario, BoardScenario) else result
+    if result is None or isinstance(scenario, BoardScenario):
+        return None
+    for key, path in changed(held_in.read_text(encoding="utf-8")):
+        raise InputError(
+            "--resume", f"given for the {key} that {out} was made of",
+            f"for {path}, which has changed since", "give another --out",
+        )  # fmt: skip
+    return result
 
 
 def _told(differ: list[tuple[str, tuple[Any, Any]]], n: int) -> str:

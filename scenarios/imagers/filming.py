@@ -21,6 +21,7 @@ from scenarios.imagers.paired import Compared, PlanPatches
 from scenarios.imagers.planning import Ready, ready_imager
 from scenarios.imagers.store import FRAMES, FrameStore
 from scenarios.imagers.tape import TAPE, Tape, Taped
+from scenarios.inputs import sealed
 from scenarios.loading import to_toml
 from scenarios.progress import Progress
 from scenarios.result import viform_version
@@ -59,7 +60,7 @@ class Filmed:
 
 def _identity(run: Ready) -> str:
     kept = " ".join(sorted(run.kept))
-    return f"{viform_version()}\n{kept}\n{to_toml(run.scenario)}"
+    return f"{viform_version()}\n{kept}\n{sealed(to_toml(run.scenario))}"
 
 
 def watched(frames: int) -> list[int]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from scenarios.folder import begin_folder
 from scenarios.loading import load, to_toml
 from scenarios.result import dumps, read_result
 
@@ -149,6 +150,30 @@ def test_a_scenario_is_itself_after_a_run(viform, tmp_path, scenario):
     tmp_path.joinpath("verdict.json").write_text(json.dumps(verdict))
     code, out, _ = viform("run", scenario, "--out", tmp_path, "--resume")
     assert code == 0 and "delivered: 1,000 bytes" in out
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("film", "scene.path"), ("light-link", "link.file")]
+)  # fmt: skip
+def test_a_run_that_is_done_of_a_file_that_has_changed_is_refused(
+    viform, refused, tmp_path, name, key
+):
+    given, folder = tmp_path / "given", tmp_path / "run"
+    given.write_bytes(b"before")
+    folder.mkdir()
+    begin_folder(folder, to_toml(load(name, [f"{key}={given}"])[1]))
+    (folder / "result.json").write_text(_result(name))
+    command = ("run", name, "--set", f"{key}={given}", "--out", folder, "--resume")
+    assert viform(*command, "--json")[:2] == (0, _result(name))
+    given.write_bytes(b"after")
+    before = stamps(folder)
+    assert refused(*command) == (
+        f"--resume must be given for the {key} that {folder} was made of, not for {given}, which "
+        "has changed since; give another --out"
+    )
+    assert stamps(folder) == before
+    given.unlink()  # what was found of it stands
+    assert viform(*command, "--json")[:2] == (0, _result(name))
 
 
 def test_a_result_is_read_as_it_was_written(step_run, tmp_path):

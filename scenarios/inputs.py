@@ -1,0 +1,63 @@
+"""The files that a scenario names, known again by their content."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+__all__ = ["PATHS", "changed", "digest", "sealed"]
+
+PATHS: Final = (("scene", "path"), ("link", "file"), ("board", "csr"))
+"""Sections and their keys that name a file."""
+_SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
+
+
+def digest(path: str | Path) -> str | None:
+    """SHA-256 of a file's content, in hexadecimal; None where there is no file to be read."""
+    try:
+        told = Path(path).stat()
+        return _digest(str(path), told.st_size, told.st_mtime_ns) if Path(path).is_file() else None
+    except (OSError, ValueError):
+        return None
+
+
+@lru_cache(maxsize=8)
+def _digest(path: str, size: int, modified: int) -> str:
+    """size, modified: of the file, so that one that changes meanwhile is read anew."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def sealed(scenario: str) -> str:
+    """A resolved scenario (TOML) headed by a comment for each file that it names, which tells the
+    file's content by its SHA-256."""
+    found = ((f"{section}.{key}", digest(path)) for section, key, path in _named(scenario))
+    return "".join(f"# {key}: sha256 {told}\n" for key, told in found if told) + scenario
+
+
+def changed(scenario: str) -> list[tuple[str, str]]:
+    """Keys and files whose content is not that which a scenario's `sealed` head tells. One that is
+    gone is not among them."""
+    paths = {(section, key): path for section, key, path in _named(scenario)}
+    out = []
+    for line in scenario.splitlines():
+        seal = _SEAL.fullmatch(line)
+        if seal is None:
+            break
+        path = paths.get((seal[1], seal[2]), "")
+        if digest(path) not in (None, seal[3]):
+            out.append((f"{seal[1]}.{seal[2]}", path))
+    return out
+
+
+def _named(scenario: str) -> list[tuple[str, str, str]]:
+    """Section, key and path of every file that is named."""
+    data = tomllib.loads(scenario)
+    return [
+        (section, key, data[section][key])
+        for section, key in PATHS if key in data.get(section, {})
+    ]  # fmt: skip

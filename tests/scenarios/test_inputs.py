@@ -1,0 +1,64 @@
+"""The files that a scenario names: told by their content in a run's folder, and known again."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from scenarios.folder import begin_folder
+from scenarios.imagers.filming import _identity
+from scenarios.inputs import changed, digest, sealed
+from scenarios.loading import load, to_toml
+
+
+@pytest.fixture
+def sent(tmp_path: Path) -> Path:
+    path = tmp_path / "letter.txt"
+    path.write_bytes(b"of many words")
+    return path
+
+
+def scenario(sent: Path, name: str = "light-link", key: str = "link.file") -> Any:
+    return load(name, [f"{key}={sent}"])[1]
+
+
+def test_a_file_is_told_by_its_content_and_a_change_of_it_is_seen(sent):
+    text = to_toml(scenario(sent))
+    seal = sealed(text)
+    told = hashlib.sha256(b"of many words").hexdigest()
+    assert seal == f"# link.file: sha256 {told}\n{text}"
+    assert changed(seal) == [] == changed(text)
+    os.utime(sent, (1, 1))
+    assert changed(seal) == []
+    sent.write_bytes(b"of other word")  # as long as before
+    assert changed(seal) == [("link.file", str(sent))]
+    sent.unlink()
+    assert changed(seal) == [] and digest(sent) is None and sealed(text) == text
+
+
+def test_a_title_is_no_seal(sent):
+    text = to_toml(scenario(sent).model_copy(update={"title": f"\n# link.file: sha256 {64 * '0'}"}))
+    assert changed(text) == []
+
+
+def test_a_run_s_folder_holds_a_scenario_that_can_be_run_again(sent, tmp_path):
+    asked = scenario(sent)
+    begin_folder(tmp_path, to_toml(asked))
+    text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
+    assert text.startswith("# link.file: sha256 ")
+    assert load(str(tmp_path / "scenario.toml"))[1] == asked
+
+
+def test_an_imager_s_tape_is_of_one_clip(sent):
+    run: Any = SimpleNamespace(
+        kept=frozenset(), scenario=scenario(sent, "ebaps-night", "scene.path")
+    )
+    before = _identity(run)
+    assert _identity(run) == before
+    sent.write_bytes(b"of others")
+    assert _identity(run) != before
