@@ -42,7 +42,7 @@ class FilmSource:
         self._stop = clock.edge(cycles)
         own = self._clip.rate
         self._rate = Fraction(repr(rate)) if rate is not None and own else own
-        self._timeline = self._clip.timeline if self._rate == own else None
+        self._timeline = self._clip.timeline if rate is None else None
         self._planes: dict[int, Plane] = {}
         self._pieces: dict[int, Piece] = {}
         self._held = False

@@ -29,7 +29,7 @@ class Timeline:
     """rate: the clip's mean frames a second. Frames are numbered as they are shown, from 0; times
     are picoseconds from frame 0 on. uneven: whether a frame known so far left its even place.
 
-    A packet without a stamp ends what is known.
+    A packet without a stamp ends what is known; so does the clip's end.
     """
 
     def __init__(self, container: Any, stream: Any, rate: Fraction) -> None:
@@ -70,6 +70,7 @@ class Timeline:
         if packet.size == 0 and packet.pts is None:  # the one that flushes a decoder
             return
         if packet.pts is None:
+            self._pending.clear()  # whether it is shown before these is not known
             self._settle(None)
             return
         if packet.is_keyframe and not packet.is_discard:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -13,6 +15,7 @@ import pytest
 from cosim import PS, Block, Clock
 from scenarios.scenes.clip import Clip
 from scenarios.scenes.film import FilmSource
+from scenarios.scenes.timeline import Timeline
 
 CLOCK = Clock(40_000)
 SHAPE = (8, 16)
@@ -82,6 +85,59 @@ def test_a_given_rate_makes_uneven_frames_even(tmp_path, make_clip):
     path = make_clip(tmp_path / "a.mkv", flat(*range(0, 240, 30)), 40, pts=UNEVEN)
     source = FilmSource(path, SHAPE, 1.0, CLOCK, 800, rate=100.0)
     assert source.truth(3 * PS // 100).mean() == pytest.approx(srgb(90), abs=1e-5)
+
+
+def test_the_clip_s_own_mean_rate_makes_uneven_frames_even_when_it_is_given(tmp_path, make_clip):
+    path = make_clip(tmp_path / "a.mkv", flat(*range(0, 240, 30)), 40, pts=UNEVEN)
+    assert FilmSource(path, SHAPE, 1.0, CLOCK, 800).truth(PS // 10).mean() < srgb(90)
+    source = FilmSource(path, SHAPE, 1.0, CLOCK, 800, rate=40.0)
+    assert source.truth(3 * PS // 40).mean() == pytest.approx(srgb(90), abs=1e-5)
+    assert not any("not evenly" in note for note in source.notes)
+
+
+class Packets:
+    """A container whose packets have these stamps: (shown, decoded, whether a key frame)."""
+
+    time_base = Fraction(1, 40)
+
+    def __init__(self, *stamps: tuple[int | None, int | None, bool]) -> None:
+        self._stamps = stamps
+
+    def demux(self, stream: Any) -> Iterator[Any]:
+        for shown, decoded, key in self._stamps:
+            yield SimpleNamespace(
+                pts=shown, dts=decoded, is_keyframe=key, is_discard=False, size=9
+            )  # fmt: skip
+        yield SimpleNamespace(pts=None, dts=None, is_keyframe=False, is_discard=False, size=0)
+
+
+def timeline(*stamps: tuple[int | None, int | None, bool]) -> Timeline:
+    packets = Packets(*stamps)
+    return Timeline(packets, packets, Fraction(40))
+
+
+def test_nothing_is_told_of_frames_around_one_without_a_stamp():
+    """The frame without one may be shown before the key frame, whose number is then not known."""
+    told = timeline((0, 0, True), (1, 1, False), (4, 2, True), (None, 3, False), (3, 3, False))
+    assert [told.stamp(n) for n in range(4)] == [0, 1, None, None]
+    assert told.number_of(4) is None and told.edge(3) == 3 * PS // 40
+
+
+def test_frames_are_numbered_as_they_are_shown_from_the_first_stamp_on():
+    told = timeline((-3, -5, True), (0, -4, False), (-2, -3, False), (-1, -2, False), (1, 0, True))
+    assert [told.stamp(n) for n in range(6)] == [-3, -2, -1, 0, 1, None]
+    assert [told.edge(n) for n in range(6)] == [n * PS // 40 for n in range(6)]
+    assert told.key_before(3) == -3 and told.key_before(4) == told.key_before(9) == 1
+    for n in range(1, 6):
+        edge = n * PS // 40
+        assert (told.number_at(edge - 1), told.number_at(edge)) == (n - 1, n)
+    assert not told.uneven
+
+
+def test_a_frame_that_shares_its_stamp_is_shown_a_mean_frame_later():
+    told = timeline((0, 0, True), (4, 1, False), (4, 2, False), (9, 3, False))
+    assert [told.edge(n) * 40 // PS for n in range(4)] == [0, 4, 5, 9]
+    assert told.number_of(4) is None and told.number_of(9) == 3
 
 
 @pytest.mark.parametrize("rate", [24, 30, 60, Fraction(30000, 1001), 240, 1000, 2000])
