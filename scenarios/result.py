@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from cosim import InputError
 from cosim.files.whole import whole
 
 __all__ = [
@@ -123,9 +124,13 @@ def write_result(folder: Path, result: Result) -> None:
 
 
 def read_result(folder: Path) -> Result | None:
-    """What a run's result.json says; None where there is none, or a damaged one."""
+    """What a run's result.json says; None where there is none, or a damaged one. Raises InputError
+    for one with other fields, as other versions may write it: the run was done."""
     try:
         told = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    try:
         error, plan = dict(told.pop("error")), told.pop("plan")
         tolerance, ci = error.pop("tolerance"), error.pop("ci")
         metrics = {name: Metric(**metric) for name, metric in told.pop("metrics").items()}
@@ -136,5 +141,8 @@ def read_result(folder: Path) -> Result | None:
             kept=plan["kept"], left_out=plan["left_out"], metrics=metrics, latency=latency,
             throughput=throughput,
         )  # fmt: skip
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return None
+    except (ValueError, TypeError, KeyError, AttributeError) as exc:
+        raise InputError(
+            f"{folder / 'result.json'}", "one that this version writes", "one with other fields",
+            "remove it to run again here, or give another --out",
+        ) from exc  # fmt: skip

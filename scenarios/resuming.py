@@ -23,8 +23,8 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
     done or to be gone on with. A board's is always: it may have changed since.
 
     Nothing is written. The title decides nothing of a result and may differ. Raises InputError
-    where the folder holds another scenario, the same one with other values, or one that is done of
-    a file whose content has changed since.
+    where the folder holds another scenario, the same one with other values, one that is done of a
+    file whose content has changed since, or the result of another version that cannot be read.
     """
     held_in = out / "scenario.toml"
     try:

@@ -140,6 +140,7 @@ def _end(result: Result) -> None:
 def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) -> None:
     """Says that a run is done already, and prints what it found."""
     from cosim import InputError
+    from scenarios.result import viform_version
     from scenarios.resuming import verdict_before
 
     if trace is not None:
@@ -147,8 +148,9 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
             "--trace", "given with a run that is not done yet", f"with {folder}, which is",
             "give another --out",
         )  # fmt: skip
+    by = "" if result.version == viform_version() else f", by version {result.version}"
     SilentProgress().note(
-        f"already done in {folder}, on {result.device}; to run it again, give another --out"
+        f"already done in {folder}, on {result.device}{by}; to run it again, give another --out"
     )
     if json:
         sys.stdout.write((folder / "result.json").read_text(encoding="utf-8"))

@@ -182,6 +182,23 @@ def test_a_result_is_read_as_it_was_written(step_run, tmp_path):
     text = (step_run.folder / "result.json").read_text(encoding="utf-8")
     assert dumps(again.document()) + "\n" == text
     assert read_result(tmp_path) is None
-    for text in ("old", "[]", "{}", '{"error": 1}'):
-        (tmp_path / "result.json").write_text(text)
-        assert read_result(tmp_path) is None
+    (tmp_path / "result.json").write_text("old")
+    assert read_result(tmp_path) is None
+
+
+@pytest.mark.parametrize("told", [{"fashion": 1}, {"metrics": {"psnr": 3.0}}, {"latency": None}])
+def test_a_result_of_another_version_is_not_run_over(refused, done, told):
+    result = json.loads((done / "result.json").read_text(encoding="utf-8"))
+    (done / "result.json").write_text(dumps(result | told))
+    before = stamps(done)
+    assert refused(*SAME, "--out", done, "--resume") == (
+        f"{done / 'result.json'} must be one that this version writes, not one with other fields; "
+        "remove it to run again here, or give another --out"
+    )
+    assert stamps(done) == before
+
+
+def test_a_result_of_an_older_version_is_said_to_be_one(viform, done):
+    result = json.loads((done / "result.json").read_text(encoding="utf-8"))
+    (done / "result.json").write_text(dumps(result | {"version": "0.0.1"}))
+    assert ", by version 0.0.1; to run it again" in viform(*SAME, "--out", done, "--resume").err
