@@ -153,6 +153,11 @@ def _text(name: str, document: dict[str, Any]) -> str:
         else "order: too few rows leave something to the tolerance to fit one",
         f"the reference's own error: {_number(floor['reference'])}",
     ]  # fmt: skip
+    if reference.get("decisions") == "not compared":
+        lines.append(
+            "of values at the same exposures; whether what is left out changes what the controller "
+            "decides, and the exposures that follow, is not compared here: `viform run` checks it"
+        )
     if "bits" in reference:
         lines.append(
             f"the rate of these bits alone is known to {_number(floor['monte_carlo'])}; the rows "

@@ -2,7 +2,8 @@
 
 The imager films the scenario once with everything kept, which is the reference. On patches of
 chosen frames every distinct plan converts the same exposures with the same random numbers; its
-time is that of converting one whole frame of them, the least of a few calls.
+time is that of converting one whole frame of them, the least of a few calls. What a controller
+would decide of a plan's frames is not compared: that a run's own check does (`decisions`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from scenarios.imagers.filming import watched
+from scenarios.imagers.judges import decides
 from scenarios.imagers.machine import Machine
 from scenarios.imagers.paired import Patches
 from scenarios.imagers.planning import Ready, plan_all, ready_imager
@@ -113,6 +115,7 @@ def accuracy_imager(
         "reference": {
             "tier": "reference", "patches": patches.seen, "frames": filmed,
             "ns_per_pixel_cycle": took.get(REFERENCE),
+            "decisions": "not compared" if decides(imager) else "none",
         },
         "order": fit_order(points),
         "floor": {"reference": 0.0, "monte_carlo": None},

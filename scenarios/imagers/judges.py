@@ -22,7 +22,7 @@ from scenarios.imagers.paired import STRIP, cut_rows, strips
 from scenarios.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
 
-__all__ = ["Judge", "judge_of"]
+__all__ = ["Judge", "decides", "judge_of"]
 
 _FULL = 256
 """DN of full scale of 8 bits, in front of the converter."""
@@ -55,11 +55,14 @@ class Judge(Protocol):
         ...
 
 
+def decides(imager: Any) -> bool:
+    """Whether frames decide anything of those that follow."""
+    return imager.name in _KINDS
+
+
 def judge_of(imager: Any, full: frozenset[str], kept: frozenset[str], seed: int) -> Judge | None:
     """None of an imager whose frames decide nothing."""
-    kinds = {"adaptive-exposure": _Adaptive, "ebaps": _Ebaps}
-    kind = kinds.get(imager.name)
-    return None if kind is None else kind(imager, full, kept, seed)
+    return _KINDS[imager.name](imager, full, kept, seed) if decides(imager) else None
 
 
 def _deviations(among: int) -> float:
@@ -199,3 +202,7 @@ class _Ebaps(_Base):
         shown = self._shown(rows, pixels, whole, self._full)
         judged = self._imager.sequencer.judged
         return int(judged.chosen(int(shown.sum()), shown.size))
+
+
+_KINDS: dict[str, type[_Adaptive | _Ebaps]] = {"adaptive-exposure": _Adaptive, "ebaps": _Ebaps}
+"""By an imager's name; of others no frame decides anything."""

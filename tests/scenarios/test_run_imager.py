@@ -8,6 +8,7 @@ import zarr
 
 from cosim import InputError, Interrupted
 from cosim.planner import make_plan
+from scenarios.commands.accuracy import _text
 from scenarios.imagers.accuracy import accuracy_imager
 from scenarios.imagers.paired import compared
 from scenarios.imagers.planning import forecast_imager, ready_imager
@@ -181,6 +182,18 @@ def test_accuracy_has_a_row_for_each_tolerance(tmp_path):
     for row in rows.values():
         assert row["ci"][0] <= row["tolerance"]  # small patches know it no better
     assert document["reference"]["ns_per_pixel_cycle"] > 0
+
+
+@pytest.mark.parametrize(("name", "told"), [("adaptive-exposure", True), ("emccd-window", False)])
+def test_accuracy_says_that_decisions_are_not_compared(viform, name, told):
+    command = ["accuracy", name, "--set", "duration=10 ms"]
+    if told:
+        command += ["--set", "imager.rows=16", "--set", "imager.columns=32"]
+    else:
+        command += ["--set", "imager.rows=16"]
+    document = json.loads(viform(*command, "--json").out)
+    assert document["reference"]["decisions"] == ("not compared" if told else "none")
+    assert ("decides" in _text(name, document)) == told
 
 
 def test_a_model_in_two_settings_keeps_what_either_needs():
