@@ -53,7 +53,7 @@ def film_spikes(
     }
     run_recorded(
         "spike camera", stages, cycles, to_toml(scenario), folder, to_toml(scenario), source.notes,
-        False, progress,
+        False, progress, keep=False,
     )  # fmt: skip
     (folder / "checkpoint.npz").unlink(missing_ok=True)
     kept = ZarrStream(folder / STREAM)
