@@ -90,7 +90,8 @@ def _lasting(seconds: float) -> str:
     """A time as a person says it: 12 s, 3 min, 5.5 h."""
     for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
         if seconds >= least:
-            return f"{seconds / unit:.2g} {name}"
+            many = seconds / unit
+            return f"{many:.0f} {name}" if many >= 10 else f"{many:.2g} {name}"
     return f"{max(seconds, 1):.0f} s"
 
 

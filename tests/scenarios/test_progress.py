@@ -65,7 +65,16 @@ def test_a_run_that_is_gone_on_with_counts_from_where_it_was(hand, capsys):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "said"), [(0.2, "1 s"), (119, "119 s"), (600, "10 min"), (9000, "2.5 h")]
+    ("seconds", "said"),
+    [
+        (0.2, "1 s"),
+        (119, "119 s"),
+        (150, "2.5 min"),
+        (600, "10 min"),
+        (6600, "110 min"),
+        (9000, "2.5 h"),
+        (450_000, "125 h"),
+    ],
 )
 def test_a_time_is_said_in_the_unit_that_suits_it(hand, capsys, seconds, said):
     progress = LineProgress()
