@@ -169,7 +169,8 @@ def _put_back_before(path: Path) -> list[Finding]:
 def film_as_promised(run: Prepared, folder: Path, resume: bool, progress: Progress) -> Filmed:
     """Films, and films again with an effect put back as long as a promise is broken."""
     kept = folder / PUT_BACK
-    found = _put_back_before(kept) if resume and (folder / CHECKPOINT).exists() else []
+    resume = resume and (folder / CHECKPOINT).exists()  # else it starts afresh
+    found = _put_back_before(kept) if resume else []
     if found:
         run = again(run, [f.effect for f in found])
     while True:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files import Recorder
-from scenarios.filming import STREAM, run_recorded
+from scenarios.filming import CHECKPOINT, STREAM, run_recorded
 from scenarios.link_run.prepare import PreparedLink
 from scenarios.loading import to_toml
 from scenarios.progress import Progress
@@ -30,6 +30,7 @@ def film_link(
     """Films the panel into the folder's stream; seconds of every stage, and throughput unless only
     a part was run now."""
     camera, cycles = run.setting.camera, run.cycles
+    resume = resume and (folder / CHECKPOINT).exists()  # else it starts afresh
     air = run.make_air()
     sensor = run.make_camera(air.late)
     recorder = Recorder(folder / STREAM, sensor.shape, cycles, camera.clock)

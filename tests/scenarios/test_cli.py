@@ -204,7 +204,9 @@ def test_resume_without_a_checkpoint_starts_afresh(viform, tmp_path, step_run):
     shutil.copytree(step_run.folder, folder)
     (folder / "result.json").write_text("old")
     assert viform(*STEP, "--set", "image.at=[]", "--out", folder, "--resume").code == 0
-    assert json.loads((folder / "result.json").read_text())["outcome"] == "ok"
+    result = json.loads((folder / "result.json").read_text())
+    assert result["outcome"] == "ok"
+    assert [row["stage"] for row in result["throughput"]] == ["sensor", "recorder"]  # all of it ran
     np.testing.assert_array_equal(words(folder), words(step_run.folder))
 
 
