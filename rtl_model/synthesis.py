@@ -70,7 +70,7 @@ def synthesise(
     """Returns the cells of module `top` in `family`. `settings` are its Verilog parameters; without
     them they are those of `geometry` (the 32 x 32 build). `sources` is the folder of its Verilog.
 
-    Fails with InputError where yosys is missing or refuses the sources.
+    Fails with InputError where yosys is missing, refuses the sources, or is not done in time.
     """
     yosys = shutil.which("yosys")
     if yosys is None:
@@ -85,14 +85,20 @@ def synthesise(
         if chosen:
             script.append(f"chparam{chosen} {top}")
         script += [f"{SCRIPTS[family]} -top {top}", f"tee -q -o {statistics} stat -json"]
-        done = subprocess.run(
-            [yosys, "-q", "-p", "; ".join(script)],
-            cwd=sources,
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            check=False,
-        )
+        try:
+            done = subprocess.run(
+                [yosys, "-q", "-p", "; ".join(script)],
+                cwd=sources,
+                capture_output=True,
+                text=True,
+                timeout=timeout_s,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as exc:
+            raise InputError(
+                "yosys", f"done within {timeout_s:g} s", f"still at work on {top}",
+                "take a smaller geometry, or leave its cells uncounted",
+            ) from exc  # fmt: skip
         said = done.stdout + done.stderr
         remarks = [line for line in said.splitlines() if line and not MAPPING.match(line)]
         if done.returncode or remarks:

@@ -18,8 +18,9 @@ class Evidence:
     words: that the board took beyond those written. crc: whether their CRC-32 is another.
     bus_errors: accesses to no register. Of answers that were wrong once, `address` were another
     register's, `answers` were not, and `open` may be either. early: readings sent again before the
-    counters were known. repeats: all reads that were sent again. known: whether the board's
-    counters could be read; else all is 0.
+    counters were known. misplaced: requests and writes that failed once and not when sent again.
+    repeats: all reads that were sent again. known: whether the board's counters could be read; else
+    all of the line's own is 0.
     """
 
     known: bool = True

@@ -31,6 +31,7 @@ __all__ = ["Line"]
 
 _TRIES = 12  # to read the counters twice alike
 _COUNTERS = 7  # words from uart_rx_bytes to uart_writes_crc
+_GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # of the sums: the board's own
 _WORD = 1 << 32
 _ADDRESS_BITS = 30  # of a word's address on the line
 _NEAR = 1 << 16  # a register that moves may have held a value so near to what it holds now
@@ -103,8 +104,8 @@ class Line:
         repeats += self._bone.retried - retried
         if before is None or now is None:
             return Evidence(known=False, repeats=repeats)
-        if now.words < before.words or now.aborts < before.aborts:  # the board began anew
-            return Evidence(known=False, repeats=repeats)
+        if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
+            return Evidence(known=False, repeats=repeats)  # the board began anew
         arrived = now.rx + now.framing - before.rx - before.framing
         made = Evidence(
             to_board=_signed(arrived - (now.sent - before.sent)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from cosim import InputError
@@ -192,17 +193,11 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
             return _failed(name, spent(), anew)
         return _failed(name, spent(), fault, _late_evidence(bench, bench.bone.retried - retried))
     except OutOfTime:
-        return Stage(
-            name,
-            "failed",
-            f"stage {name} was not done within {allowed:g} s, after {bench.bone.round_trips} "
-            "round trips and "
-            f"{bench.bone.retried} repeats; check the line, or give a slower board more time "
-            "with --time-scale",
-            {"round_trips": bench.bone.round_trips, "retried": bench.bone.retried},
-            spent(),
-            "out-of-time",
-        )
+        repeated = bench.bone.retried - retried
+        told, figures = _out_of_time(name, bench, allowed)
+        over = Stage(name, "failed", told, figures, spent(), "out-of-time")
+        _settle(bench, repeated)
+        return over
     except InputError as fault:  # a board that says what cannot be
         return Stage(name, "failed", str(fault), {}, spent(), "cannot-be")
     retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
@@ -213,6 +208,26 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
         return _failed(name, spent(), anew)
     figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
     return Stage(name, "failed", *_spoilt(found, figures), spent(), "spoilt")
+
+
+def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]:
+    """Cause and figures of a stage that was not done in its time."""
+    bone = bench.bone
+    return (
+        f"stage {name} was not done within {allowed:g} s, after {bone.round_trips} round trips and "
+        f"{bone.retried} repeats; check the line, or give a slower board more time with "
+        "--time-scale",
+        {"round_trips": bone.round_trips, "retried": bone.retried},
+    )
+
+
+def _settle(bench: Bench, repeats: int) -> None:
+    """Lets an answer come that was under way when time ran out, and the sums begin anew: what
+    follows has nothing to do with it."""
+    bench.port.allow(_WATCH_S * max(1.0, bench.bone.time_scale))
+    with suppress(LineFault, OutOfTime):
+        bench.bone.resynchronise()
+        _evidence(bench, repeats)
 
 
 def _evidence(bench: Bench, repeats: int) -> Evidence | None:
@@ -239,7 +254,7 @@ def _spoilt(found: Evidence | None, figures: Figures) -> tuple[str, Figures]:
     if found is None:
         text = f"{told}: the line loses, adds or changes bytes now and then"
         return f"{text}; {Evidence(known=False).mend}", figures
-    what = found.text
+    what = found.text or "both ends counted the same bytes"
     if found.to_board < -repeated and found.to_board < -1:
         what += ", more of them than reads were repeated, as when a line is cut for a moment"
     return f"{what}: {told}; {found.mend}", figures | {"line": found.figures}

@@ -106,8 +106,8 @@ def find_baud(
         highest=high,
         measured=measured,
         error_percent=round(100 * (measured / nominal - 1), 2),
-        uncertainty_percent=round(100 * (max(most - measured, measured - least) / nominal), 2)
-        + 0.01,
+        # rounded up, for error_percent is rounded too
+        uncertainty_percent=round(100 * max(most - measured, measured - least) / nominal + 0.01, 2),
         by_pulse=by_pulse,
         bit_clocks=bit,
         baud=left,

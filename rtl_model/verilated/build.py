@@ -256,6 +256,8 @@ def prune(now: float | None = None) -> list[Path]:
         idle = now - used
         if idle > KEPT_DAYS * 86_400 or (total > KEPT_BYTES and idle > _IN_USE_S):
             with suppress(OSError):
+                if path.stat().st_mtime != used:  # by another process meanwhile
+                    continue
                 path.unlink()
                 path.with_suffix(".lock").unlink(missing_ok=True)
                 gone.append(path)

@@ -33,7 +33,7 @@ module viform_scan #(
     output reg row_live,
     output reg [LANES-1:0] live,
     output reg [7:0] ramp, // row + column of lane 0 + frame
-    output reg odd,        // row ^ frame, least significant bit
+    output reg parity,     // of row and frame: the checker's phase
     // Of the frame.
     output reg [31:0] frame,
     output wire fresh, // at `read`
@@ -121,7 +121,7 @@ module viform_scan #(
             row <= read_row;
             tile <= phase;
             ramp <= read_row[7:0] + base[7:0] + frame_now[7:0];
-            odd <= read_row[0] ^ frame_now[0];
+            parity <= read_row[0] ^ frame_now[0];
             row_live <= row_inside;
             live <= !row_inside ? {LANES{1'b0}}
                 : window(base, columns_now[15:0], columns_now[31:16])

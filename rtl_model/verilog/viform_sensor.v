@@ -51,7 +51,7 @@ module viform_sensor #(
 
     wire [ADDRESS_BITS-1:0] read_address, address;
     wire [15:0] row, tile;
-    wire row_live, last_tile, fresh, double, odd;
+    wire row_live, last_tile, fresh, double, parity;
     wire [7:0] ramp;
     wire [LANES-1:0] live;
     wire [31:0] frame;
@@ -64,16 +64,16 @@ module viform_sensor #(
         .tick_clocks(tick_clocks), .rows(rows), .columns(columns), .frames(frames),
         .start(start), .read(scan_read), .read_address(read_address), .scanning(scanning),
         .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
-        .row_live(row_live), .live(live), .ramp(ramp), .odd(odd), .frame(frame), .fresh(fresh),
-        .double(double)
+        .row_live(row_live), .live(live), .ramp(ramp), .parity(parity), .frame(frame),
+        .fresh(fresh), .double(double)
     );
 
-    // Electrons of the patterns that are none of the memory.
+    // Electrons of the patterns that are none of the memory, in even lanes and in odd ones.
     wire stored = pattern == 2'd0;
     wire rising = pattern == 2'd2;
     wire [7:0] first = level + ramp;
-    wire [7:0] even = rising ? first : pattern == 2'd1 || pattern[0] && odd ? level : 8'd0;
-    wire [7:0] uneven = rising ? first : pattern == 2'd1 || pattern[0] && !odd ? level : 8'd0;
+    wire [7:0] even = rising ? first : pattern == 2'd1 || pattern[0] && parity ? level : 8'd0;
+    wire [7:0] odd = rising ? first : pattern == 2'd1 || pattern[0] && !parity ? level : 8'd0;
 
     genvar group;
     generate
@@ -91,7 +91,7 @@ module viform_sensor #(
                 .read(scan_read), .read_address(read_address),
                 .compute(compute), .address(address), .live(live[4*group +: 4]),
                 .fresh(fresh), .double(double), .level(threshold), .rule(rule),
-                .stored(stored), .rising(rising), .even(even), .odd(uneven),
+                .stored(stored), .rising(rising), .even(even), .odd(odd),
                 .bits(tile_bits[4*group +: 4])
             );
         end

@@ -59,6 +59,12 @@ def test_what_yosys_refuses_is_one_line():
         synthesise("ice40", top="viform_nothing", settings={})
 
 
+@needs_yosys
+def test_a_yosys_that_takes_too_long_is_one_line():
+    with pytest.raises(InputError, match=r"must be done within 0\.01 s, not still at work"):
+        synthesise("ice40", timeout_s=0.01)
+
+
 def test_a_missing_yosys_is_one_line(monkeypatch):
     monkeypatch.setattr(synthesis.shutil, "which", lambda name: None)
     with pytest.raises(InputError, match="apt-get install yosys"):

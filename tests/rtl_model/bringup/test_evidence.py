@@ -9,7 +9,9 @@ from collections.abc import Sequence
 import pytest
 
 from rtl_model.bringup import bring_up
+from rtl_model.bringup.line import Line
 from rtl_model.bringup.run import ALLOWED_S
+from rtl_model.host import Uartbone, default_map
 from tests.rtl_model.bringup.faulty_ports import SIZE
 from tests.rtl_model.bringup.model_port import ModelPort
 
@@ -133,6 +135,21 @@ def test_a_line_that_is_cut_at_once_is_told(way):
     report = bring_up(Cut("drop", way, 50), simulated=True)
     assert report.failed is not None
     assert report.failed.figures["line"]["directions"] == [WAYS[way]], report.cause
+
+
+def test_a_board_that_began_anew_has_lost_no_bytes():
+    """Though it counted fewer than were sent, and nothing had been written or cut before."""
+    port = ModelPort(SIZE)
+    bone = Uartbone(port)
+    bone.read(0)
+    line = Line(bone, default_map())
+    line.begin()
+    assert line.evidence().clean
+    port._power_on()
+    bone.read(0)
+    found = line.evidence()
+    assert not found.known
+    assert found.directions == []
 
 
 def test_nine_thousand_six_hundred_baud_are_within_the_times():

@@ -4,8 +4,9 @@ import pytest
 
 from rtl_model.bringup import STAGES, Stage, bring_up, junit_xml
 from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.deadline import DeadlinePort
+from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.identity import check_identity
+from rtl_model.bringup.run import _CHECKS
 from rtl_model.bringup.uptime import Uptime
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from rtl_model.verilated import build_crc
@@ -122,6 +123,32 @@ def test_a_line_that_spoils_bytes_never_passes_unseen(kind, way, n):
 def test_a_stage_ends_at_its_time():
     report = brought_up(ModelPort(SIZE), allowed_s=1e-6)
     assert (report.failed_stage, report.failed.kind) == ("bytes", "out-of-time")
+
+
+def test_what_follows_a_stage_that_ran_out_of_time_is_not_blamed_for_it(monkeypatch):
+    def asks_too_late(bench):
+        port = bench.port.inner
+        read = port.read
+
+        def over(count, deadline_s):
+            port.read = read
+            raise OutOfTime("the time allowed is over")
+
+        port.read = over
+        bench.get("ctrl_magic")
+
+    monkeypatch.setitem(_CHECKS, "registers", asks_too_late)
+    report = brought_up(ModelPort(SIZE), stop_at_first=False)
+    failed = [(stage.name, stage.kind) for stage in report.stages if stage.outcome != "ok"]
+    assert failed == [("registers", "out-of-time")]
+
+
+def test_a_count_of_bytes_may_run_over():
+    """It is read near 2^32 first, and beyond it at last."""
+    place = default_map().register("uart_rx_bytes").address
+    report = brought_up(changed(place, lambda v: v + 2**32 - 1500))
+    assert report.ok, report.cause
+    assert report.figure("counters", "bytes_counted") == report.figure("counters", "bytes_sent")
 
 
 def test_no_port_is_a_stage_that_failed():

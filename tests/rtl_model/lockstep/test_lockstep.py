@@ -5,6 +5,7 @@ import pytest
 
 from rtl_model import lockstep
 from rtl_model.verilated import missing
+from tests.rtl_model.lockstep.bright import BRIGHT, FRAMES, HELD
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 
@@ -63,6 +64,13 @@ def test_small_arrays(rows, columns, lanes, seed):
     program = lockstep.Program(rows=rows, columns=columns, lanes=lanes, seed=seed)
     outcome = lockstep.run(program, pixels=5e5 if columns > 1 else 1e4)
     assert outcome.difference is None, str(outcome.difference)
+
+
+def test_a_charge_saturates():
+    outcome = lockstep.run(BRIGHT, pixels=BRIGHT.pixels)
+    assert outcome.difference is None, str(outcome.difference)
+    assert outcome.pixels == BRIGHT.pixels
+    assert outcome.coverage.spikes == BRIGHT.rows * BRIGHT.columns * (FRAMES + HELD)
 
 
 def test_a_run_ends_where_it_is_told_and_says_how_far_it_is():

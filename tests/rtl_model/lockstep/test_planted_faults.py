@@ -10,6 +10,7 @@ import pytest
 
 from rtl_model import lockstep
 from rtl_model.verilated import VERILOG, missing
+from tests.rtl_model.lockstep.bright import BRIGHT, FRAMES
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 
@@ -155,6 +156,17 @@ def test_a_planted_fault_is_caught_and_located(name, tmp_path):
     once_more = lockstep.run(program, until=until, sources=sources).difference
     assert once_more == found
     assert lockstep.run(program, until=found.clock, sources=sources).difference is None
+
+
+@pytest.mark.slow
+def test_a_charge_that_wraps_is_caught(tmp_path):
+    good, full = "| {12{second}} & twice[11:0]", "\n                    | {12{full}}"
+    wraps = Fault("viform_pixels.v", good + full, good, "spike")
+    sources = planted(wraps, tmp_path / "verilog")
+    found = lockstep.run(BRIGHT, pixels=BRIGHT.pixels, sources=sources).difference
+    assert found is not None, "not caught"
+    assert (found.what, found.verilog, found.model) == (wraps.seen, 0, 1)
+    assert found.frame is not None and found.frame > FRAMES  # held too little, seen in darkness
 
 
 @pytest.mark.slow

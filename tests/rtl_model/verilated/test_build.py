@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -132,3 +133,22 @@ def test_libraries_long_unused_are_removed(tmp_path, monkeypatch):
     left = {path.name for path in folder.iterdir()}
     assert left == {"new.so", "new.lock", "older.so", "older.lock", "note.txt", "note.lock"}
     assert prune(now) == []
+
+
+def test_a_library_that_is_used_while_others_are_removed_stays(tmp_path, monkeypatch):
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path))
+    folder = tmp_path / "verilated"
+    folder.mkdir()
+    now = 2_000_000_000.0
+    for name, age in (("a.so", KEPT_DAYS + 1), ("b.so", KEPT_DAYS + 2)):
+        (folder / name).touch()
+        os.utime(folder / name, (now - age * 86_400, now - age * 86_400))
+    unlink = Path.unlink
+
+    def while_another_is_used(path, **more):
+        os.utime(folder / "b.so", (now, now))
+        unlink(path, **more)
+
+    monkeypatch.setattr(Path, "unlink", while_another_is_used)
+    assert prune(now) == [folder / "a.so"]
+    assert (folder / "b.so").is_file()
