@@ -26,8 +26,6 @@ def _lpf(target: Target) -> str:
         lines.append(f'LOCATE COMP "{port}" SITE "{pin}";')
         lines.append(f'IOBUF PORT "{port}" IO_TYPE={target.io_standard}{pull};')
     lines.append(f'FREQUENCY PORT "clk_in" {target.pin_hz / 1e6:g} MHZ;')
-    if target.divide != 1:
-        lines.append(f'FREQUENCY NET "clk" {target.clock_hz / 1e6:g} MHZ;')
     return "\n".join(lines) + "\n"
 
 

@@ -123,10 +123,9 @@ _ALL = (
         led="U16", led_low=True, serial="the extension board's USB connector",
         loader="colorlight-i5",
     ),
-    # One placement closed at 57.7 MHz: too near the pin's 48 to rely on.
     Target(
         "orangecrab-25f", "OrangeCrab 0.2 25F", _ECP5["25F"], "LFE5U-25F-8MG285C", "CSFBGA285",
-        "8", 48_000_000, 2, clock="A9", tx="M18", rx="N17", led="M3", led_low=True,
+        "8", 48_000_000, 1, clock="A9", tx="M18", rx="N17", led="M3", led_low=True,
         serial="Feather pins 1 (from the board) and 0, through an adapter of 3.3 V", loader="",
     ),
     _arty("arty-a7-35", _A35T, "xc7a35ticsg324-1L", "arty_a7_35t"),

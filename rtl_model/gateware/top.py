@@ -21,12 +21,6 @@ _OPEN = {  # outputs of viform_board that no pin shows, with their widths
     "soft_reset": 1,
 }  # fmt: skip  # 0: as many as lanes
 
-# A 7 series device has a clock tree only behind a buffer of its own; nextpnr finds the ECP5's.
-_DIVIDED = {
-    "ecp5": "    wire clk = half;\n",
-    "xc7": "    wire clk;\n    BUFG clk_buffer (.I(half), .O(clk));\n",
-}
-
 
 def pins(target: Target) -> dict[str, str]:
     """Returns the pin of each port."""
@@ -98,7 +92,9 @@ def _clock(target: Target) -> str:
         f"    // {target.pin_hz / 1e6:g} MHz at the pin, half of it within.\n"
         '    (* keep = "true" *)\n'
         "    reg half = 1'b0;\n"
-        "    always @(posedge clk_in) half <= !half;\n" + _DIVIDED[target.device.family]
+        "    always @(posedge clk_in) half <= !half;\n"
+        "    wire clk;\n"
+        "    BUFG clk_buffer (.I(half), .O(clk));\n"  # 7 series: a clock tree of its own
     )
 
 

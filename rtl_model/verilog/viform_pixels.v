@@ -68,8 +68,7 @@ module viform_pixels #(
             fired = is_live && !once[13];
             keep = is_live && once[13];
             first = fired && reset_rule != 2'd1 && (reset_rule == 2'd2 || twice[13]);
-            second = is_live && reset_rule != 2'd1 && reset_rule != 2'd2
-                && twice[13:12] == 2'b00;
+            second = is_live && reset_rule != 2'd1 && reset_rule != 2'd2 && !twice[13];
             full = fired && reset_rule == 2'd2 && once[12];
             tick = {
                 fired,
