@@ -56,7 +56,8 @@ module viform_pixels #(
         reg [12:0] half;
         reg [11:0] none; // no more than 4094 where it is taken
         reg [13:0] once;
-        reg [13:0] twice; // no more than 4095
+        reg [11:0] twice; // no more than 4095, so the bit above is 0 where it is not below 0
+        reg below, unused;
         reg fired, keep, first, second, full;
         begin
             more = is_double ? {5'd0, collected, 1'b0} : {6'd0, collected};
@@ -64,15 +65,15 @@ module viform_pixels #(
             half = {2'b00, held[11:1]} - {1'b0, k, 8'hFF};
             none = held + more[11:0];
             once = {high[4], high, held[7:0]} - ~more; // held - Q + more
-            twice = {half, held[0]} + more;
+            {below, unused, twice} = {half, held[0]} + more;
             fired = is_live && !once[13];
             keep = is_live && once[13];
-            first = fired && reset_rule != 2'd1 && (reset_rule == 2'd2 || twice[13]);
-            second = is_live && reset_rule != 2'd1 && reset_rule != 2'd2 && !twice[13];
+            first = fired && reset_rule != 2'd1 && (reset_rule == 2'd2 || below);
+            second = is_live && reset_rule != 2'd1 && reset_rule != 2'd2 && !below;
             full = fired && reset_rule == 2'd2 && once[12];
             tick = {
                 fired,
-                {12{keep}} & none | {12{first}} & once[11:0] | {12{second}} & twice[11:0]
+                {12{keep}} & none | {12{first}} & once[11:0] | {12{second}} & twice
                     | {12{full}}
             };
         end

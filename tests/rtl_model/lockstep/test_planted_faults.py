@@ -160,7 +160,7 @@ def test_a_planted_fault_is_caught_and_located(name, tmp_path):
 
 @pytest.mark.slow
 def test_a_charge_that_wraps_is_caught(tmp_path):
-    good, full = "| {12{second}} & twice[11:0]", "\n                    | {12{full}}"
+    good, full = "| {12{second}} & twice", "\n                    | {12{full}}"
     wraps = Fault("viform_pixels.v", good + full, good, "spike")
     sources = planted(wraps, tmp_path / "verilog")
     found = lockstep.run(BRIGHT, pixels=BRIGHT.pixels, sources=sources).difference
