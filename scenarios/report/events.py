@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from scenarios.amounts import amount
 from scenarios.event_output import STREAM
 from scenarios.event_verify import KIND
 from scenarios.loading import to_toml
@@ -44,7 +45,11 @@ def _cards(run: EventRun) -> str:
     metrics = {name: metric.value for name, metric in run.result.metrics.items()}
     spent = time.perf_counter() - run.began
     rows: list[tuple[str, str, str]] = [
-        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s:.4g} s of light"),
+        (
+            "first",
+            f"{spent:.1f} s",
+            f"run time, for {amount(run.result.simulated_s, 's', 4)} of light",
+        ),
         ("first", f"{metrics['events_carried']:,.0f}", "events carried"),
         (
             "first",

@@ -80,7 +80,7 @@ def _course(run: ImagerRun, path: Path) -> None:
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
     middle.set_yscale("log", base=2)
-    plain(middle, y="exposure, T = 1 us")
+    plain(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
     seen = np.minimum(largest, 255)
