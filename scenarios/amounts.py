@@ -11,8 +11,8 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 
 
 def amount(value: float, unit: str, digits: int = 3) -> str:
-    """ "80 Mbit/s" of 8e7 bit/s, "4 ms" of 0.004 s; other units as they are, "1" as none. digits:
-    significant ones. A number is rounded before its prefix is chosen."""
+    """A figure with its unit: 80 Mbit/s of 8e7 bit/s, 4 ms of 0.004 s, 85,900 of 85 897; the unit
+    "1" is none. digits: significant ones; a number is rounded before its prefix is chosen."""
     rounded = abs(float(f"{value:.{digits}g}"))
     if unit in _RATES:
         for size, prefix in _MANY:
@@ -21,4 +21,7 @@ def amount(value: float, unit: str, digits: int = 3) -> str:
     if unit == "s" and rounded:
         size, name = next((t for t in _TIMES if rounded >= t[0]), _TIMES[-1])
         return f"{value / size:.{digits}g} {name}"
-    return f"{value:.{digits}g}{'' if unit == '1' else f' {unit}'}"
+    number = f"{value:.{digits}g}"
+    if 10**digits <= rounded < 1e9:
+        number = f"{float(number):,.0f}"
+    return number if unit == "1" else f"{number} {unit}"

@@ -23,6 +23,10 @@ from scenarios.amounts import amount
         (0.2123, "1", 3, "0.212"),
         (34.29, "dB", 4, "34.29 dB"),
         (5200.0, "pixels", 4, "5200 pixels"),
+        (85_897.0, "1", 4, "85,900"),
+        (1e6, "lux", 4, "1,000,000 lux"),
+        (1e5, "lux", 3, "100,000 lux"),
+        (1e12, "1", 4, "1e+12"),
     ],
 )
 def test_amounts(value: float, unit: str, digits: int, expected: str) -> None:
