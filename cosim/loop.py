@@ -80,11 +80,14 @@ class Checkpoint:
             if isinstance(stage, Stateful):
                 arrays |= {f"{name}/{key}": value for key, value in stage.state().items()}
         part = self.path.with_suffix(".part")
-        with part.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(self.path)
+        try:
+            with part.open("wb") as file:
+                np.savez(file, allow_pickle=False, **arrays)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(self.path)
+        finally:
+            part.unlink(missing_ok=True)  # of a disk that is full
 
     def load(self, stages: Mapping[str, Stage]) -> int:
         """Restores the stages; the cycle to go on from (0 where there is no checkpoint)."""

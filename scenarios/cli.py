@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import sys
 import time
@@ -10,17 +12,42 @@ from contextlib import suppress
 BEGAN = time.perf_counter()
 """The command's start, for run_time_s: before anything heavy is imported."""
 
+_PIPE = 141
+"""Exit code where who reads standard output has gone: 128 + SIGPIPE, as a shell has it."""
+
 
 def main() -> None:
-    """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted."""
+    """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted,
+    141 where nobody reads standard output any more."""
     # A request to end is met as Ctrl-C is: with what is done kept and one line of how to go on.
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     try:
         code = _main(sys.argv[1:] or ["--help"])
+        sys.stdout.flush()  # what its buffer holds may yet meet a pipe that nobody reads
+    except BrokenPipeError:
+        code = _PIPE
+        _drop_output()
+    except OSError as exc:  # a file's own writer says more; this is for what has none
+        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        where = exc.filename or "standard output, or where it writes"
+        print(
+            f"viform: the command must have room for what it writes, not meet {exc.strerror!r} at "
+            f"{where}; make room, then give it again",
+            file=sys.stderr,
+        )
+        code = 2
+        _drop_output()
     except KeyboardInterrupt:  # before a command has begun
         print("viform: interrupted", file=sys.stderr)
         code = 130
     sys.exit(code)
+
+
+def _drop_output() -> None:
+    """What is left in standard output's buffer has no place to go to."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _main(arguments: list[str]) -> int:
@@ -50,8 +77,10 @@ def _main(arguments: list[str]) -> int:
     except (Abort, KeyboardInterrupt):
         print("viform: interrupted", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        return 141
+    except SystemExit as exc:  # what typer makes of a pipe that nobody reads
+        if isinstance(exc.__context__, BrokenPipeError):
+            return _PIPE
+        raise
     if code == 130:  # what typer makes of Ctrl-C, without a word
         print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim import InputError, SpikeStream
-from cosim.files import open_stream
+from cosim.files import FORMATS, ending_of, open_stream
 from cosim.units import KINDS, parse_quantity
 from sensor.first_spike import CODES, FSC, Code, read_fsc, write_fsc
 
@@ -20,6 +20,12 @@ def is_coded(path: Path) -> bool:
 def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, list[str]]:
     """A stream of any format, and what a user must know beside `notes_of` it. Raises InputError."""
     if not is_coded(path):
+        ending = ending_of(path)
+        if path.exists() and not path.is_dir() and ending not in FORMATS and ending != ".yaml":
+            raise InputError(
+                "the stream", f"a {', '.join((*FORMATS, FSC))} or the folder of a run", str(path),
+                "film a clip with `viform run film --set scene.path=...`, or convert the stream",
+            )  # fmt: skip
         return open_stream(path, size), []
     stream, code = read_fsc(path)
     height, width = stream.shape

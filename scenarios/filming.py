@@ -3,11 +3,8 @@ promise holds."""
 
 from __future__ import annotations
 
-import errno
 import json
-import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +16,7 @@ from cosim.files import Recorder
 from cosim.files.whole import whole
 from cosim.lens import Lens
 from scenarios.checked import shortfall
-from scenarios.folder import begin_folder
+from scenarios.folder import begin_folder, mend, room_for
 from scenarios.loading import to_toml
 from scenarios.prepare import Prepared, again, identity
 from scenarios.progress import Progress
@@ -28,8 +25,7 @@ from scenarios.scenes import Source
 from scenarios.verifier import BrokenPromise, Finding
 
 __all__ = [
-    "CHECKPOINT", "PUT_BACK", "STREAM", "Filmed", "WiderStage", "film_as_promised", "mend",
-    "room_for", "run_recorded",
+    "CHECKPOINT", "PUT_BACK", "STREAM", "Filmed", "WiderStage", "film_as_promised", "run_recorded",
 ]  # fmt: skip
 
 CHECKPOINT = "checkpoint.npz"
@@ -104,20 +100,6 @@ def run_recorded(
     return seconds
 
 
-@contextmanager
-def room_for(what: str, folder: Path) -> Iterator[None]:
-    """Makes a disk that is full, while `what` is written into a run's folder, an InputError."""
-    try:
-        yield
-    except OSError as exc:
-        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise
-        raise InputError(
-            "--out", f"where there is room for {what}", f"{folder} ({exc.strerror})",
-            f"make room, then {mend(folder)}",
-        ) from exc  # fmt: skip
-
-
 def _film(run: Prepared, folder: Path, resume: bool, progress: Progress) -> Filmed:
     """Runs the chain."""
     chip, clock, cycles = run.setting.chip, run.setting.clock, run.cycles
@@ -189,7 +171,3 @@ def film_as_promised(run: Prepared, folder: Path, resume: bool, progress: Progre
         with whole(kept) as part:
             part.write_text(dumps([asdict(f) for f in found]), encoding="utf-8")
         run, resume = again(run, [f.effect for f in found]), False
-
-
-def mend(folder: Path) -> str:
-    return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"

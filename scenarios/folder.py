@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
+import shlex
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,10 +18,13 @@ from scenarios.inputs import sealed
 from scenarios.png import write_linear_png
 
 __all__ = [
-    "begin_folder", "check_room", "check_trace_file", "claimed", "output_folder", "write_images",
+    "NO_ROOM", "begin_folder", "check_room", "check_trace_file", "claimed", "mend",
+    "output_folder", "room_for", "write_images",
 ]  # fmt: skip
 
 _GIB = 2**30
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where nothing more can be written."""
 
 
 def output_folder(name: str, out: Path | None, resume: bool) -> Path:
@@ -90,9 +95,30 @@ def write_images(
     return names
 
 
+def mend(folder: Path) -> str:
+    """How a run that did not get to its end goes on."""
+    return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
+
+
 @contextmanager
-def claimed(name: str, out: Path | None, resume: bool) -> Iterator[Path]:
-    """Makes the run's folder and keeps every other run out of it while this one lasts."""
+def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
+    """Makes a disk that is full, while `what` is written into a run's folder, an InputError. then:
+    what to do with more room; goes on unless given."""
+    try:
+        yield
+    except OSError as exc:
+        if exc.errno not in NO_ROOM:
+            raise
+        raise InputError(
+            "--out", f"where there is room for {what}", f"{folder} ({exc.strerror})",
+            f"make room, then {then or mend(folder)}",
+        ) from exc  # fmt: skip
+
+
+@contextmanager
+def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) -> Iterator[Path]:
+    """Makes the run's folder and keeps every other run out of it while this one lasts. goes_on:
+    whether the command has --resume, for the one who must make room on the disk."""
     folder = output_folder(name, out, resume)
     while True:
         try:
@@ -112,7 +138,8 @@ def claimed(name: str, out: Path | None, resume: bool) -> Iterator[Path]:
             raise InputError(
                 "--out", "a folder that no other run is writing", str(folder), "choose another"
             ) from None
-        yield folder
+        with room_for("the run", folder, "" if goes_on else "run it again with another --out"):
+            yield folder
     finally:
         os.close(handle)
 

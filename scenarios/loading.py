@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -59,6 +60,11 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
+        if isinstance(exc, UnicodeDecodeError) and path.suffix.lower() != ".toml":
+            raise InputError(
+                "the scenario", "a TOML file", f"{path}, which is no text",
+                f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
+            ) from exc  # fmt: skip
         raise InputError(
             "the scenario", "a TOML file", f"{path} ({exc})", "mend that place"
         ) from exc

@@ -16,8 +16,8 @@ from cosim.lens import Lens
 from scenarios.board import NO_ERROR, open_boards
 from scenarios.checked import full_physics_s, left_out, too_far
 from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised, mend
-from scenarios.folder import check_room, claimed, output_folder, write_images
+from scenarios.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised
+from scenarios.folder import check_room, claimed, mend, output_folder, write_images
 from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.planning import RunPlan
 from scenarios.prepare import Prepared, prepare

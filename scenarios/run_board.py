@@ -14,8 +14,8 @@ from rtl_model.virtual import nominal_clock
 from scenarios.board_frames import clock_of, compared, uploaded_image
 from scenarios.board_port import VIRTUAL, Opened, csr_of, opened
 from scenarios.board_waves import check_trace, write_waves
-from scenarios.filming import STREAM, mend
-from scenarios.folder import begin_folder, claimed, output_folder
+from scenarios.filming import STREAM
+from scenarios.folder import begin_folder, claimed, mend, output_folder
 from scenarios.loading import to_toml
 from scenarios.progress import Progress
 from scenarios.report.board import write_board_report

@@ -243,7 +243,7 @@ def run_continuous(
     output_folder(name, out, False)
     scenario = with_defaults(scenario)
     run = _prepare(name, scenario)
-    with claimed(name, out, False) as folder:
+    with claimed(name, out, False, goes_on=False) as folder:
         begin_folder(folder, to_toml(scenario))
         notes = _early_notes(run)
         for note in notes:

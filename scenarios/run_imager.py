@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from cosim import Interrupted
-from scenarios.filming import PUT_BACK, mend
+from scenarios.filming import PUT_BACK
 from scenarios.folder import (
     begin_folder,
     check_room,
     check_trace_file,
     claimed,
+    mend,
     output_folder,
 )
 from scenarios.imagers.filming import Filmed, film_as_promised

@@ -11,8 +11,8 @@ from cosim import Interrupted
 from cosim.files import ZarrStream
 from cosim.files.whole import whole
 from link.verdict import Cause, Verdict
-from scenarios.filming import CHECKPOINT, STREAM, mend
-from scenarios.folder import check_room, claimed, output_folder
+from scenarios.filming import CHECKPOINT, STREAM
+from scenarios.folder import check_room, claimed, mend, output_folder
 from scenarios.link_run.film import film_link
 from scenarios.link_run.finished import LinkRun
 from scenarios.link_run.judge import judge_link

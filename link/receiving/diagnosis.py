@@ -173,14 +173,17 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
     missing = [corner for corner in range(4) if corner not in seen]
     where = _missing_places(e, missing)
     height, width = recording.shape
+    # A tag is read by its margin, so one that is cut there is as good as gone.
     outside = [
-        corner for corner, (x, y) in where.items() if not (0 <= x < width and 0 <= y < height)
+        corner
+        for corner, places in where.items()
+        if not ((places >= -0.5) & (places <= (width - 0.5, height - 0.5))).all()
     ]
     told = " and ".join(names[corner] for corner in missing)
     if outside:
         return Verdict(
             Cause.OUT_OF_VIEW,
-            f"{len(seen)} of 4 tags are in view; that at the {told} would be beyond the image's "
+            f"{len(seen)} of 4 tags are in view; that at the {told} reaches beyond the image's "
             "edge; aim the camera at the middle of the panel, or step back",
         )
     return Verdict(
@@ -190,9 +193,10 @@ def _of_few_tags(recording: Recording, e: Evidence) -> Verdict:
     )
 
 
-def _missing_places(e: Evidence, missing: list[int]) -> dict[int, tuple[float, float]]:
-    """Where tags that were not found would be, by those that were and the panel's size as far as
-    their ids tell; a panel of which one side is not known is taken to be as wide as it is high."""
+def _missing_places(e: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
+    """Camera (x, y) of the corners, (4, 2), of tags that were not found, with half of their margin,
+    by those that were and the panel's size as far as their ids tell; a panel of which one side is
+    not known is taken to be as wide as it is high."""
     import cv2
 
     tags = e.found.tags
@@ -219,8 +223,11 @@ def _missing_places(e: Evidence, missing: list[int]) -> dict[int, tuple[float, f
     out = {}
     for corner in missing:
         x, y = tag_places(layout)[corner]
-        u, v = project(np.asarray(h), x + layout.tag / 2, y + layout.tag / 2)
-        out[corner] = (float(u), float(v))
+        inset = layout.module / 2 - 0.5  # half of the margin is enough
+        low, high = np.array([x, y]) + inset, np.array([x, y]) + layout.tag - 1 - inset
+        across = np.array([low[0], high[0], high[0], low[0]])
+        down = np.array([low[1], low[1], high[1], high[1]])
+        out[corner] = np.stack(project(np.asarray(h), across, down), axis=-1)
     return out
 
 

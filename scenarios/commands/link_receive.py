@@ -140,11 +140,12 @@ def _tell(document: dict[str, Any]) -> None:
         print(f"file: {document['file']['name']}, {document['file']['bytes']} bytes{shown}")
     if document["timing"] is not None:
         mode, timing = document["mode"], document["timing"]
+        first, offset = round(timing["first_tick"], 2), round(timing["clock_offset_ppm"])
         print(
             f"mode: {mode['width']}x{mode['height']}, cells {mode['cell']}, ticks {mode['ticks']}, "
             f"{mode['line']}, parity {mode['parity']}; first light at tick "
-            f"{timing['first_tick']:.2f}, clock {timing['clock_offset_ppm']:+.0f} ppm, "
-            f"known to {timing['clock_error_ppm']:.0f}"
+            f"{first + 0.0:.2f}, clock {offset:+d} ppm, "  # + 0.0: never -0.00
+            f"known to {timing['clock_error_ppm']:.0f} ppm"
         )
         frames = document["frames"]
         print(f"frames: {frames['right']} right of {frames['seen']}, needed {frames['needed']}")

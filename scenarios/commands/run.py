@@ -185,6 +185,8 @@ def print_result(
 ) -> None:
     """The document, or its figures for a reader. table: lines of a display's, in their place.
     verdict: of a link, which comes first; what it leaves unknown is named in one line."""
+    from scenarios.amounts import amount
+
     if json:
         print_document(result.document())
         return
@@ -205,14 +207,14 @@ def print_result(
         if verdict and metric.value is None:
             unknown.append(key)
             continue
-        unit = "" if metric.unit == "1" else f" {metric.unit}"
-        value = "unknown" if metric.value is None else f"{metric.value:.4g}{unit}"
+        value = "unknown" if metric.value is None else amount(metric.value, metric.unit, 4)
         print(f"{key:<{wide}} {value}")
     if unknown:
         print(f"{'unknown':<{wide}} {', '.join(unknown)}")
     for name_of, told in _checked(result):
         print(f"{name_of:<{wide}} {told}")
-    print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {result.simulated_s:.4g} s of light")
+    light = amount(result.simulated_s, "s", 4)
+    print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {light} of light")
     if not verdict:
         print(f"{'outcome':<{wide}} {result.outcome}")
     print(f"{'report':<{wide}} {folder / 'report.html'}")

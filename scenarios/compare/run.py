@@ -51,7 +51,7 @@ def run_compare(
     instant = round(AT * seconds_to_ps(seconds))
     place = output_folder(f"compare-{what.name}", out, False)
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * what.spike.sensor.clock))
-    with claimed(f"compare-{what.name}", out, False) as folder:
+    with claimed(f"compare-{what.name}", out, False, goes_on=False) as folder:
         (folder / "spike").mkdir(exist_ok=True)
         cameras, lens, truth = film_spikes(what.spike, folder / "spike", instant, device, progress)
         white = what.spike.scene.illuminance * lens.gain

@@ -14,7 +14,8 @@ from typing import Any
 from cosim import InputError, Interrupted
 from cosim.files.whole import whole
 from rtl_model.imagers import Imager
-from scenarios.filming import PUT_BACK, mend, room_for
+from scenarios.filming import PUT_BACK
+from scenarios.folder import mend, room_for
 from scenarios.imagers.decisions import Decided, Decisions
 from scenarios.imagers.machine import Taken, take
 from scenarios.imagers.paired import Compared, PlanPatches

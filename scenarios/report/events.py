@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from scenarios.amounts import amount
 from scenarios.event_output import STREAM
 from scenarios.event_verify import KIND
 from scenarios.loading import to_toml
@@ -40,11 +41,19 @@ def _range(low: float | None, high: float | None) -> str:
     return f"{low:.4g} to {high:.4g}"
 
 
+def _lux(value: float | None) -> str:
+    return "unknown" if value is None else amount(value, "lux")
+
+
 def _cards(run: EventRun) -> str:
     metrics = {name: metric.value for name, metric in run.result.metrics.items()}
     spent = time.perf_counter() - run.began
     rows: list[tuple[str, str, str]] = [
-        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s:.4g} s of light"),
+        (
+            "first",
+            f"{spent:.1f} s",
+            f"run time, for {amount(run.result.simulated_s, 's', 4)} of light",
+        ),
         ("first", f"{metrics['events_carried']:,.0f}", "events carried"),
         (
             "first",
@@ -58,9 +67,9 @@ def _cards(run: EventRun) -> str:
             ("", f"{_number(metrics['dynamic_range'], '.1f')} dB",
              f"recovered within {WITHIN:.0%}; the paper's formula gives "
              f"{_number(metrics['dynamic_range_formula'], '.1f')} dB"),
-            ("", f"{_number(metrics['brightest'])} lux",
+            ("", _lux(metrics["brightest"]),
              f"brightest, error {_number(metrics['brightest_error'], '+.2%')}"),
-            ("", f"{_number(metrics['dimmest'])} lux",
+            ("", _lux(metrics["dimmest"]),
              f"dimmest, error {_number(metrics['dimmest_error'], '+.2%')}"),
         ]  # fmt: skip
     else:

@@ -6,6 +6,7 @@ import html
 import shlex
 import time
 
+from scenarios.amounts import amount
 from scenarios.imagers.store import FRAMES
 from scenarios.loading import to_toml
 from scenarios.png import for_display
@@ -32,7 +33,7 @@ def _cards(run: ImagerRun) -> str:
     rows = [
         ("first", told, f"error of a pixel's mean or noise against everything kept{high}; "
          f"{result.tolerance:g} asked for"),
-        ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s:.4g} s of light"),
+        ("first", f"{spent:.1f} s", f"run time, for {amount(result.simulated_s, 's', 4)} of light"),
         ("first", str(len(out)), f"effects left out{': ' if out else ''}{', '.join(out)}"),
         ("", f"{len(run.filmed.taken)}", "frames"),
     ]  # fmt: skip

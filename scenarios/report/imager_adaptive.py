@@ -79,8 +79,9 @@ def _course(run: ImagerRun, path: Path) -> None:
     ready = np.array([t.ready for t in taken]) / 1e9
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
+    middle.plot(ready, multiple, "o", markersize=2, color=BLUE)  # one frame makes no step
     middle.set_yscale("log", base=2)
-    plain(middle, y="exposure, T = 1 us")
+    plain(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
     seen = np.minimum(largest, 255)
@@ -95,9 +96,11 @@ def _course(run: ImagerRun, path: Path) -> None:
 
 def _changes(run: ImagerRun) -> str:
     rows = []
-    for c in changes(run.filmed.taken, run.run.view):
+    jumps = [c for c in changes(run.filmed.taken, run.run.view) if c.ps < run.run.stop]
+    for c in jumps:
         told = "power-on" if c.before == 0 else f"x {c.after / c.before:.4g}"
-        frames = "not before the next" if c.frames is None else f"N + {c.frames}"
+        until = "the run's end" if c is jumps[-1] else "the next"
+        frames = f"not before {until}" if c.frames is None else f"N + {c.frames}"
         delay = "" if c.delay is None else f"{c.delay * 1e-9:.3g} ms"
         rows.append([f"{c.ps * 1e-9:.4g} ms", told, frames, delay])
     if not rows:

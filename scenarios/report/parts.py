@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files.whole import whole
+from scenarios.amounts import amount
 from scenarios.png import encode
 from scenarios.result import Result
 
@@ -68,7 +69,7 @@ def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
 def run_time(result: Result, seconds: dict[str, float]) -> str:
     """What every stage took, and the most memory."""
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
-    rows += [[f"{t.stage} throughput", f"{t.value:.3g} {t.unit}"] for t in result.throughput]
+    rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     rows.append(["peak memory", f"{peak:.2f} GiB"])
     return f"<h2>Run time</h2><p>On {html.escape(result.device)}.</p>" + table(

@@ -49,20 +49,24 @@ class FilmSource:
         self.degraded: list[str] = []
         self.notes = self._clip.notes
         if not own:
-            self.notes.append(f"{path.name} is a still image")
+            idle = [f"scene.{k}" for k, v in (("start", start), ("frame_rate", rate)) if v]
+            said = f", to which {' and '.join(idle)} make no difference" if idle else ""
+            self.notes.append(f"{path.name} is a still image{said}")
         else:
             said = f"{path.name}: {float(self._rate):g} frames/s"
-            if self._uneven():
-                said += " on average, not evenly spaced: each is shown at its own time"
+            if self._uneven():  # whose mean the container does not always tell
+                said = f"{path.name}: frames not evenly spaced: each is shown at its own time"
             if self._rate != own:
                 said += f" by scene.frame_rate (the clip says {float(own):g})"
             self.notes.append(f"{said}, light interpolated linearly in time between frames")
         first = self._frame_number(0)
         if first and self._clip.frame(first) is None:
             length = self._clip.count / float(self._rate)
+            by = "" if self._rate == own else f" at {float(self._rate):g} frames/s"
             raise InputError(
-                "scene.start", f"within the clip's {length:.3g} s", f"{start:g} s", "start earlier"
-            )
+                "scene.start", f"within the clip's {length:.3g} s{by}", f"{start:g} s",
+                "start earlier",
+            )  # fmt: skip
 
     def _uneven(self) -> bool:
         """Whether frames that the run may show have times of their own, as far as the clip's
@@ -116,8 +120,14 @@ class FilmSource:
     def _note_end(self, begin: int) -> None:
         if self._rate and self._stop > begin and not self._held:
             self._held = True
+            if begin <= 0:
+                self.degraded.append(
+                    "the run begins on the clip's last frame, which is held throughout; lower "
+                    "scene.start"
+                )
+                return
             self.degraded.append(
-                f"the clip ends {max(begin, 0) / PS * 1e3:.4g} ms into the run: its last frame is "
+                f"the clip ends {begin / PS * 1e3:.4g} ms into the run: its last frame is "
                 "held; shorten duration or lower scene.frame_rate"
             )
 

@@ -121,6 +121,35 @@ def test_a_clip_that_is_none_is_refused_and_leaves_nothing(refused, tmp_path, mo
     assert sorted(tmp_path.iterdir()) == before
 
 
+def test_output_that_has_no_place_to_go_to_ends_without_a_traceback():
+    def start(stdout: Any) -> subprocess.Popen[str]:
+        return subprocess.Popen([str(PROGRAM), "list", "--json"], stdout=stdout,
+                                stderr=subprocess.PIPE, text=True)  # fmt: skip
+
+    with open("/dev/full", "w") as full, start(full) as process:
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 2
+    assert err.startswith("viform: ") and err.count("\n") == 1, err
+    assert err.endswith("make room, then give it again\n")
+
+    reading, writing = os.pipe()
+    os.close(reading)  # as of a `head` that has seen enough
+    with open(writing, "w") as closed, start(closed) as process:
+        _, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (141, "")
+
+
+def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused, clip, tmp_path):
+    line = refused("run", clip)
+    assert line == (
+        f"the scenario must be a TOML file, not {clip}, which is no text; film a clip with "
+        f"`viform run film --set scene.path={clip}`"
+    )
+    line = refused("image", clip, "--at", 1, "--out", tmp_path / "a.png")
+    assert ".events.npz, .fsc or the folder of a run, not " in line
+    assert "`viform run film --set scene.path=...`" in line
+
+
 @pytest.mark.parametrize(
     "folder", [Path("/proc/nope"), Path("x" * 300), Path(os.devnull) / "a", Path(os.devnull)]
 )
@@ -257,7 +286,7 @@ def test_an_interrupted_run_goes_on_to_the_same_stream(refused, viform, film, cl
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     line = refused(*command, "--resume", "--seed", 2)
     assert line == (
-        f"--resume must be given for the run that {folder} holds ('SpikeTwo films a clip': "
+        f"--resume must be given for the run that {folder} holds ('A spike camera films a clip': "
         "seed 1), not for film: seed 2; give another --out"
     )
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before

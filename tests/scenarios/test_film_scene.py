@@ -314,6 +314,11 @@ def test_a_start_behind_the_end_is_refused_with_the_clip_s_length(tmp_path, make
         FilmSource(path, SHAPE, LUX, CLOCK, 1000, start=1.5)
     said = str(caught.value)
     assert said == "scene.start must be within the clip's 1 s, not 1.5 s; start earlier"
+    with pytest.raises(InputError) as caught:
+        FilmSource(path, SHAPE, LUX, CLOCK, 100, start=0.5, rate=100.0)
+    assert str(caught.value) == (
+        "scene.start must be within the clip's 0.25 s at 100 frames/s, not 0.5 s; start earlier"
+    )
 
 
 def test_a_frame_rate_of_the_scenario_overrides_the_clip_s_and_says_so(tmp_path, make_clip):
@@ -341,8 +346,21 @@ def test_a_still_image_is_constant_light(tmp_path, make_clip, name):
     for ps in (0, 10**12, CLOCK.edge(10**6)):
         np.testing.assert_allclose(source.truth(ps), srgb(128), atol=1e-6)
     np.testing.assert_allclose(light.at(CLOCK.edge(999_500)), LUX * srgb(128), rtol=1e-5)
-    assert source.notes == [f"{name} is a still image"]
+    assert source.notes == [
+        f"{name} is a still image, to which scene.start and scene.frame_rate make no difference"
+    ]
+    assert FilmSource(path, SHAPE, LUX, CLOCK, 10**6).notes == [f"{name} is a still image"]
     assert source.degraded == []
+
+
+def test_a_start_on_the_last_frame_is_said(tmp_path, make_clip):
+    path = make_clip(tmp_path / "a.mkv", flat(0, 100, 200))
+    source = FilmSource(path, SHAPE, LUX, CLOCK, 100, start=0.1)
+    light = source.step(None, Block(0, 64))
+    np.testing.assert_allclose(light.at(0), LUX * srgb(200), rtol=1e-5)
+    assert source.degraded == [
+        "the run begins on the clip's last frame, which is held throughout; lower scene.start"
+    ]
 
 
 def test_a_clip_that_ends_early_holds_its_last_frame_and_says_since_when(tmp_path, make_clip):

@@ -454,6 +454,28 @@ def test_a_full_disk_is_said_and_leaves_nothing_that_looks_whole(film, tmp_path,
         ZarrStream(tmp_path / "run" / "stream.zarr")
 
 
+def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):
+    def fill(run: Any) -> list[str]:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def none_left(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("cosim.loop.os.fsync", none_left)
+    folder = tmp_path / "run"
+    with pytest.raises(InputError) as caught:
+        film("step", folder, report=fill)
+    assert said(caught) == (
+        f"--out must be where there is room for the run, not {folder} (No space left on device); "
+        f"make room, then go on with the same command and --out {folder} --resume"
+    )
+    assert not (folder / "result.json").exists()
+    assert list(folder.glob("checkpoint.*")) == []
+    monkeypatch.undo()
+    film("step", folder, resume=True)
+    assert (folder / "result.json").is_file()
+
+
 def test_the_resolved_scenario_lies_in_the_folder(step_run):
     text = (step_run.folder / "scenario.toml").read_text(encoding="utf-8")
     assert text == to_toml(load(str(step_run.folder))[1])

@@ -225,7 +225,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
         "unknown ber, fer", "error unknown",
         "left out a: at most 0.5 promised (proof), 0.25 measured",
         "b: about 0.5 promised (estimate), unknown measured",
-        "run time 2 s for 0.5 s of light", f"report {Path('runs') / 'report.html'}",
+        "run time 2 s for 500 ms of light", f"report {Path('runs') / 'report.html'}",
     ]  # fmt: skip
     print_result(result, Path("runs"), [], [], False)
     said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]

@@ -139,6 +139,7 @@ def test_each_fault_is_named() -> None:
     for given, cause in (
         (planes[:110], Cause.TRUNCATED),
         (planes[:, :, 60:], Cause.OUT_OF_VIEW),
+        (planes[:, 30:], Cause.OUT_OF_VIEW),  # cuts the margins and borders of two tags
         (noisy, Cause.NOISY),
         (hole, Cause.OCCLUDED),
         (hidden, Cause.OCCLUDED),
