@@ -180,7 +180,7 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
         if bench.line is None and bench.csr.ours and bench.magic == MAGIC:
             bench.line = Line(bench.bone, bench.csr)
             bench.line.begin()
-        watch = Uptime(bench) if bench.board else None
+        watch = None if bench.line is None else Uptime(bench)
         figures = check(bench)
         if bench.line is not None and bench.board:
             bench.line.geometry = bench.geometry
