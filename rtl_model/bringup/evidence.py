@@ -19,7 +19,8 @@ class Evidence:
     bus_errors: accesses to no register. Of answers that were wrong once, `address` were another
     register's, `answers` were not, and `open` may be either. early: readings sent again before the
     counters were known. repeats: all reads that were sent again. known: whether the board's
-    counters could be read; else all is 0.
+    counters could be read; else all is 0. anew: these began at 0 again meanwhile, as when power or
+    configuration goes.
     """
 
     known: bool = True
@@ -38,6 +39,7 @@ class Evidence:
     early: int = 0
     misplaced: int = 0
     repeats: int = 0
+    anew: bool = False
 
     @property
     def changed_to_board(self) -> bool:

@@ -188,9 +188,9 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     except (LineFault, StageFault) as fault:
         bench.port.allow(_WATCH_S * max(1.0, bench.bone.time_scale))  # its time may be used up
         anew = None if watch is None else watch.restarted()
-        if anew is not None:
-            return _failed(name, spent(), anew)
-        return _failed(name, spent(), fault, _late_evidence(bench, bench.bone.retried - retried))
+        late = None if anew else _late_evidence(bench, bench.bone.retried - retried)
+        anew = anew or _restarted(None, late)
+        return _failed(name, spent(), anew or fault, late)
     except OutOfTime:
         return Stage(
             name,
@@ -208,11 +208,24 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
     if not (retried or strays or (found is not None and not found.clean)):
         return Stage(name, "ok", None, figures, spent())
-    anew = None if watch is None else watch.restarted()  # all else was right, and the line is not
+    anew = _restarted(watch, found)  # all else was right, and the line is not
     if anew is not None:
         return _failed(name, spent(), anew)
     figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
     return Stage(name, "failed", *_spoilt(found, figures), spent(), "spoilt")
+
+
+def _restarted(watch: Uptime | None, found: Evidence | None) -> StageFault | None:
+    """The fault "restarted", by the uptime, or by the line's counters where the board had been up
+    for so short a time that its uptime has passed that again."""
+    told = None if watch is None else watch.restarted()
+    if told is None and found is not None and found.anew:
+        return StageFault(
+            "restarted",
+            "the board started anew within the stage: its counters of the line began at 0 again",
+            "check its supply and its reset",
+        )
+    return told
 
 
 def _evidence(bench: Bench, repeats: int) -> Evidence | None:

@@ -240,9 +240,11 @@ def _refused(url: str, error: BaseException) -> LineFault:
         return LineFault(cause, f"{url} is in use by another program")
     if cause is Cause.PERMISSION:
         return LineFault(cause, f"{url} may not be opened by this user", _group_advice(url))
-    if number == errno.ENOTTY or getattr(error, "args", (None,))[0:1] == (errno.ENOTTY,):
-        return LineFault(cause, f"{url} is no serial port", "name a serial port")
     here = ", ".join(ports_here()) or "none"
+    if getattr(error.__context__, "args", ())[:1] == (errno.ENOTTY,):  # of termios, in pyserial's
+        return LineFault(
+            cause, f"{url} is there and is no serial port; ports here: {here}", "name one that is"
+        )
     return LineFault(
         cause,
         f"no serial port answers to {url} ({_plain(error)}); ports here: {here}",

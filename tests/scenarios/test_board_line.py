@@ -71,3 +71,13 @@ def test_a_folder_without_the_verilog_is_one_line(refused, tmp_path):
 def test_a_slow_baud_passes(viform):
     code, out, err = viform("board", "bringup", "--port", "virtual", "--baud", "9600", "--json")
     assert code == 0, json.loads(out)["cause"] + err
+
+
+def test_lockstep_has_no_port(refused, tmp_path):
+    said = refused("board", "compare", "--lockstep", "--port", "/dev/ttyUSB0")
+    assert "--log must be left out with --lockstep" in said
+
+
+def test_waveforms_of_lockstep_need_their_folder_before_it_begins(refused, tmp_path):
+    said = refused("board", "compare", "--lockstep", "--trace", tmp_path / "none" / "a.fst")
+    assert "--trace must be in a folder that exists" in said
