@@ -20,7 +20,8 @@ def main() -> None:
     """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted,
     141 where nobody reads standard output any more."""
     # A request to end is met as Ctrl-C is: with what is done kept and one line of how to go on.
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
+    # Not by SIGINT's own handler: a script's `viform ... &` has that ignored.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = _main(sys.argv[1:] or ["--help"])
         sys.stdout.flush()  # what its buffer holds may yet meet a pipe that nobody reads

@@ -86,7 +86,7 @@ def run_board(
                 progress.note(f"stage {report.failed_stage}: {report.cause}")
             write_result(folder, result)
         except KeyboardInterrupt:
-            raise Interrupted(done, len(STAGES), mend(folder)) from None
+            raise Interrupted(done, len(STAGES), mend(folder), "stages") from None
     return result, folder
 
 

@@ -20,7 +20,8 @@ class Evidence:
     register's, `answers` were not, and `open` may be either. early: readings sent again before the
     counters were known. misplaced: requests and writes that failed once and not when sent again.
     repeats: all reads that were sent again. known: whether the board's counters could be read; else
-    all of the line's own is 0.
+    all of the line's own is 0. anew: these began at 0 again meanwhile, as when power or
+    configuration goes.
     """
 
     known: bool = True
@@ -39,6 +40,7 @@ class Evidence:
     early: int = 0
     misplaced: int = 0
     repeats: int = 0
+    anew: bool = False
 
     @property
     def changed_to_board(self) -> bool:

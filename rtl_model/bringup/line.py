@@ -35,6 +35,7 @@ _GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # of the sums: th
 _WORD = 1 << 32
 _ADDRESS_BITS = 30  # of a word's address on the line
 _NEAR = 1 << 16  # a register that moves may have held a value so near to what it holds now
+_TOLD_APART = 32  # bytes: a line does not lose so many one way and add as many the other way
 _EXAMINED = 8  # wrong answers that are looked into, each at the cost of some readings
 _MOVES = {  # besides those that reading changes: not the same when they are asked again
     "ctrl_uptime", "ctrl_bus_errors", "uart_rx_bytes", "uart_tx_bytes", "uart_shortest_low",
@@ -105,7 +106,7 @@ class Line:
         if before is None or now is None:
             return Evidence(known=False, repeats=repeats)
         if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
-            return Evidence(known=False, repeats=repeats)  # the board began anew
+            return Evidence(known=False, repeats=repeats, anew=True)  # the board began anew
         arrived = now.rx + now.framing - before.rx - before.framing
         made = Evidence(
             to_board=_signed(arrived - (now.sent - before.sent)),
@@ -122,6 +123,8 @@ class Line:
             early=seen.early,
             repeats=repeats,
         )
+        if _began_anew(before, made):
+            return Evidence(known=False, repeats=repeats, anew=True)
         if not (made.to_board or made.from_board or made.changed_to_board):
             # Only then may the readings that did not fit be held against those that did.
             self._look_back(seen, now)
@@ -309,6 +312,17 @@ class _Seen:
     misplaced: int = 0
     wait: list[_Other] = field(default_factory=list)
     unfit: list[_Reading] = field(default_factory=list)
+
+
+def _began_anew(before: _Sums, made: Evidence) -> bool:
+    """Whether the board's counters fell to 0. Then they miss all that it had counted before, both
+    ways, and what an answer that was cut short left out. Lost bytes alone never show as bytes added
+    from the board."""
+    return (
+        before.rx >= _TOLD_APART
+        and -made.to_board >= before.rx + before.framing
+        and 2 * made.from_board >= before.tx > 0
+    )
 
 
 def _octets(got: list[int], right: list[int]) -> int:

@@ -181,7 +181,7 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
         if bench.line is None and bench.csr.ours and bench.magic == MAGIC:
             bench.line = Line(bench.bone, bench.csr)
             bench.line.begin()
-        watch = Uptime(bench) if bench.board else None
+        watch = None if bench.line is None else Uptime(bench)
         figures = check(bench)
         if bench.line is not None and bench.board:
             bench.line.geometry = bench.geometry
@@ -189,9 +189,9 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     except (LineFault, StageFault) as fault:
         bench.port.allow(_WATCH_S * max(1.0, bench.bone.time_scale))  # its time may be used up
         anew = None if watch is None else watch.restarted()
-        if anew is not None:
-            return _failed(name, spent(), anew)
-        return _failed(name, spent(), fault, _late_evidence(bench, bench.bone.retried - retried))
+        late = None if anew else _late_evidence(bench, bench.bone.retried - retried)
+        anew = anew or _restarted(None, late)
+        return _failed(name, spent(), anew or fault, late)
     except OutOfTime:
         repeated = bench.bone.retried - retried
         told, figures = _out_of_time(name, bench, allowed)
@@ -203,7 +203,7 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
     retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
     if not (retried or strays or (found is not None and not found.clean)):
         return Stage(name, "ok", None, figures, spent())
-    anew = None if watch is None else watch.restarted()  # all else was right, and the line is not
+    anew = _restarted(watch, found)  # all else was right, and the line is not
     if anew is not None:
         return _failed(name, spent(), anew)
     figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
@@ -228,6 +228,19 @@ def _settle(bench: Bench, repeats: int) -> None:
     with suppress(LineFault, OutOfTime):
         bench.bone.resynchronise()
         _evidence(bench, repeats)
+
+
+def _restarted(watch: Uptime | None, found: Evidence | None) -> StageFault | None:
+    """The fault "restarted", by the uptime, or by the line's counters where the board had been up
+    for so short a time that its uptime has passed that again."""
+    told = None if watch is None else watch.restarted()
+    if told is None and found is not None and found.anew:
+        return StageFault(
+            "restarted",
+            "the board started anew within the stage: its counters of the line began at 0 again",
+            "check its supply and its reset",
+        )
+    return told
 
 
 def _evidence(bench: Bench, repeats: int) -> Evidence | None:

@@ -26,7 +26,9 @@ class Uptime:
         if self._before is None or now is None:
             return None
         (first, begun), (last, ended) = self._before, now
-        hz = self._bench.geometry.clock_hz
+        hz = self._clock_hz()
+        if hz is None:
+            return None
         most = first + _FAST * (ended - begun) * hz
         if last >= first or most >= _WRAP:
             return None
@@ -43,5 +45,14 @@ class Uptime:
     def _read(self) -> tuple[int, float] | None:
         try:
             return self._bench.get("ctrl_uptime"), self._bench.port.now()
+        except (LineFault, OutOfTime):
+            return None
+
+    def _clock_hz(self) -> int | None:
+        """Nominal; asked for where the stage identity, which tells it, has not passed."""
+        if self._bench.board:
+            return self._bench.geometry.clock_hz
+        try:
+            return self._bench.sure("ctrl_clock_hz")
         except (LineFault, OutOfTime):
             return None

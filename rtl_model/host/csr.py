@@ -72,7 +72,7 @@ class CsrMap(NamedTuple):
                 "a register",
                 "one of this design" + (f" ({', '.join(like)}?)" if like else ""),
                 repr(name),
-                "`viform board regs` lists them",
+                "`viform board regs --list` lists them",
             )
         return found
 

@@ -14,6 +14,7 @@ import termios
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
+from urllib.parse import urlsplit
 
 from cosim import InputError
 from rtl_model.host.faults import Cause, LineFault
@@ -161,6 +162,10 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
 
     if baud <= 0:
         raise _bad_baud(url, baud)
+    if not url.strip():
+        raise _bad_url(url, ValueError("nothing"))
+    if url.lower().startswith("socket://") and not _names_a_port(url):
+        raise _bad_url(url, ValueError("its port is missing or no number up to 65535"))
     try:
         inner = serial.serial_for_url(
             url,
@@ -184,6 +189,14 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
             raise _bad_baud(url, baud) from exc
         raise _bad_url(url, exc) from exc
     return SerialPort(inner, url)
+
+
+def _names_a_port(url: str) -> bool:
+    """Whether a URL ends its host in :port; pyserial compares a missing one with a number."""
+    try:
+        return bool(urlsplit(url).port)
+    except ValueError:
+        return False
 
 
 def is_pty(name: str) -> bool:
@@ -228,6 +241,10 @@ def _refused(url: str, error: BaseException) -> LineFault:
     if cause is Cause.PERMISSION:
         return LineFault(cause, f"{url} may not be opened by this user", _group_advice(url))
     here = ", ".join(ports_here()) or "none"
+    if getattr(error.__context__, "args", ())[:1] == (errno.ENOTTY,):  # of termios, in pyserial's
+        return LineFault(
+            cause, f"{url} is there and is no serial port; ports here: {here}", "name one that is"
+        )
     return LineFault(
         cause,
         f"no serial port answers to {url} ({_plain(error)}); ports here: {here}",

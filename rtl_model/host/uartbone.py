@@ -10,6 +10,7 @@ are there for that.
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -37,6 +38,8 @@ _CHATTER = 20  # silences waited for before a line is said never to be silent
 _GULP = 1 << 16  # bytes; more than any answer, so that a read of them waits for silence
 _TAIL = 2  # bytes' time that the line must be silent after an answer; a board slower than life is
 # not waited for: what it sends later counts as strays before the next request
+_TEXT = re.compile(rb"[ -~\t\r\n]+")
+_MORE_TEXT = 4  # bytes beyond an answer, from which on printable ones are taken for text
 _SLACK = 1.25  # of line time: stop bits, gaps, a clock that is off
 
 FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)
@@ -286,9 +289,14 @@ def _judge(packet: bytes, wanted: int, data: bytes, more: bytes, name: str) -> L
         return LineFault(Cause.ECHO, f"{name} sent back the very bytes it was sent")
     if len(got) < wanted:
         return LineFault(Cause.SHORT, f"{len(got)} of {wanted} bytes came back from {name}")
-    return LineFault(
-        Cause.GARBLED, f"{len(got)} bytes came back from {name} where {wanted} were asked for"
-    )
+    told = f"{len(got)} bytes came back from {name} where {wanted} were asked for"
+    if len(got) >= wanted + _MORE_TEXT and _TEXT.fullmatch(got):
+        text = " ".join(got.decode("ascii").split())[:40]
+        return LineFault(
+            Cause.GARBLED, f"{told}, as text: {text!r}",
+            "that is another device or a console on this line: name the board's port",
+        )  # fmt: skip
+    return LineFault(Cause.GARBLED, told)
 
 
 def _check_address(address: int, words: int) -> None:

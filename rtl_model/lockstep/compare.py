@@ -72,6 +72,8 @@ def run(
             pixels, progress
         )
     found = outcome.difference
+    if found is not None:
+        found.sources = sources
     if waves is not None and found is not None:
         first, last = max(0, found.clock - window), found.until + window // 4
         with contextlib.closing(

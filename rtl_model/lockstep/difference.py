@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,7 @@ class Difference:
         clock: edge at which the tile was computed, or the read strobed.
         frame, row, column: of the pixel; None for a register.
         verilog, model: the two values; None where there is none.
+        sources: the folder of the Verilog; None is ours.
     """
 
     program: Program
@@ -35,6 +37,7 @@ class Difference:
     model: int | None
     until: int
     waves: Path | None = None
+    sources: Path | None = None
 
     @property
     def reproducer(self) -> str:
@@ -43,6 +46,7 @@ class Difference:
         return (
             f"viform board compare --lockstep --rows {program.rows} --columns {program.columns} "
             f"--lanes {program.lanes} --seed {program.seed} --until {self.until}"
+            + ("" if self.sources is None else f" --sources {shlex.quote(str(self.sources))}")
         )
 
     def __str__(self) -> str:

@@ -36,8 +36,10 @@ def parse_place(place: str, key: str) -> tuple[str, int]:
     right = kind == "serial" and port and (not comma or (baud.isdecimal() and int(baud) > 0))
     if not right:
         raise InputError(
-            key, "serial:PORT or serial:PORT,BAUD, PORT a device, a URL of pyserial or virtual",
-            repr(place), "name a port, such as serial:virtual",
+            key,
+            "serial:PORT or serial:PORT,BAUD, PORT a device, a URL of pyserial or virtual, BAUD a "
+            "whole number above 0",
+            repr(place), "write it like serial:virtual or serial:/dev/ttyUSB0,115200",
         )  # fmt: skip
     return port, int(baud) if baud else DEFAULT_BAUD
 

@@ -56,11 +56,17 @@ def board_compare(
 ) -> None:
     """Hold a board's bits against the cycle model under its settings; exit 1 with the first wrong
     bit's frame, row and column. --lockstep holds the Verilog against it, clock by clock."""
-    if lockstep:
-        _lockstep(rows, columns, lanes, seed, pixels, until, trace, sources, json)
-        return
     from cosim import InputError
 
+    if lockstep:
+        if port != "virtual" or fault or assignments or log is not None:
+            raise InputError(
+                "--port, --fault, --set and --log", "left out with --lockstep", "given",
+                "leave them out: --lockstep runs the Verilog itself; for a board leave out "
+                "--lockstep",
+            )  # fmt: skip
+        _lockstep(rows, columns, lanes, seed, pixels, until, trace, sources, json)
+        return
     if trace is not None or sources is not None or until is not None:
         raise InputError(
             "--trace, --sources and --until", "given with --lockstep", "without", "add --lockstep"
@@ -98,9 +104,12 @@ def _lockstep(
     from cosim import InputError
     from rtl_model.lockstep import Program, run
     from rtl_model.verilated import BuildFailed
+    from scenarios.folder import check_trace_file
 
     if lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    if trace is not None:  # it is written at the end alone, where a difference was found
+        check_trace_file(trace)
     program = Program(rows, columns, lanes, seed)
     progress = make_progress()
     progress.start("pixel-cycles", int(pixels))
@@ -135,6 +144,8 @@ def _lockstep(
         })  # fmt: skip
     elif found is None:
         print(f"{outcome.pixels} pixel-cycles in {outcome.clock} clocks, no difference")
+        if trace is not None:
+            print(f"without one there are no waveforms: {trace} was not written")
     else:
         print(found)
     if found is not None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -71,3 +74,34 @@ def test_a_folder_without_the_verilog_is_one_line(refused, tmp_path):
 def test_a_slow_baud_passes(viform):
     code, out, err = viform("board", "bringup", "--port", "virtual", "--baud", "9600", "--json")
     assert code == 0, json.loads(out)["cause"] + err
+
+
+def test_lockstep_has_no_port(refused, tmp_path):
+    said = refused("board", "compare", "--lockstep", "--port", "/dev/ttyUSB0")
+    assert "--log must be left out with --lockstep" in said
+
+
+def test_waveforms_of_lockstep_need_their_folder_before_it_begins(refused, tmp_path):
+    said = refused("board", "compare", "--lockstep", "--trace", tmp_path / "none" / "a.fst")
+    assert "--trace must be in a folder that exists" in said
+
+
+def test_a_request_to_end_is_met_where_ctrl_c_is_ignored(tmp_path):
+    """A script's `viform board virtual &` has SIGINT ignored; `kill` ends it all the same."""
+    link = tmp_path / "port"
+    words = [
+        sys.executable, "-c", "from scenarios.cli import main; main()",
+        "board", "virtual", "--level", "model", "--link", str(link),
+    ]  # fmt: skip
+    shell = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", *words]
+    with subprocess.Popen(shell, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as made:
+        try:
+            for _ in range(300):
+                if link.is_symlink():
+                    break
+                time.sleep(0.1)
+            made.terminate()
+            made.wait(20)
+        finally:
+            made.kill()
+    assert not link.is_symlink()

@@ -189,6 +189,27 @@ def test_a_board_that_starts_anew_is_told_as_such():
     assert (report.failed_stage, report.failed.kind) == ("counters", "restarted"), report.cause
 
 
+class PowerLost(ModelPort):
+    """Loses its power once, at the `at`-th byte, so early that the uptime passes what it was."""
+
+    at = 0
+
+    def write(self, data: bytes, deadline_s: float = 1.0) -> None:
+        before, self.at = self.at, self.at - len(data)
+        if before > 0 >= self.at:
+            self._power_on()
+            return
+        super().write(data, deadline_s)
+
+
+@pytest.mark.parametrize(("at", "stage"), [(200, "identity"), (300, "identity")])
+def test_a_restart_that_the_uptime_cannot_tell_shows_in_the_lines_counters(at, stage):
+    port = PowerLost(SIZE)
+    port.at = at
+    report = brought_up(port)
+    assert (report.failed_stage, report.failed.kind) == (stage, "restarted"), report.cause
+
+
 @pytest.mark.parametrize(
     ("first", "last", "told"),
     [(50_000, 49_000, True), (50_000, 50_000, False), (2**32 - 9, 5, False)],

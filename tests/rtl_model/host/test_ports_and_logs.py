@@ -208,3 +208,14 @@ def test_any_log_is_replayed_or_refused(tmp_path_factory, data):
         ReplayPort(path)
     except InputError as error:
         assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("url", ["", " ", "socket://localhost", "socket://localhost:99999"])
+def test_a_url_without_what_it_needs_is_refused_in_our_words(url):
+    with pytest.raises(InputError, match=r"a port must be .*(nothing|its port is missing)"):
+        open_port(url, 115_200)
+
+
+def test_a_file_that_is_no_port_is_told_as_that():
+    with pytest.raises(LineFault, match="/dev/null is there and is no serial port"):
+        open_port("/dev/null", 115_200)

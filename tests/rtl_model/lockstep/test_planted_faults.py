@@ -125,11 +125,13 @@ def planted(fault, folder):
     return folder
 
 
-def again(reproducer):
-    """Runs what the line says, on the same Verilog."""
+def again(reproducer, sources):
+    """Runs what the line says, on the Verilog that it names."""
     words = shlex.split(reproducer)
     assert words[:4] == ["viform", "board", "compare", "--lockstep"]
-    given = {name[2:]: int(value) for name, value in zip(words[4::2], words[5::2], strict=True)}
+    given = {name[2:]: value for name, value in zip(words[4::2], words[5::2], strict=True)}
+    assert given.pop("sources") == str(sources)
+    given = {name: int(value) for name, value in given.items()}
     until = given.pop("until")
     return lockstep.Program(**given), until
 
@@ -151,7 +153,7 @@ def test_a_planted_fault_is_caught_and_located(name, tmp_path):
     assert found.verilog != found.model
     assert found.what != "spike" or {found.verilog, found.model} == {0, 1}
     assert (found.row is None) == (found.column is None) == (found.frame is None)
-    program, until = again(found.reproducer)
+    program, until = again(found.reproducer, sources)
     assert until == found.until > found.clock
     once_more = lockstep.run(program, until=until, sources=sources).difference
     assert once_more == found
