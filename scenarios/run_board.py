@@ -71,6 +71,7 @@ def run_board(
             report = bring_up(
                 board.url, baud=section.baud, csr=known, simulated=board.simulated,
                 time_scale=board.time_scale, log=folder / "line.jsonl", progress=told,
+                note=progress.note,
             )  # fmt: skip
             result = _result(name, scenario, report, board)
             fault = _film(result, report, scenario, board, folder) if report.ok else None

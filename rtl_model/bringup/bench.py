@@ -38,7 +38,8 @@ class Burst:
 @dataclass
 class Bench:
     """A board under test. `geometry` is known once the identity stage has passed; `given_baud` is
-    what the user said, `simulated` whether there is no real clock behind the port."""
+    what the user said, `simulated` whether there is no real clock behind the port. `note` is told
+    what takes long."""
 
     port: DeadlinePort
     bone: Uartbone
@@ -50,6 +51,7 @@ class Bench:
     board: dict[str, Any] = field(default_factory=dict)
     bursts: list[Burst] = field(default_factory=list)
     magic: int | None = None  # as the stage bytes read it
+    note: Callable[[str], None] = lambda text: None
     line: Line | None = None  # once it is known that the counters are ours
 
     def address(self, name: str) -> int:

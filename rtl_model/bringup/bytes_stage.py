@@ -147,6 +147,7 @@ def _spoken(bench: Bench, data: bytes) -> StageFault:
 def _off(bench: Bench, seen: str) -> StageFault | None:
     """The fault "baud" where the board answers at another rate, else None."""
     nominal = bench.given_baud
+    bench.note("no sound answer comes back: looking for the board's baud, which may take a minute")
     try:
         found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log)
     except LineFault as fault:

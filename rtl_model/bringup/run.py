@@ -83,6 +83,7 @@ def bring_up(
     log: Path | None = None,
     allowed_s: float | None = None,
     progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> Report:
     """Runs all stages on a board and returns what they found; no fault of a board raises.
 
@@ -92,6 +93,7 @@ def bring_up(
     low_latency: asks the driver of a port that is opened here for it; the port stage says whether
         it was granted.
     allowed_s: for each stage, in place of the stage's own. progress: told of each stage.
+    note: told in a line what takes long within one.
     InputError for a baud or URL that cannot be.
     """
     begun = time.monotonic()
@@ -129,6 +131,8 @@ def bring_up(
             bench = Bench(
                 guarded, bone, csr or default_map(), report.simulated, baud, frames=frames
             )
+            if note is not None:
+                bench.note = note
             for name, check in _CHECKS.items():
                 fault_before = report.failed
                 if fault_before is not None and (stop_at_first or fault_before.name in _NEEDED):

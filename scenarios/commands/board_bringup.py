@@ -19,7 +19,7 @@ from scenarios.commands.board_line import (
     TimeScale,
     told_latency,
 )
-from scenarios.commands.output import Json, print_document
+from scenarios.commands.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
     from rtl_model.bringup import Stage
@@ -76,6 +76,7 @@ def board_bringup(
             low_latency=low_latency,
             log=log,
             progress=told,
+            note=SilentProgress().note,
         )
     files: list[str] = []
     if out is not None:

@@ -237,6 +237,15 @@ def test_a_build_is_this_programs_verilog_or_not(change, matches):
     assert ("Verilog" in told) == (matches is not None)
 
 
+def test_a_long_search_is_told_before_it_begins():
+    told = []
+    report = brought_up(ModelPort(SIZE, baud_error=0.06), note=told.append)
+    assert report.failed.kind == "baud"
+    assert len(told) == 1 and "looking for the board's baud" in told[0]
+    assert brought_up(Console(SIZE), note=told.append).failed.kind == "text"
+    assert len(told) == 1
+
+
 def test_one_lost_byte_fails_the_stage_that_repeats_the_read():
     class Once(ModelPort):
         answers = 0
