@@ -13,11 +13,11 @@ needs_yosys = pytest.mark.skipif(
 )
 
 # About 10 % over what yosys 0.23 gives; block RAM exactly, since memories must be nothing else.
-PIXELS = Cells("ice40", luts=615, flip_flops=87, block_rams=5, distributed_rams=0, carries=250)
+PIXELS = Cells("ice40", luts=562, flip_flops=87, block_rams=5, distributed_rams=0, carries=250)
 
 CEILINGS = {
-    "ice40": Cells("ice40", 9500, 2430, block_rams=84, distributed_rams=0, carries=3460),
-    "ecp5": Cells("ecp5", 7080, 2430, block_rams=36, distributed_rams=0, carries=1940),
+    "ice40": Cells("ice40", 9190, 2430, block_rams=84, distributed_rams=0, carries=3460),
+    "ecp5": Cells("ecp5", 6700, 2430, block_rams=36, distributed_rams=0, carries=1940),
     "xc7": Cells(
         "xc7", 5300, 2260, block_rams=23, distributed_rams=0, carries=1000, large_block_rams=13
     ),
