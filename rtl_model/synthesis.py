@@ -16,10 +16,10 @@ from typing import Literal
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
+from rtl_model.verilated import VERILOG
 
 __all__ = ["VERILOG", "Cells", "Family", "synthesise"]
 
-VERILOG = Path(__file__).parent / "verilog"
 Family = Literal["ice40", "ecp5", "xc7"]
 
 # Passes of yosys, and cells by kind: names begin with one of the prefixes. A CARRY4 holds four bits

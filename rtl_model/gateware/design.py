@@ -13,7 +13,7 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import TOP, top_module
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
-from rtl_model.verilated import VERILOG, build_crc
+from rtl_model.verilated import VERILOG, build_crc, verilog_files
 
 __all__ = ["Design", "design_for"]
 
@@ -39,10 +39,7 @@ class Design(NamedTuple):
     def files(self) -> dict[str, str]:
         """Returns names and texts of all files. The Makefile is last: without it the folder does
         not look whole."""
-        texts = {
-            path.name: path.read_text(encoding="utf-8")
-            for path in sorted((*VERILOG.glob("*.v"), *VERILOG.glob("*.vh")))
-        }
+        texts = {path.name: path.read_text(encoding="utf-8") for path in verilog_files(VERILOG)}
         texts[f"{TOP}.v"] = top_module(self.target, self.geometry, self.build)
         name, text = constraints(self.target)
         made = recipe(self.target, sorted(texts), name)

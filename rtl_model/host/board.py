@@ -45,6 +45,14 @@ class BoardInfo(NamedTuple):
             self.sink_words,
         )  # fmt: skip
 
+    @property
+    def build_matches(self) -> bool | None:
+        """Whether it is this program's Verilog, by the CRC-32 that it says; None where it says 0,
+        as a build does that was given none."""
+        from rtl_model.verilated import build_crc  # with the cycle model, which few hosts need
+
+        return self.build == build_crc(self.geometry) if self.build else None
+
 
 class ImagerInfo(NamedTuple):
     """What a conventional imager of ours says of itself."""

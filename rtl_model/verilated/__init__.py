@@ -11,6 +11,7 @@ from rtl_model.verilated.build import (
     library,
     missing,
     prune,
+    verilog_files,
 )
 from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
 
@@ -28,4 +29,5 @@ __all__ = [
     "missing",
     "prune",
     "trace_format",
+    "verilog_files",
 ]

@@ -31,7 +31,7 @@ from rtl_model.geometry import Geometry
 
 __all__ = [
     "KEPT_BYTES", "KEPT_DAYS", "PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc",
-    "fst_library", "library", "missing", "prune",
+    "fst_library", "library", "missing", "prune", "verilog_files",
 ]  # fmt: skip
 
 VERILOG = Path(__file__).parents[1] / "verilog"
@@ -87,7 +87,7 @@ def missing() -> list[str]:
 def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
     """Returns the CRC-32 of a build's parameters and Verilog: what its `ctrl_build` may say."""
     crc = zlib.crc32(repr(sorted(geometry.verilog.items())).encode())
-    for path in _files(VERILOG if sources is None else sources):
+    for path in verilog_files(VERILOG if sources is None else sources):
         crc = zlib.crc32(path.name.encode() + b"\0" + path.read_bytes(), crc)
     return crc
 
@@ -134,7 +134,7 @@ def library(
     flags = [*_FLAGS, *(f"-DVIFORM_{name}={value}" for name, value in parameters.items())]
     flags += {"": [], "fst": ["-DVIFORM_FST"], "vcd": ["-DVIFORM_VCD"]}[trace]
     key = hashlib.sha256(repr((verilate, flags, _LINK, _versions())).encode())
-    for path in [*_files(folder), shim, *sorted(shim.parent.glob("*.h"))]:
+    for path in [*verilog_files(folder), shim, *sorted(shim.parent.glob("*.h"))]:
         key.update(f"\0{path.name}\0".encode() + path.read_bytes())
     made = _cache() / f"{top}-{key.hexdigest()[:24]}.so"
     with _locked(made.with_suffix(".lock"), unless=made):
@@ -324,7 +324,8 @@ def _versions() -> tuple[str, str, str]:
     return version, compiler, _tool(["verilator", "--getenv", "VERILATOR_ROOT"], here).strip()
 
 
-def _files(folder: Path) -> list[Path]:
+def verilog_files(folder: Path) -> list[Path]:
+    """Returns the Verilog in a folder, headers too, by name."""
     return sorted((*folder.glob("*.v"), *folder.glob("*.vh")))
 
 

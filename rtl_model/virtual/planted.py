@@ -29,7 +29,9 @@ _BEFORE = "    genvar group;"
 def plant(verilog: Path, folder: Path, geometry: Geometry, faults: Faults) -> None:
     """Copies the Verilog of `verilog` to `folder`, with the faults of the design in it. A stuck
     bit is one of `tile_bits`: spikes counted, captured and read are all wrong together."""
-    for path in sorted((*verilog.glob("*.v"), *verilog.glob("*.vh"))):
+    from rtl_model.verilated import verilog_files  # the cycle model does without
+
+    for path in verilog_files(verilog):
         shutil.copyfile(path, folder / path.name)
     if faults.foreign:
         line = _MAGIC_LINE.replace(f"{MAGIC:08x}", f"{FOREIGN_MAGIC:08x}")

@@ -20,7 +20,6 @@ def board_identify(
     """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
     design by its csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
-    from rtl_model.verilated import build_crc
 
     with connected(
         port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
@@ -40,8 +39,8 @@ def board_identify(
         else:
             document |= {"ours": True, "registers": len(board.csr.registers)}
             document |= {"board": info._asdict() | {"build": f"{info.build:08x}"}}
-            if isinstance(info, BoardInfo) and info.build:
-                document |= {"build_matches": info.build == build_crc(info.geometry)}
+            if isinstance(info, BoardInfo) and info.build_matches is not None:
+                document |= {"build_matches": info.build_matches}
     if json:
         print_document(document)
         return

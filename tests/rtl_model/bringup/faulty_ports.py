@@ -50,22 +50,28 @@ class Changed(ModelPort):
 
 
 class EveryByte(ModelPort):
-    """Every `n`-th byte towards the board, or to the host, is dropped, turned over or doubled."""
+    """Every `n`-th byte towards the board, or to the host, is dropped, doubled or has bit `bit`
+    turned over."""
 
-    def __init__(self, kind: str, way: str, n: int, **more: object) -> None:
-        self.kind, self.way, self.n = kind, way, n
+    def __init__(self, kind: str, way: str, n: int, bit: int = 2, **more: object) -> None:
+        self.kind, self.way, self.n, self.bit = kind, way, n, bit
         self.count = 0
         super().__init__(SIZE, **more)
+
+    def hits(self) -> bool:
+        """Whether the byte counted last is one of them."""
+        return self.count % self.n == 0
 
     def _spoil(self, data: list) -> list:
         made = []
         for item in data:
             self.count += 1
-            hit = self.count % self.n == 0
+            hit = self.hits()
             if hit and self.kind == "drop":
                 continue
             if hit and self.kind == "flip":
-                item = (item[0] ^ 4, item[1]) if isinstance(item, tuple) else item ^ 4
+                mask = 1 << self.bit
+                item = (item[0] ^ mask, item[1]) if isinstance(item, tuple) else item ^ mask
             made += [item, item] if hit and self.kind == "extra" else [item]
         return made
 

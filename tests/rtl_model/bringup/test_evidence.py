@@ -12,7 +12,7 @@ from rtl_model.bringup import bring_up
 from rtl_model.bringup.line import Line
 from rtl_model.bringup.run import ALLOWED_S
 from rtl_model.host import Uartbone, default_map
-from tests.rtl_model.bringup.faulty_ports import SIZE
+from tests.rtl_model.bringup.faulty_ports import SIZE, EveryByte
 from tests.rtl_model.bringup.model_port import ModelPort
 
 WAYS = {"rx": "to-board", "tx": "from-board"}
@@ -25,34 +25,11 @@ OF_WAY = {
 """Kinds of stages that name a way by themselves."""
 
 
-class OneByte(ModelPort):
-    """The `number`-th byte of a way, from 1, is dropped, doubled or has bit `bit` turned over."""
+class OneByte(EveryByte):
+    """The `n`-th byte of a way alone, from 1."""
 
-    def __init__(self, kind: str, way: str, number: int, bit: int = 2) -> None:
-        self.kind, self.way, self.number, self.bit = kind, way, number, bit
-        self.count = 0
-        super().__init__(SIZE)
-
-    def _spoil(self, data: list) -> list:
-        made = []
-        for item in data:
-            self.count += 1
-            if self.count != self.number:
-                made.append(item)
-            elif self.kind == "flip":
-                mask = 1 << self.bit
-                made.append((item[0] ^ mask, item[1]) if isinstance(item, tuple) else item ^ mask)
-            elif self.kind == "extra":
-                made += [item, item]
-        return made
-
-    def to_board(self, data: bytes) -> list[tuple[int, bool]]:
-        heard = super().to_board(data)
-        return self._spoil(heard) if self.way == "rx" else heard
-
-    def to_host(self, data: bytes) -> bytes:
-        heard = list(super().to_host(data))
-        return bytes(self._spoil(heard) if self.way == "tx" else heard)
+    def hits(self) -> bool:
+        return self.count == self.n
 
 
 def seen(kind: str, way: str, number: int) -> tuple[str, str]:
@@ -130,7 +107,7 @@ def test_a_line_that_is_cut_at_once_is_told(way):
     class Cut(OneByte):
         def _spoil(self, data: list) -> list:
             self.count += len(data)
-            return [] if self.count - len(data) < self.number <= self.count else data
+            return [] if self.count - len(data) < self.n <= self.count else data
 
     report = bring_up(Cut("drop", way, 50), simulated=True)
     assert report.failed is not None
