@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import signal
 import sys
@@ -29,7 +28,9 @@ def main() -> None:
         code = _PIPE
         _drop_output()
     except OSError as exc:  # a file's own writer says more; this is for what has none
-        if exc.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        from scenarios.folder import NO_ROOM
+
+        if exc.errno not in NO_ROOM:
             raise
         where = exc.filename or "standard output, or where it writes"
         print(
