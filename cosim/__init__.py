@@ -2,15 +2,16 @@
 run loop. Every part stands on it; it knows none of them."""
 
 from cosim.clock import PS, Clock, seconds_to_ps
-from cosim.effects import Bound, Effect, Summary
 from cosim.errors import InputError, Interrupted, ViformError
-from cosim.events import Events, events_of, viform_of
 from cosim.frames import Frame
-from cosim.intensities import Intensities, intensity_image, join_intensities, last_reports
-from cosim.lens import Lens
-from cosim.light import Box, Light, Piece, Plane
-from cosim.loop import BLOCK, Block, Checkpoint, run_blocks
-from cosim.viform import SpikeStream, Viform
+from cosim.light.lens import Lens
+from cosim.light.light import Box, Light, Piece, Plane
+from cosim.plan.effects import Bound, Effect, Summary
+from cosim.run.loop import Checkpoint, run_blocks
+from cosim.spikes.events import Events, events_of, viform_of
+from cosim.spikes.intensities import Intensities, intensity_image, join_intensities, last_reports
+from cosim.spikes.viform import SpikeStream, Viform
+from cosim.stage import BLOCK, Block
 
 __all__ = [
     "BLOCK",

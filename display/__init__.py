@@ -1,20 +1,20 @@
 """Spikes to light: panels, the renderer, observers, and how good what they see is."""
 
-from display.context import GL_INSTALL, probe_gl
-from display.fit import Fit, fit_words
-from display.frames import FrameShow
-from display.making import AnyRenderer, make_renderer
-from display.observers import CameraPlane, FixedEye, PursuingEye, eye_time
-from display.onlooker import Lit, Onlooker, Span
-from display.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
-from display.plain import PlainRenderer
-from display.plane_by_plane import PlaneByPlane
-from display.projector import ProjectorShow, spread_errors
-from display.renderer import Renderer
+from display.observe.observers import CameraPlane, FixedEye, PursuingEye, eye_time
+from display.observe.onlooker import Lit, Onlooker, Span
+from display.observe.temporal import STAGES
+from display.observe.views import Observer, Views, panel_views
+from display.panels.fit import Fit, fit_words
+from display.panels.frames import FrameShow
+from display.panels.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
+from display.panels.projector import ProjectorShow, spread_errors
+from display.panels.truth import TruthShow
+from display.render.context import GL_INSTALL, probe_gl
+from display.render.golden import PlainRenderer
+from display.render.making import AnyRenderer, make_renderer
+from display.render.plane_by_plane import PlaneByPlane
+from display.render.renderer import Renderer
 from display.setting import DisplaySetting
-from display.temporal import STAGES
-from display.truth import TruthShow
-from display.views import Observer, Views, panel_views
 from display.window import Window, open_window
 
 __all__ = [

@@ -6,10 +6,10 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from cosim.effects import Effect
+from cosim.plan.effects import Effect
 from display.effects import SPANS, emission_effect, planes_effect, row_timing_effect
-from display.panel import SpikePanel
-from display.views import Observer, Views, panel_views
+from display.observe.views import Observer, Views, panel_views
+from display.panels.panel import SpikePanel
 
 __all__ = ["DisplaySetting"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError
-from display.shader import vertex
+from display.render.shader import vertex
 
 __all__ = ["Window", "open_window"]
 

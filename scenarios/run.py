@@ -12,22 +12,22 @@ from pathlib import Path
 
 from cosim import Interrupted
 from cosim.files import ZarrStream
-from cosim.lens import Lens
-from scenarios.board import NO_ERROR, open_boards
-from scenarios.checked import full_physics_s, left_out, too_far
-from scenarios.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from scenarios.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised
-from scenarios.folder import check_room, claimed, mend, output_folder, write_images
-from scenarios.glass import Shown, finish_glass, judge_seen, write_eye_images
-from scenarios.planning import RunPlan
-from scenarios.prepare import Prepared, prepare
-from scenarios.progress import Progress
-from scenarios.result import Error, Latency, Metric, Result, Throughput, write_result
+from cosim.light.lens import Lens
+from cosim.run.folder import check_room, claimed, mend, output_folder, write_images
+from cosim.run.progress import Progress
+from cosim.run.result import Error, Latency, Metric, Result, Throughput, write_result
+from scenarios.assemble.boards import NO_ERROR, open_boards
+from scenarios.assemble.checked import full_physics_s, left_out, too_far
+from scenarios.assemble.filming import CHECKPOINT, PUT_BACK, STREAM, film_as_promised
+from scenarios.assemble.glass_result import Shown, finish_glass, judge_seen, write_eye_images
+from scenarios.assemble.planning import RunPlan
+from scenarios.assemble.prepare import Prepared, prepare
+from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.verifier import Finding
 from scenarios.scenes import Source
-from scenarios.schema import Scenario
-from scenarios.stream_size import Sizes, measure_sizes, size_metrics
-from scenarios.verifier import Finding
 from sensor import CameraSetting
+from sensor.codec.size import Sizes, measure_sizes, size_metrics
+from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
 
 __all__ = ["Finished", "Progress", "run_scenario"]
 

@@ -1,9 +1,12 @@
 """Light to spikes: chips, the physics of the pixel, images from spike streams."""
 
-from sensor.camera import SpikeCamera
-from sensor.chips import CHIPS, Chip
-from sensor.effects import EFFECTS, ktc_electrons
-from sensor.pattern import DevicePattern, dark_current
+from sensor.device.chips import CHIPS, Chip
+from sensor.device.pattern import DevicePattern, dark_current
+from sensor.device.silicon import SILICON, Silicon, Sized
+from sensor.latched.camera import SpikeCamera
+from sensor.latched.effects import EFFECTS, ktc_electrons
+from sensor.latched.setting import CameraSetting
+from sensor.latched.tiers import make_pixels
 from sensor.reconstruct import (
     METHODS,
     interval_image,
@@ -14,9 +17,6 @@ from sensor.reconstruct import (
     tfi,
     tfp,
 )
-from sensor.setting import CameraSetting
-from sensor.silicon import SILICON, Silicon, Sized
-from sensor.tiers import make_pixels
 
 __all__ = [
     "CHIPS",

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from cosim.opencl import Device, open_device
+from cosim.compute.opencl import Device, open_device
 
 # Nothing here may fail because a machine is slow or busy.
 settings.register_profile(

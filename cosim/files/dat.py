@@ -18,7 +18,7 @@ import numpy as np
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
-from cosim.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
 __all__ = [
     "DAT_CLOCK",

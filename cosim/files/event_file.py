@@ -2,7 +2,7 @@
 
 `row`, `column` (n,) uint16, `time`, `width` (n,) int64 ticks; where spikes are quantised, `level`
 (n,) uint16 and `levels`; `shape` (height, width), `ticks`, `clock` (numerator and denominator in
-Hz) and `start`. What they mean, and in which order they stand, is said in `cosim/events.py`.
+Hz) and `start`. What they mean, and in which order they stand, is said in `cosim/spikes/events.py`.
 
 A megapixel stream may have 1e9 spikes, 20 bytes each: both ways a part is held at a time.
 """
@@ -21,11 +21,11 @@ import numpy.typing as npt
 
 from cosim.archive import ArchiveWriter, ArrayReader, open_arrays
 from cosim.clock import Clock
+from cosim.compute.memory import check_memory
 from cosim.errors import InputError
-from cosim.events import COLUMNS, Events, event_blocks
 from cosim.files.whole import whole
-from cosim.memory import check_memory
-from cosim.viform import SpikeStream, count_spikes
+from cosim.spikes.events import COLUMNS, Events, event_blocks
+from cosim.spikes.viform import SpikeStream, count_spikes
 
 __all__ = ["ENDING", "EventFile", "EventSource", "read_events", "write_events"]
 

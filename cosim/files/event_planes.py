@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.memory import check_memory
 from cosim.errors import InputError
-from cosim.events import mark_planes
 from cosim.files.event_file import ENDING, EventFile, Part
-from cosim.memory import check_memory
-from cosim.viform import Words, words_for
+from cosim.spikes.events import mark_planes
+from cosim.spikes.viform import Words, words_for
 
 __all__ = ["EventStream"]
 

@@ -12,7 +12,7 @@ from cosim.archive import load_arrays
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
-from cosim.intensities import Intensities
+from cosim.spikes.intensities import Intensities
 
 __all__ = ["read_intensities", "write_intensities"]
 

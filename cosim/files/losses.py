@@ -10,7 +10,7 @@ from cosim.files.config_yaml import CONFIG, config_beside
 from cosim.files.dat import DAT_CLOCK, HEAD_SIZE
 from cosim.files.dat_size import guess_size
 from cosim.files.raw import RAW_CLOCK
-from cosim.viform import SpikeStream
+from cosim.spikes.viform import SpikeStream
 
 __all__ = ["losses"]
 

@@ -16,7 +16,7 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.dat import DAT_CLOCK
 from cosim.files.whole import whole
-from cosim.viform import SpikeStream, Viform, words_for
+from cosim.spikes.viform import SpikeStream, Viform, words_for
 
 __all__ = ["read_npz", "write_npz"]
 

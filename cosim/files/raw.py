@@ -25,7 +25,7 @@ from cosim.files.raw_layout import (
     markers,
 )
 from cosim.files.whole import whole
-from cosim.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
 __all__ = ["RAW_CLOCK", "RawStream", "write_raw"]
 

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
-from cosim.loop import Block
-from cosim.viform import WORD, SpikeStream, Viform, Words, spikes_beyond, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, spikes_beyond, words_for
+from cosim.stage import Block
 
 if TYPE_CHECKING:
     import zarr

@@ -2,7 +2,8 @@
 leaves them out.
 
 Of the GL renderer on two cores (llvmpipe, 1000 x 1000): a draw for each plane 336 planes/s, spans
-of 8 planes 9.4 k, of 64 planes 12 k. Not of the machine at hand, as in `sensor/effects/costs.py`.
+of 8 planes 9.4 k, of 64 planes 12 k. Not of the machine at hand, as in
+`sensor/latched/effects/costs.py`.
 """
 
 from __future__ import annotations

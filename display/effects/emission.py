@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from cosim.effects import Bound, Effect, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Summary
 from display.effects.costs import EMISSION
 from display.effects.promise import JUMP
 from display.effects.shown import flutter, late_rate, spread, unsteady
 from display.effects.weighing import steps
-from display.panel import SpikePanel
-from display.views import Observer
+from display.observe.views import Observer
+from display.panels.panel import SpikePanel
 
 __all__ = ["emission_effect"]
 

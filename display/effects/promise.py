@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Bound, Summary
-from cosim.planner import ESTIMATE_WEIGHT
+from cosim.plan.effects import Bound, Summary
+from cosim.plan.planner import ESTIMATE_WEIGHT
 from display.effects.shown import base, flutter, late_rate, spread
 from display.effects.weighing import Change, steps
-from display.panel import SpikePanel
-from display.views import Observer
+from display.observe.views import Observer
+from display.panels.panel import SpikePanel
 
 __all__ = ["JUMP", "estimated", "promise", "proven"]
 

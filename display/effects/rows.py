@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cosim.effects import Bound, Effect, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Summary
 from display.effects.costs import ROWS
 from display.effects.promise import promise
 from display.effects.weighing import late_change
-from display.panel import SpikePanel
-from display.views import Observer
+from display.observe.views import Observer
+from display.panels.panel import SpikePanel
 
 __all__ = ["row_timing_effect"]
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Summary
+from cosim.plan.effects import Summary
 
 __all__ = ["base", "flutter", "late_rate", "spread", "unsteady", "worst_rate"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from cosim.effects import Bound, Effect, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Summary
 from display.effects.costs import SPAN_COST
 from display.effects.promise import promise
 from display.effects.weighing import span_change
-from display.panel import SpikePanel
-from display.views import Observer
+from display.observe.views import Observer
+from display.panels.panel import SpikePanel
 
 __all__ = ["SPANS", "planes_effect"]
 

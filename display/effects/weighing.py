@@ -31,8 +31,8 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from display.panel import SpikePanel
-from display.views import Observer, Values
+from display.observe.views import Observer, Values
+from display.panels.panel import SpikePanel
 
 __all__ = ["Change", "late_change", "seen_planes", "span_change", "steps"]
 

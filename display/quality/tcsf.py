@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from display.observe.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
 from display.quality.spectrum import Spectrum, Values, spectrum
-from display.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
 
 __all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility", "tcsf_visibility_of"]
 

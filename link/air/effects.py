@@ -27,8 +27,8 @@ from typing import Final
 import numpy as np
 
 from cosim import Bound, Effect, Summary
-from cosim.effects import free
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import free
 from link.air.air import lens_psf
 from link.air.fog import extinction, forward_share
 from link.air.geometry import affine_at, image_of, panel_corners
@@ -49,7 +49,7 @@ _STILL: Final = 1e6
 """Seconds, for air that never moves."""
 
 # ns a camera pixel of a new plane of light, on one core at 2.5 GHz beside others' work; the order
-# in which the planner leaves effects out, as in `sensor/effects/costs.py`.
+# in which the planner leaves effects out, as in `sensor/latched/effects/costs.py`.
 _COSTS: Final = {
     "lens blur": 6.0,  # 4 x 4 taps for 2 x 2
     "diffraction": 1e-3,

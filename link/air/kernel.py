@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.lens import diffraction_mtf
+from cosim.light.lens import diffraction_mtf
 
 __all__ = ["Psf", "kernel_table", "taps"]
 

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.philox import philox4x32
-from cosim.streams import Stream
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
 
 __all__ = ["DAMPING", "normal_draws", "resonance_step", "vibration"]
 

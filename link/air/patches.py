@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from link.air.geometry import lengths
 from link.air.motion import normal_draws
 from link.air.scintillation import Flicker, flicker, patch_side

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.light import Plane
+from cosim.light.light import Plane
 from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 

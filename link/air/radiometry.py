@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from cosim import Clock, InputError
-from cosim.lens import FASTEST_F_NUMBER
+from cosim.light.lens import FASTEST_F_NUMBER
 from link.air.fog import airlight, extinction, forward_share
 from link.air.geometry import lengths
 from link.air.setting import AirSetting, Optics

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from cosim.light import Plane
+from cosim.light.light import Plane
 from link.air.geometry import Lengths, lengths
 from link.air.setting import Aim, AirSetting, Optics
 

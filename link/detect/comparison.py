@@ -59,8 +59,8 @@ def _spikes(
 ) -> npt.NDArray[np.uint32]:
     """Words of the exact tier's pixels that look at these symbols."""
     from sensor import EFFECTS, make_pixels
-    from sensor.pixel.fixed_point import to_fixed
-    from sensor.pixel.model import ExactModel, Span
+    from sensor.latched.pixel.fixed_point import to_fixed
+    from sensor.latched.pixel.model import ExactModel, Span
 
     mode, known = layout.mode, pilots()
     shape = mode.height, mode.width

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD, Words
+from cosim.spikes.viform import WORD, Words
 from link.layout import Layout
 from link.timing import Registration, Timing
 

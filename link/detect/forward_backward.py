@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from cosim.viform import WORD, Words
+from cosim.spikes.viform import WORD, Words
 from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
 from link.detect.detector import Bits, Soft, bits_held

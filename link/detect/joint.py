@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import Words
+from cosim.spikes.viform import Words
 from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
 from link.detect.detector import Bits, Soft, bits_held

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.viform import WORD, Words
+from cosim.spikes.viform import WORD, Words
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
 from link.detect.detector import Soft
 from link.detect.geometry import PLACES, Seen

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD, Words
+from cosim.spikes.viform import WORD, Words
 from link.detect.counting import PHASES
 from link.detect.detector import Bits, Soft, bits_held
 from link.detect.geometry import PLACES, Seen, see

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD
+from cosim.spikes.viform import WORD
 from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
 from link.receiving.clocking import Clocking, clock_by_pilots, pilot_signal

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim.viform import Viform
+from cosim.spikes.viform import Viform
 from link.detect import DETECTORS
 from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire

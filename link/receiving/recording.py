@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD, Viform, Words
+from cosim.spikes.viform import WORD, Viform, Words
 
 __all__ = ["Recording"]
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD
+from cosim.spikes.viform import WORD
 from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, TagArt, shift_of

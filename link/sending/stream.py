@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim import Clock
-from cosim.viform import WORD, Words
+from cosim.spikes.viform import WORD, Words
 from link.sending.transmission import Transmission
 
 __all__ = ["PlaneStream"]

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD, Words, words_for
+from cosim.spikes.viform import WORD, Words, words_for
 from link.coding import Outbox, encode_line
 from link.layout import PERIOD, TRAINING, Layout, closing, pilots, training
 from link.mode import Mode

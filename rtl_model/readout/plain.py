@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.files.raw_layout import BLOCK_BYTES, HALF, RAW_SIZE
-from cosim.viform import Words, unpack_planes
+from cosim.spikes.viform import Words, unpack_planes
 from rtl_model.readout.window import Window
 
 __all__ = ["plain_readout"]

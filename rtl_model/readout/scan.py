@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.opencl import Device
 from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
-from cosim.opencl import Device
-from cosim.viform import Words, words_for
+from cosim.spikes.viform import Words, words_for
 from rtl_model.readout.window import Window
 
 __all__ = ["Readout"]

@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Literal
 
 from cosim import InputError, ViformError
+from cosim.compute.opencl import cache_folder
 from cosim.files.whole import whole
-from cosim.opencl import cache_folder
 from rtl_model.geometry import Geometry
 
 __all__ = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cosim.philox import philox4x32
-from cosim.streams import Stream
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
 from rtl_model.virtual.faults import Way
 
 __all__ = ["BITS", "noise"]

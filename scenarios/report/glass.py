@@ -13,20 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Box
-from scenarios.glass import Shown
-from scenarios.glass.clip import RATE, chosen_tiles, write_glass_clip
-from scenarios.glass.finish import TRUTH, title_of
-from scenarios.loading import to_toml
-from scenarios.png import for_display
-from scenarios.report.figures import sheet_figure
+from cosim.report.figures import sheet_figure
+from cosim.report.parts import cards, data, figure, opening, plot, run_time, write_page
+from cosim.report.pictures import busiest_box, crop, enlarge
+from cosim.report.png import for_display
+from display.observe.clip import RATE, chosen_tiles, write_glass_clip
+from display.observe.showing import key_of
+from scenarios.assemble.glass_result import TRUTH, Shown, title_of
+from scenarios.assemble.loading import to_toml
 from scenarios.report.glass_figures import latency_figure, wave_figure
 from scenarios.report.glass_tables import band_tables, display_table, light_table
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.machine import machine
-from scenarios.report.parts import cards, data, figure, opening, plot, run_time, write_page
-from scenarios.report.pictures import busiest_box, crop, enlarge
 from scenarios.run import Finished
-from scenarios.showing import key_of
 
 __all__ = ["write_glass_report"]
 

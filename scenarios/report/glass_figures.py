@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.glass import Shown
-from scenarios.glass.finish import SPIKE, title_of
-from scenarios.glass.tap import spike_waves, wave_of
-from scenarios.probes.latency import PARTS
-from scenarios.report.figures import INK, LINE, MARK, pyplot
-from scenarios.showing import beside_of
+from cosim.report.figures import INK, LINE, MARK, pyplot
+from display.observe.showing import beside_of
+from display.observe.tap import spike_waves, wave_of
+from scenarios.assemble.glass_result import SPIKE, Shown, title_of
+from scenarios.assemble.probes.latency import PARTS
 
 __all__ = ["latency_figure", "wave_figure"]
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
+from cosim.report.parts import table
 from display.quality import FlickerFigures
-from scenarios.glass import Shown
-from scenarios.glass.finish import SPIKE, title_of
-from scenarios.probes import Blur, Latency
-from scenarios.probes.metrics import GREY, NAMES
-from scenarios.report.parts import table
+from scenarios.assemble.glass_result import SPIKE, Shown, title_of
+from scenarios.assemble.probes import Blur, Latency
+from scenarios.assemble.probes.metrics import GREY, NAMES
 
 __all__ = [
     "band_tables",

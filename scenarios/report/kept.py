@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from scenarios.report.figures import INK, LINE, MARK, pyplot
-from scenarios.report.parts import plot, table
+from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.parts import plot, table
 from scenarios.run import Finished
 
 __all__ = ["error_card", "full_physics_card", "kept", "left_out_card"]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from scenarios.report.parts import table
+from cosim.report.parts import table
 from scenarios.run import Finished
-from scenarios.schema import SensorSection
 from sensor import SILICON, CameraSetting
+from sensor.sections.sensor import SensorSection
 
 __all__ = ["faults", "machine", "optics"]
 

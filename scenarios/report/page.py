@@ -10,34 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.fidelity import LEAST_RATE, Shot
-from scenarios.loading import to_toml
-from scenarios.playback import write_clip
-from scenarios.png import Levels, for_display, to_linear_bytes, write_png
-from scenarios.report.figures import interval_figure, overview_figure, sheet_figure
+from cosim.report.figures import interval_figure, overview_figure, sheet_figure
+from cosim.report.parts import cards, data, figure, opening, plot, run_time, table, write_page
+from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
+from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
+from scenarios.assemble.loading import to_toml
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.machine import machine
-from scenarios.report.parts import (
-    cards,
-    data,
-    figure,
-    opening,
-    plot,
-    run_time,
-    table,
-    write_page,
-)
-from scenarios.report.pictures import (
-    WINDOWS,
-    accumulation,
-    busiest_box,
-    crop,
-    enlarge,
-    mark_pixels,
-)
-from scenarios.report.size import size_rows, size_text
 from scenarios.run import Finished
 from sensor import tau_levels
+from sensor.codec.report import size_rows, size_text
+from sensor.reconstruct.clip import write_clip
+from sensor.reconstruct.fidelity import LEAST_RATE, Shot
 
 __all__ = ["write_page_report"]
 
@@ -171,7 +155,7 @@ def _moving_part(run: Finished, shot: Shot, long: _Long) -> str:
 
 
 def _playback(run: Finished) -> str:
-    from scenarios.commands.output import SilentProgress
+    from scenarios.cli.output import SilentProgress
 
     every = max(1, run.stream.cycles // _CLIP_FRAMES)
     path = run.folder / "playback.mp4"

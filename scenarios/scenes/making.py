@@ -6,12 +6,11 @@ import math
 from pathlib import Path
 
 from cosim import Clock, InputError
-from scenarios.scenes.film import FilmSource
-from scenarios.scenes.paced import PacedSource
-from scenarios.scenes.sky import SkySource
-from scenarios.scenes.source import AnalyticSource, Source
-from scenarios.scenes.step import StepSource
-from scenarios.schema import (
+from scenarios.scenes.charts.sky import SkySource
+from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.clips.film import FilmSource
+from scenarios.scenes.drawing.paced import PacedSource
+from scenarios.scenes.sections import (
     FilmScene,
     SceneSection,
     ShockwaveScene,
@@ -20,6 +19,7 @@ from scenarios.schema import (
     SunAndStarsScene,
     TargetScene,
 )
+from scenarios.scenes.source import AnalyticSource, Source
 
 __all__ = ["make_source"]
 
@@ -36,7 +36,7 @@ def make_source(
         stop = clock.edge(cycles)
         return StepSource(shape, scene.illuminance, scene.before, scene.after, scene.at, stop)
     if isinstance(scene, TargetScene):
-        from scenarios.scenes.target import TargetSource  # brings numba with it
+        from scenarios.scenes.charts.target import TargetSource  # brings numba with it
 
         return TargetSource(scene, shape)
     if isinstance(scene, SunAndStarsScene):
@@ -47,21 +47,21 @@ def make_source(
         )
     # The drawn scenes bring numba with them, a second of start-up that a clip need not wait for.
     if isinstance(scene, FilmScene) and scene.drawn == "chart":
-        from scenarios.scenes.chart import Chart
+        from scenarios.scenes.charts.chart import Chart
 
         return AnalyticSource(Chart(shape), scene.illuminance, clock)
     if isinstance(scene, FilmScene):
-        from scenarios.scenes.workshop import Workshop
+        from scenarios.scenes.people.workshop import Workshop
 
         return AnalyticSource(Workshop(shape, fan=12.0, disc=8.0), scene.illuminance, clock)
     if isinstance(scene, StarScene):
-        from scenarios.scenes.star import Star
+        from scenarios.scenes.charts.star import Star
 
         star = Star(shape, spokes=scene.spokes, revolutions=scene.rotation)
         return AnalyticSource(star, scene.illuminance, clock)
     if isinstance(scene, ShockwaveScene):
         return _shockwave(scene, shape, clock, cycles, aligned)
-    from scenarios.scenes.wave import Wave
+    from scenarios.scenes.people.wave import Wave
 
     return AnalyticSource(Wave(shape, rate=scene.rate), scene.illuminance, clock)
 
@@ -69,7 +69,7 @@ def make_source(
 def _shockwave(
     scene: ShockwaveScene, shape: tuple[int, int], clock: Clock, cycles: int, aligned: bool
 ) -> PacedSource:
-    from scenarios.scenes.shockwave import Shockwave
+    from scenarios.scenes.flow.shockwave import Shockwave
 
     try:
         tunnel = Shockwave(

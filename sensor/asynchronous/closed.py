@@ -13,11 +13,11 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.clock import PS
-from cosim.light import Light
+from cosim.light.light import Light
 from sensor.asynchronous.interval import goal, later
 from sensor.asynchronous.model import EventModel, Firings
-from sensor.pattern import DevicePattern
-from sensor.pixel.interval import NO_TABLE, interval_table
+from sensor.device.pattern import DevicePattern
+from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
 __all__ = ["ClosedPixels", "is_steady"]
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 from sensor.asynchronous.model import EventModel
-from sensor.pattern import DevicePattern
+from sensor.device.pattern import DevicePattern
 
 __all__ = ["CONFIDENCE", "SIDE", "EventEffect", "EventScene", "event_effects", "summarise"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cosim.events import Events
+from cosim.spikes.events import Events
 
 __all__ = ["rate_image"]
 

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from cosim.philox_compiled import random_words, word_at
-from cosim.streams import Stream
+from cosim.compute.philox_compiled import random_words, word_at
+from cosim.compute.streams import Stream
 from sensor.asynchronous.gamma import inverse_lower, inverse_upper, poisson_outside, tails
 from sensor.asynchronous.skipping import SKIP, interval_moments
-from sensor.pixel.draws import look_up
+from sensor.latched.pixel.draws import look_up
 
 __all__ = [
     "LEVEL", "crossing", "exposure", "goal", "later", "level_law", "rare_goal", "rare_reading",

@@ -2,7 +2,7 @@
 
 Time is rescaled to charge: light is piecewise linear, so the charge of an interval is quadratic in
 time and its inverse closed form, and shot noise is one Gamma(Q) threshold an interval (see
-sensor/pixel/interval.py). A run begins with every pixel empty, at its first instant.
+sensor/latched/pixel/interval.py). A run begins with every pixel empty, at its first instant.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from cosim.compute.memory import check_memory
 from cosim.errors import InputError
-from cosim.light import Light, Piece
-from cosim.memory import check_memory
+from cosim.light.light import Light, Piece
 from sensor.asynchronous.engine import advance
 from sensor.asynchronous.model import EventModel, Firings
-from sensor.pattern import DevicePattern
-from sensor.pixel.interval import NO_TABLE, interval_table
+from sensor.device.pattern import DevicePattern
+from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
 __all__ = ["AsynchronousPixels", "EventPixels"]
 

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
-from cosim.light import Light
+from cosim.light.light import Light
 from sensor.asynchronous.closed import ClosedPixels
 from sensor.asynchronous.effects import EventEffect, EventScene, event_effects
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixels import FEWER, AsynchronousPixels
-from sensor.pattern import DevicePattern
+from sensor.device.pattern import DevicePattern
 
 __all__ = ["EventPlan", "PlannedPixels", "make_plan", "reduced"]
 

@@ -17,11 +17,11 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.clock import PS
-from cosim.light import Light
-from cosim.philox import philox4x32
-from cosim.streams import Stream
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+from cosim.light.light import Light
 from sensor.asynchronous.model import EventModel
-from sensor.pattern import DevicePattern
+from sensor.device.pattern import DevicePattern
 
 __all__ = ["Followed", "exact_thresholds", "follow", "quantile_error"]
 

@@ -20,8 +20,8 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from cosim.philox_compiled import random_words
-from cosim.streams import Stream
+from cosim.compute.philox_compiled import random_words
+from cosim.compute.streams import Stream
 from sensor.asynchronous.gamma import tails, xdensity
 
 __all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]

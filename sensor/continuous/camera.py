@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, seconds_to_ps
-from cosim.intensities import Intensities
-from cosim.light import Light, Piece, Plane
+from cosim.light.light import Light, Piece, Plane
+from cosim.spikes.intensities import Intensities
 from sensor.continuous.crossing import jump
 from sensor.continuous.normal import quantile_table
 from sensor.continuous.sampled import stationary, walk

@@ -20,8 +20,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cosim.philox_compiled import pick, random_words, word_at
-from cosim.streams import Stream
+from cosim.compute.philox_compiled import pick, random_words, word_at
+from cosim.compute.streams import Stream
 from sensor.continuous.normal import normal
 from sensor.continuous.state import CHUNK
 

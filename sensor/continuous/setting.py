@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 from cosim.clock import Clock
-from cosim.radiometry import photons_per_lux
-from sensor.chips import Chip
+from cosim.light.radiometry import photons_per_lux
 from sensor.continuous.converter import Converter
-from sensor.pattern import DevicePattern
+from sensor.device.chips import Chip
+from sensor.device.pattern import DevicePattern
 
 __all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
-from sensor.effects import ktc_electrons
+from sensor.latched.effects import ktc_electrons
 
 __all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from sensor.dynamic_range.chain import Chain
 from sensor.dynamic_range.decibels import decibels
 from sensor.imagers.draws import normal, poisson

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sensor.pattern import DOUBLING, dark_current
+from sensor.device.pattern import DOUBLING, dark_current
 
 __all__ = ["BOLTZMANN_EV", "ZERO_CELSIUS", "DarkLaw", "SensorNoise"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 from sensor.dynamic_range.decibels import as_ratio, decibels
 
 __all__ = [

@@ -22,8 +22,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.philox_compiled import random_words
-from cosim.streams import Stream
+from cosim.compute.philox_compiled import random_words
+from cosim.compute.streams import Stream
 
 __all__ = ["binomial", "gamma", "negative_binomial", "normal", "poisson"]
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Effect, Summary
+from cosim.plan.effects import Effect, Summary
 
 __all__ = ["Exposed", "ImagerSummary", "PixelModel", "Values"]
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
-from cosim.light import Light
+from cosim.light.light import Light
 
 __all__ = ["Course", "LightScenery", "Scenery", "Still"]
 

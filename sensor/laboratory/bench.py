@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["LEAST_VARIANCE", "Bench", "Stack", "take_levels"]

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Bound, Effect, Summary
-from cosim.radiometry import photons_per_lux
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.light.radiometry import photons_per_lux
+from cosim.plan.effects import Bound, Effect, Summary
 from sensor.imagers import Exposed, ImagerSummary, normal, poisson
 
 __all__ = ["LinearPixels"]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import WORD, SpikeStream, Words, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Words, words_for
 from sensor.reconstruct.playback import check_cycle
 
 __all__ = [

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
-from cosim.viform import SpikeStream, count_spikes
+from cosim.spikes.viform import SpikeStream, count_spikes
 
 __all__ = ["check_cycle", "tfp"]
 

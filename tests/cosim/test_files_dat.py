@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cosim import InputError, Viform
 from cosim.files import DatStream, open_stream, write_dat
 from cosim.files.dat import DAT_CLOCK, check_dat_size
-from cosim.viform import count_spikes, words_for
+from cosim.spikes.viform import count_spikes, words_for
 
 
 def formula(planes: np.ndarray) -> bytes:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cosim import Clock, InputError, Viform
 from cosim.files import notes_of, open_stream, write_dat, write_stream
 from cosim.files.dat_size import guess_size
-from cosim.viform import unpack_planes
+from cosim.spikes.viform import unpack_planes
 
 DAT, HEAD, LARGE = 12_500, 13_000, 125_000
 CLOCK = Clock(40_000)

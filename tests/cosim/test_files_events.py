@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from cosim import Clock, Events, InputError, Viform, events_of, viform_of
 from cosim.files import event_file, notes_of, open_stream, read_events, write_events, write_stream
-from cosim.viform import words_for
+from cosim.spikes.viform import words_for
 
 CLOCK = Clock(10**9)
 NAME = "a.events.npz"
@@ -159,7 +159,7 @@ def test_what_memory_cannot_hold_is_refused_before_it_is_made(
     path = tmp_path / NAME
     write_stream(random_stream(75, (40, 40)), path)
     free = SimpleNamespace(available=2**14)
-    monkeypatch.setattr("cosim.memory.psutil.virtual_memory", lambda: free)
+    monkeypatch.setattr("cosim.compute.memory.psutil.virtual_memory", lambda: free)
     must = "must be small enough for the 1.53e-05 GiB of memory that is free, not "
     with pytest.raises(InputError) as refused:
         open_stream(path).read_words(0, 1)

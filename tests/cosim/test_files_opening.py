@@ -12,7 +12,7 @@ import pytest
 from cosim import Clock, InputError, Viform
 from cosim.files import FORMATS, open_stream, write_stream
 from cosim.files.whole import whole
-from cosim.viform import words_for
+from cosim.spikes.viform import words_for
 
 ANY_SIZE = [ending for ending in FORMATS if ending != ".raw"]
 """Formats that hold the small streams of these tests."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cosim import Clock, InputError, Viform
 from cosim.files import notes_of, open_stream, write_raw, write_stream
 from cosim.files.raw_layout import TABLE, Table, markers
-from cosim.viform import unpack_planes
+from cosim.spikes.viform import unpack_planes
 
 FRAME, BLOCK, BLOCKS = 128_000, 64, 2000
 CYCLES = 34

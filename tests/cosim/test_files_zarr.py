@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from cosim import Block, Clock, InputError, Viform
 from cosim.files import Recorder, ZarrStream, open_stream, write_zarr
-from cosim.viform import pack_planes, words_for
+from cosim.spikes.viform import pack_planes, words_for
 
 CLOCK = Clock(40_000)
 SHAPE = (2, 3)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Lens, Light, Piece
-from cosim.lens import diffraction_mtf
+from cosim.light.lens import diffraction_mtf
 
 EPS = float(np.finfo(np.float32).eps)
 PITCH_UM = 10.0

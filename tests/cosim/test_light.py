@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import PS, Light, Piece
-from cosim.light import PlaneMap
+from cosim.light.light import PlaneMap
 
 EPS = float(np.finfo(np.float32).eps)
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import BLOCK, Block, Checkpoint, InputError, Interrupted, run_blocks
-from cosim.loop import Stateful, blocks
+from cosim.stage import Stateful, blocks
 
 CYCLES = 300
 

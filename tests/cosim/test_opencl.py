@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cosim.opencl
+import cosim.compute.opencl
 from cosim import InputError
-from cosim.opencl import INSTALL, Device, cache_folder, open_device, prepare_caches, probe
+from cosim.compute.opencl import INSTALL, Device, cache_folder, open_device, prepare_caches, probe
 
 SOURCE = """
 kernel void add(global int *x) { x[get_global_id(0)] += STEP; }
@@ -68,7 +68,7 @@ def test_no_device_is_one_line_with_what_to_install(
 
 
 def test_without_sys_nothing_is_opened_that_would_abort(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cosim.opencl._PROBE", "import os; os.abort()")
+    monkeypatch.setattr("cosim.compute.opencl._PROBE", "import os; os.abort()")
     monkeypatch.setattr(os.path, "isdir", lambda path: False)
     with pytest.raises(InputError, match="/sys is not mounted"):
         open_device()
@@ -87,7 +87,7 @@ def test_without_sys_nothing_is_opened_that_would_abort(monkeypatch: pytest.Monk
 def test_probe_finds_nothing_when_the_child_dies(
     monkeypatch: pytest.MonkeyPatch, child: str
 ) -> None:
-    monkeypatch.setattr("cosim.opencl._PROBE", child)
+    monkeypatch.setattr("cosim.compute.opencl._PROBE", child)
     assert probe() == []
 
 
@@ -171,7 +171,7 @@ def test_the_cache_stays_where_it_is_once_found(
 ) -> None:
     monkeypatch.setenv("HOME", str(homeless))
     child = "import os, json; print(json.dumps([dict(os.environ)]))"
-    monkeypatch.setattr("cosim.opencl._PROBE", child)
+    monkeypatch.setattr("cosim.compute.opencl._PROBE", child)
     folder = homeless / ".cache/viform"
     for _ in range(2):
         (variables,) = probe()
@@ -185,7 +185,7 @@ def test_the_cache_stays_where_it_is_once_found(
 def test_numba_keeps_what_it_compiled_beside_the_code_only_where_that_can_be_written(
     homeless: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code = Path(cosim.opencl.__file__).parent
+    code = Path(cosim.compute.opencl.__file__).parent
     for writable in (True, False):
         monkeypatch.setattr(os, "access", lambda path, _, yes=writable: path != code or yes)
         prepare_caches()

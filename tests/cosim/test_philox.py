@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.philox import philox4x32, philox_cl
+from cosim.compute.philox import philox4x32, philox_cl
 
 # Random123's known-answer file (kat_vectors, philox4x32-10): counter, key, answer.
 VECTORS = [

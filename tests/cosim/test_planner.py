@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cosim import Bound, Effect, Summary
-from cosim.planner import ESTIMATE_WEIGHT, SHARE, make_plan
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, make_plan
 
 
 def effect(name, bound, cost=1.0, kind="proof", scope="plane", group=""):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.radiometry import luminous_efficiency, photons_per_lux
+from cosim.light.radiometry import luminous_efficiency, photons_per_lux
 
 
 def test_photons_in_a_lux_at_555_nm_are_those_of_the_paper() -> None:

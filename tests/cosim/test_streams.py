@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.philox import philox4x32
-from cosim.philox_compiled import word_at
-from cosim.streams import Stream
-from sensor.effects import EFFECTS
+from cosim.compute.philox import philox4x32
+from cosim.compute.philox_compiled import word_at
+from cosim.compute.streams import Stream
+from sensor.latched.effects import EFFECTS
 
 ROOT = Path(__file__).parents[2]
 
@@ -48,7 +48,7 @@ def test_every_file_that_draws_names_its_stream_by_the_table():
             found += 1
             # By the table, or by that of an effect which has it from there.
             text = path.read_text()
-            assert "from cosim.streams import Stream" in text or "SHOT_NOISE.stream" in text, path
+            assert "from cosim.compute.streams import Stream" in text or "SHOT_NOISE.stream" in text, path
     assert found >= 6
     assert all(isinstance(effect.stream, Stream) for effect in EFFECTS.values())
 

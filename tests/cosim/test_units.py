@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cosim.units import KINDS, format_quantity, parse_quantity
+from cosim.config.units import KINDS, format_quantity, parse_quantity
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

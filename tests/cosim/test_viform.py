@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, Viform
-from cosim.viform import count_spikes, pack_planes, spikes_beyond, unpack_planes, words_for
+from cosim.spikes.viform import count_spikes, pack_planes, spikes_beyond, unpack_planes, words_for
 
 CLOCK = Clock(40_000)
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Summary
-from cosim.viform import pack_planes
+from cosim.spikes.viform import pack_planes
 from display import (
     DRIVES,
     CameraPlane,

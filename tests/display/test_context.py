@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 import pytest
 
-import display.context
+import display.render.context
 from cosim import Clock, InputError
 from display import GL_INSTALL, Renderer, SpikePanel, probe_gl
 
@@ -57,10 +57,10 @@ def test_a_machine_without_gl_gets_one_line_with_the_mend(
 
 
 def test_a_machine_without_the_libraries_gets_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    backend = {**display.context._BACKEND, "libegl": "libEGL-of-nobody.so.1"}
+    backend = {**display.render.context._BACKEND, "libegl": "libEGL-of-nobody.so.1"}
     monkeypatch.setattr(display.context, "_BACKEND", backend)
     with pytest.raises(InputError, match=r"libEGL\.so\.1, not missing \(libEGL-of-nobody"):
-        display.context.open_context()
+        display.render.context.open_context()
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_too_little_of_a_driver_is_one_line(key: str, least: int) -> None:
         "GL_RENDERER": "a driver", "GL_MAX_DRAW_BUFFERS": 8, "GL_MAX_TEXTURE_IMAGE_UNITS": 16,
         "GL_MAX_TEXTURE_SIZE": 1024,
     }  # fmt: skip
-    display.context._check_limits(info)
+    display.render.context._check_limits(info)
     with pytest.raises(InputError, match=f"at least {least}, not {least - 1} .a driver"):
-        display.context._check_limits({**info, key: least - 1})
+        display.render.context._check_limits({**info, key: least - 1})
 
 
 def small() -> Renderer:

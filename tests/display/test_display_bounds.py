@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.planner import ESTIMATE_WEIGHT
+from cosim.plan.planner import ESTIMATE_WEIGHT
 from display import DisplaySetting
 from display.effects.promise import proven
 from display.effects.weighing import late_change, span_change
-from display.pixels import PatchDisplay
+from display.panels.pixels import PatchDisplay
 from tests.display.random_streams import TILE, Stream, random_stream
 
 

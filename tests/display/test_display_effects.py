@@ -9,10 +9,10 @@ import pytest
 from scipy.special import gamma
 
 from cosim import Summary
-from cosim.viform import pack_planes
+from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PlainRenderer, PursuingEye, SpikePanel
 from display.effects.weighing import late_change, seen_planes, span_change
-from display.observers import STAGES, eye_time
+from display.observe.observers import STAGES, eye_time
 from tests.display.random_streams import CLOCK
 
 PANEL = SpikePanel((4, 4), CLOCK, 0.6)

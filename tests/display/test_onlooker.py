@@ -7,7 +7,7 @@ import pytest
 
 from cosim import PS, Clock, Light, Piece
 from display import CameraPlane, FixedEye, Lit, Onlooker, PursuingEye, Span, TruthShow
-from display.plain import _shifted
+from display.render.golden import _shifted
 
 MS = PS // 1000
 SHAPE = (12, 50)

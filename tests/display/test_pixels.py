@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import Clock
-from cosim.viform import pack_planes
+from cosim.spikes.viform import pack_planes
 from display import (
     DRIVES,
     CameraPlane,
@@ -16,7 +16,7 @@ from display import (
     PursuingEye,
     SpikePanel,
 )  # fmt: skip
-from display.pixels import PatchDisplay
+from display.panels.pixels import PatchDisplay
 
 CLOCK = Clock(40_000)
 SHAPE, PLANES = (6, 9), 320

@@ -10,7 +10,7 @@ import pytest
 
 from cosim import Clock
 from display import PlainRenderer, PlaneByPlane, SpikePanel
-from display.plane_by_plane import KEEP
+from display.render.plane_by_plane import KEEP
 
 pytestmark = pytest.mark.usefixtures("gl")
 SHAPE = (5, 12)

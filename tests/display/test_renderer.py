@@ -11,7 +11,7 @@ import pytest
 
 from cosim import Clock
 from display import DRIVES, PlainRenderer, Renderer, SpikePanel, Views, make_renderer
-from display.plain import FOREVER
+from display.render.golden import FOREVER
 
 pytestmark = pytest.mark.usefixtures("gl")
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Viform
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 from display import SpikePanel
 from link.air import Aim, Air, AirSetting, Optics, f_number_for
 from link.mode import CELLS, LINE_CODES, TICKS, LineCode, Mode
 from link.receiving import Received, Receiver
 from link.sending import Transmission
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
-from sensor.pixel.model import Reset
+from sensor.latched.pixel.model import Reset
 
 CLOCK = Clock(40_000)
 SIDE, PANEL = 144, 128

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from scenarios.cli import _main
-from scenarios.commands.output import SilentProgress
-from scenarios.loading import load
+from cosim.run.result import Result
+from scenarios.assemble.loading import load
+from scenarios.cli.entry import _main
+from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
-from scenarios.result import Result
 from scenarios.run import Finished, run_scenario
 
 SMALL = ("sensor.chip=spikeone", "duration=2.5 ms", "image.at=[50]")
@@ -38,7 +38,7 @@ def viform(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Answer]:
     """Runs a command in this process, which says the same however long it takes."""
-    monkeypatch.setattr("scenarios.commands.output.EVERY_S", math.inf)
+    monkeypatch.setattr("scenarios.cli.output.EVERY_S", math.inf)
 
     def call(*arguments: object) -> Answer:
         capsys.readouterr()

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.effects import Bound, Effect
+from cosim.compute.streams import Stream
 from cosim.frames import Frame
-from cosim.streams import Stream
-from scenarios.imagers.machine import Expected
-from scenarios.result import Latency, Metric
+from cosim.plan.effects import Bound, Effect
+from cosim.run.result import Latency, Metric
+from rtl_model.imagers.run.machine import Expected
 from sensor.imagers import ImagerSummary, normal, poisson
 
 ELECTRONS = 2000.0

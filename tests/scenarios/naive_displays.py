@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from display import PlainRenderer
-from display import plain as golden
+from display.render import golden
 
 
 class Float32Sums(PlainRenderer):

@@ -15,14 +15,14 @@ import numpy as np
 from numba import njit
 
 from cosim import PS, Clock, Light, Piece
-from cosim.streams import Stream
-from scenarios.stability.bright import Sunlit
-from scenarios.stability.cutting import CYCLES, SMALL, Cut, plain_bits
-from scenarios.stability.denormals import flushing
-from scenarios.stability.firing import Sine
-from scenarios.stability.gathering import CLOCK
-from scenarios.stability.ticks import Counters, Edges
-from sensor.pixel.fixed_point import ONE
+from cosim.compute.streams import Stream
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.stability.bright import Sunlit
+from sensor.stability.cutting import CYCLES, SMALL, Cut, plain_bits
+from sensor.stability.denormals import flushing
+from sensor.stability.firing import Sine
+from sensor.stability.gathering import CLOCK
+from sensor.stability.ticks import Counters, Edges
 
 
 @njit(cache=True)

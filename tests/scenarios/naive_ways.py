@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from scenarios.stability import CASES
+from scenarios.studies.stability import CASES
 
 __all__ = ["Way", "ids", "must_fail", "must_hold_and_be_caught"]
 

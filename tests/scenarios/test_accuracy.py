@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from scenarios.accuracy import LADDER, accuracy
-from scenarios.commands.output import SilentProgress
-from scenarios.loading import load
-from scenarios.order import fit_order
+from cosim.plan.order import fit_order
+from scenarios.assemble.accuracy import LADDER, accuracy
+from scenarios.assemble.loading import load
+from scenarios.cli.output import SilentProgress
 
 STAR = (
     "sensor.chip=spikeone", "sensor.preset=silicon", "scene.rotation=0 Hz", "duration=5 ms",
@@ -61,7 +61,7 @@ def test_a_tighter_tolerance_is_never_less_accurate(document):
 
 def test_the_command_prints_one_document(viform, monkeypatch, document):
     # The measuring is tested above.
-    monkeypatch.setattr("scenarios.accuracy.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.accuracy.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star", "--json")
     printed = json.loads(out)
     assert code == 0
@@ -71,7 +71,7 @@ def test_the_command_prints_one_document(viform, monkeypatch, document):
 
 
 def test_a_reader_gets_a_table(viform, monkeypatch, document):
-    monkeypatch.setattr("scenarios.accuracy.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.accuracy.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star")
     assert code == 0 and "times faster" in out and "shot noise" in out
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.amounts import amount
+from cosim.config.amounts import amount
 
 
 @pytest.mark.parametrize(

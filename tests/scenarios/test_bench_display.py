@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.bench
-import scenarios.bench_display
-from cosim.viform import WORD
+import scenarios.studies.bench.display
+import scenarios.studies.bench.sensor
+from cosim.run.timing import BRIGHT, DARK, least_of
+from cosim.spikes.viform import WORD
 from display import probe_gl
-from scenarios.bench_display import KINDS, _words
-from scenarios.timing import BRIGHT, DARK, least_of
+from scenarios.studies.bench.display import KINDS, _words
 from sensor import CHIPS
 
 
@@ -61,7 +61,7 @@ def test_what_is_timed_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     words = _words(128, shape)
     rate = np.bitwise_count(words).sum(axis=0) / 128
     for kind in KINDS:
-        scenarios.bench_display._planes_a_second(kind, words, shape)
+        scenarios.studies.bench.display._planes_a_second(kind, words, shape)
         ours, plain = seen[-2:]
         assert plain.max() > 0
         expected = rate / BRIGHT

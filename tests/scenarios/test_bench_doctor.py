@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-import scenarios.bench
-import scenarios.doctor
-from cosim.opencl import open_device
-from scenarios.cli import _main
-from scenarios.doctor import Check
+import scenarios.cli.machine
+import scenarios.studies.bench.sensor as bench
+from cosim.compute.opencl import open_device
+from scenarios.cli.entry import _main
+from scenarios.cli.machine import Check
 
 
 @pytest.fixture
@@ -54,16 +54,16 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
     import numpy as np
 
     words = []
-    least = scenarios.bench.least
+    least = bench.least
 
     def spy(call, repeats=1):  # type: ignore[no-untyped-def]
         words.append(call())
         return least(call, repeats)
 
     monkeypatch.setattr(scenarios.bench, "least", spy)
-    scenarios.bench._exact(open_device(), 100_000, noise=True, ramp=False)
+    bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
-    assert rate == pytest.approx((scenarios.bench.DARK + scenarios.bench.BRIGHT) / 2, rel=0.02)
+    assert rate == pytest.approx((bench.DARK + bench.BRIGHT) / 2, rel=0.02)
 
 
 def test_bench_refuses_a_part_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
@@ -95,13 +95,13 @@ def test_doctor_names_what_is_missing_and_the_mend(
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.doctor, "probe", list)
-    check = scenarios.doctor._opencl()
+    check = scenarios.cli.machine._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.mend
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.doctor, "probe_gl", lambda: (False, "the EGL vendor must be"))
-    check = scenarios.doctor._gl()
+    check = scenarios.cli.machine._gl()
     assert not check.ok and not check.needed
     assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-import scenarios.bench
-import scenarios.bench_link
+import scenarios.studies.bench.link
+import scenarios.studies.bench.sensor
 
 
 def test_bench_link_prints_the_documented_rows(
@@ -29,7 +29,7 @@ def test_bench_link_prints_the_documented_rows(
 
 
 def test_what_is_timed_is_received() -> None:
-    _, bits, _, calls, _ = scenarios.bench_link._modem(128)
+    _, bits, _, calls, _ = scenarios.studies.bench.link._modem(128)
     assert bits > 0
     for call in calls:
         right = call()

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Light, Piece
-from cosim.loop import blocks
+from cosim.report.png import for_display
+from cosim.stage import blocks
 from display import CameraPlane, FramePanel, Lit, Span
-from scenarios.beside import TRUTH, BesideStage
-from scenarios.filming import WiderStage
-from scenarios.png import for_display
-from scenarios.scenes.chart import PURSUIT, STRIPS, Chart
+from display.observe.beside import TRUTH, BesideStage
+from display.observe.showing import beside_of, observers_of
+from display.observe.slow_motion import Film, SlowMotion
+from display.section import DisplaySection
+from scenarios.assemble.filming import WiderStage
+from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
 from scenarios.scenes.source import AnalyticSource
-from scenarios.schema.display import DisplaySection
-from scenarios.showing import beside_of, observers_of
-from scenarios.slow_motion import Film, SlowMotion
 
 MS = PS // 1000
 CLOCK = Clock(40_000)

@@ -11,18 +11,18 @@ import pytest
 
 from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
-from cosim.viform import count_spikes
+from cosim.spikes.viform import count_spikes
+from link.run.prepare import ready_link
 from link.sending import Transmission
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
 from rtl_model.virtual import VirtualBoard
-from scenarios.board import BoardCamera
-from scenarios.commands.output import SilentProgress
-from scenarios.link_run.loop import open_loop
-from scenarios.link_run.prepare import ready_link
-from scenarios.loading import load
-from scenarios.readout import resized
+from scenarios.assemble.boards import BoardCamera
+from scenarios.assemble.link_loop import open_loop
+from scenarios.assemble.loading import load
+from scenarios.assemble.readout import resized
+from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting
 

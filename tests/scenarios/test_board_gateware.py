@@ -13,7 +13,7 @@ import typer
 
 from rtl_model.gateware import TARGETS, Fit, design_for
 from rtl_model.geometry import Geometry
-from scenarios.commands.board_gateware import board_gateware
+from scenarios.cli.board.gateware import board_gateware
 
 COMMAND = [sys.executable, "-c", "from scenarios.cli import main; main()", "board", "gateware"]
 

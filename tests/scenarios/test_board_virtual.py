@@ -62,7 +62,7 @@ def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
 def test_bad_input_is_one_line(
     options: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from scenarios.cli import main
+    from scenarios.cli.entry import main
 
     monkeypatch.setattr(sys, "argv", ["viform", "board", "virtual", *options])
     handler = signal.getsignal(signal.SIGTERM)

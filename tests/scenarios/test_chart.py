@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock
-from scenarios.loading import load
-from scenarios.pursuit import pursuit_speed, shift_between
-from scenarios.scenes.chart import PURSUIT, SLOW, STRIPS, Chart
-from scenarios.scenes.chart_art import DARK, MIDDLE, WEDGE
-from scenarios.scenes.film import FilmSource
+from display.observe.pursuit import pursuit_speed, shift_between
+from scenarios.assemble.loading import load
+from scenarios.scenes.charts.chart import PURSUIT, SLOW, STRIPS, Chart
+from scenarios.scenes.charts.chart_art import DARK, MIDDLE, WEDGE
+from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.making import make_source
 from scenarios.scenes.source import AnalyticSource
-from scenarios.scenes.step import StepSource
 
 SHAPE = (240, 300)
 CHART = Chart(SHAPE)

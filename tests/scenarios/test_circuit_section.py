@@ -7,8 +7,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from cosim.units import KINDS, parse_quantity
-from scenarios.schema.circuit import CircuitSection
+from cosim.config.units import KINDS, parse_quantity
+from sensor.sections.circuit import CircuitSection
 
 
 def test_every_key_is_read_in_si_units() -> None:

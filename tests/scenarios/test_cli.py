@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import cosim.loop
+import cosim.run.loop
 from cosim import Interrupted
 from cosim.files import open_stream
-from scenarios.loading import load, shipped
-from scenarios.schema import export
+from scenarios.assemble.loading import load, shipped
+from scenarios.assemble.scenario import export
 
 PROGRAM = Path(sys.executable).with_name("viform")
 SET_SMALL = ("--set", "sensor.chip=spikeone", "--set", "duration=2.5 ms", "--set", "image.at=[50]")
@@ -314,9 +314,9 @@ def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp
     assert not (folder / "result.json").exists()
     chunks = {path: path.stat().st_mtime_ns for path in (folder / "stream.zarr").rglob("*")}
     read: list[Path] = []
-    load_arrays = cosim.loop.load_arrays
+    load_arrays = cosim.run.loop.load_arrays
     monkeypatch.setattr(
-        "cosim.loop.load_arrays", lambda path: read.append(path) or load_arrays(path)
+        "cosim.run.loop.load_arrays", lambda path: read.append(path) or load_arrays(path)
     )
     result, _ = film("step", folder, "scene.at=1.26 ms", resume=True)
     assert read == [folder / "checkpoint.npz"]  # once

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock
-from scenarios.scenes.clip import Clip
-from scenarios.scenes.film import FilmSource
-from scenarios.scenes.timeline import Timeline
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.film import FilmSource
+from scenarios.scenes.clips.timeline import Timeline
 
 CLOCK = Clock(40_000)
 SHAPE = (8, 16)

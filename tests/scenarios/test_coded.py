@@ -7,13 +7,14 @@ import json
 import numpy as np
 import pytest
 
-import scenarios.code_bench.measure
-import scenarios.code_bench.scenes
+import scenarios.studies.codes.measure
+import scenarios.studies.codes.scenes
 from cosim import Clock, Viform
 from cosim.files import open_stream, write_npz
-from scenarios.code_bench import draw, markdown
-from scenarios.report.size import size_rows, size_text
-from scenarios.stream_size import (
+from scenarios.studies.codes import draw, markdown
+from sensor.codec import Code, read_fsc, recode
+from sensor.codec.report import size_rows, size_text
+from sensor.codec.size import (
     LAYOUTS,
     coded_size,
     layout,
@@ -22,7 +23,6 @@ from scenarios.stream_size import (
     size_metrics,
     zstd_size,
 )
-from sensor.first_spike import Code, read_fsc, recode
 
 CLOCK = Clock(40_000)
 
@@ -183,7 +183,7 @@ def test_a_run_tells_the_size_of_its_stream(step_run):
 @pytest.fixture
 def document(monkeypatch, device):
     """The bench over two small scenes and one steady light."""
-    measure = scenarios.code_bench.measure
+    measure = scenarios.studies.codes.measure
     for module in (measure, scenarios.code_bench.scenes):
         monkeypatch.setattr(module, "SHAPE", (24, 32))
         monkeypatch.setattr(module, "CYCLES", 640)
@@ -219,7 +219,7 @@ def test_the_bench_tells_still_from_moving_and_agrees_with_the_closed_forms(docu
 
 def test_the_bench_of_the_code_is_a_command(viform, refused, monkeypatch, tmp_path):
     empty: dict[str, list[object]] = {"sizes": [], "steady": []}
-    monkeypatch.setattr("scenarios.code_bench.bench_code", lambda device: empty)
+    monkeypatch.setattr("scenarios.studies.codes.bench_code", lambda device: empty)
     code, out, _ = viform("bench", "code", "--json")
     assert code == 0 and json.loads(out) == empty
     assert refused("bench", "--figure", tmp_path / "a.png") == (

@@ -12,15 +12,15 @@ import pytest
 from scipy.special import ndtr
 
 from cosim import PS, InputError
-from scenarios.compare import load_comparison
-from scenarios.compare.knobs import set_ebaps, set_emccd
-from scenarios.compare.measure import EDGE, noise, still_blur
-from scenarios.compare.motion import RAMP, Motion
-from scenarios.compare.ranges import ends, one_frame, with_controls
-from scenarios.compare.row import FIGURES
-from scenarios.compare.run_in import Placed, RunIn
-from scenarios.compare.setting import SHAPE
-from scenarios.schema import EbapsSection, EmccdSection
+from rtl_model.imagers.sections import EbapsSection, EmccdSection
+from scenarios.studies.compare import load_comparison
+from scenarios.studies.compare.knobs import set_ebaps, set_emccd
+from scenarios.studies.compare.measure import EDGE, noise, still_blur
+from scenarios.studies.compare.motion import RAMP, Motion
+from scenarios.studies.compare.ranges import ends, one_frame, with_controls
+from scenarios.studies.compare.row import FIGURES
+from scenarios.studies.compare.run_in import Placed, RunIn
+from scenarios.studies.compare.setting import SHAPE
 from sensor.imagers import Course, Exposed, Still
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.emccd import EmccdPixels, without_smear

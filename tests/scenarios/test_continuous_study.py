@@ -11,10 +11,10 @@ import pytest
 from pydantic import ValidationError
 
 from cosim import Clock, InputError
-from scenarios.continuous import continuous_setting
-from scenarios.continuous_study import compare, traces_figure
-from scenarios.schema.continuous import ContinuousSection
+from scenarios.assemble.continuous import continuous_setting
+from scenarios.studies.continuous import compare, traces_figure
 from sensor import CHIPS, CameraSetting, DevicePattern
+from sensor.sections.continuous import ContinuousSection
 
 CAMERA = CameraSetting(CHIPS["spiketwo"], Clock(40_000), 1000.0, 5, 600.0)
 

@@ -12,7 +12,7 @@ import pytest
 
 from cosim import Clock, Events, Viform
 from cosim.files import open_stream, read_events, write_events, write_stream
-from cosim.viform import words_for
+from cosim.spikes.viform import words_for
 
 USUAL, SLOW = Clock(40_000), Clock(20_000)
 

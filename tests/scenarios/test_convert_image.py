@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
 from cosim.files import open_stream, write_npz, write_stream
-from cosim.viform import unpack_planes
-from scenarios.commands.output import size_option
-from scenarios.png import for_display, to_linear_bytes
+from cosim.report.png import for_display, to_linear_bytes
+from cosim.spikes.viform import unpack_planes
+from scenarios.cli.output import size_option
 from sensor import tfp
 
 

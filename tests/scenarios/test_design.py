@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from cosim import InputError
-from scenarios.design import budget_document, load_budget, to_budget
-from scenarios.report.photon_transfer import photon_transfer_figure
+from scenarios.studies.design import budget_document, load_budget, to_budget
 from sensor.laboratory import Bench, LinearPixels, measure_camera
+from sensor.laboratory.figure import photon_transfer_figure
 
 DESIGN = ("design", "dynamic-range")
 SMALL = ("--set", "temperature=25 degC", "--set", "circuit_noise=0.1 mV", "--set", "digital_gain=1")
@@ -209,7 +209,7 @@ def test_no_assignment_breaks_it(assignments: dict[str, str]) -> None:
     except InputError as exc:
         assert "\n" not in str(exc)
         return
-    from scenarios.result import dumps
+    from cosim.run.result import dumps
 
     json.loads(dumps(budget_document("", budget)))
 
@@ -255,7 +255,7 @@ def test_no_extreme_part_breaks_it(
         f"circuit_noise={circuit}", f"analog_gain={gain}", f"digital_gain={gain}",
         f"exposure={exposure}",
     ]))  # fmt: skip
-    from scenarios.result import dumps
+    from cosim.run.result import dumps
 
     row = json.loads(dumps(budget_document("", budget)))["rows"][0]
     assert row["dr_db"] is not None and row["dr_document_db"] is not None

@@ -11,15 +11,15 @@ import pytest
 
 from cosim import InputError, SpikeStream
 from cosim.files import open_stream
-from cosim.viform import count_spikes
-from scenarios.cli import _main
-from scenarios.exposure import camera_setting
-from scenarios.loading import load, to_toml
-from scenarios.result import Result
+from cosim.run.result import Result
+from cosim.spikes.viform import count_spikes
+from scenarios.assemble.camera import camera_setting
+from scenarios.assemble.loading import load, to_toml
+from scenarios.assemble.messages import validate
+from scenarios.cli.entry import _main
 from scenarios.run import run_scenario
-from scenarios.schema import validate
-from scenarios.schema.sensor import LEVELS
 from sensor import CHIPS, SILICON, CameraSetting
+from sensor.sections.sensor import LEVELS
 
 SMALL = ["--set", "sensor.chip=spikeone", "--set", "duration=6.4 ms", "--set", "scene.at=6 ms"]
 

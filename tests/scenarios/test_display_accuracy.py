@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from cosim import Block
-from scenarios.accuracy import LADDER, accuracy
-from scenarios.commands.output import SilentProgress
-from scenarios.display_cost import display_ns, golden_ns
-from scenarios.loading import load
+from display.trial.cost import display_ns, golden_ns
+from scenarios.assemble.accuracy import LADDER, accuracy
+from scenarios.assemble.loading import load
+from scenarios.cli.output import SilentProgress
 from tests.scenarios.test_display_plan import GLASS, SPANS
 
 
@@ -54,8 +54,8 @@ def test_the_display_s_cost_counts_planes_and_looks(document):
     """A renderer that does nothing but count is asked for every plane once, in its own spans."""
     import numpy as np
 
-    import scenarios.display_cost as cost
-    from cosim.viform import words_for
+    import display.trial.cost as cost
+    from cosim.spikes.viform import words_for
     from display import CameraPlane, DisplaySetting, SpikePanel
     from tests.display.random_streams import CLOCK
 

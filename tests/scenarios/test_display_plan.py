@@ -14,12 +14,12 @@ import pytest
 from cosim import Block, Bound
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.costs import SHOWN, SPAN_COST
-from scenarios.display_setting import display_of
-from scenarios.loading import load
-from scenarios.planning import RunPlan, plan_run
-from scenarios.prepare import look_at, prepare_camera, scene_source
-from scenarios.shown import TRUTH
-from scenarios.verifier import BrokenPromise, Verifier
+from scenarios.assemble.display import display_of
+from scenarios.assemble.loading import load
+from scenarios.assemble.planning import RunPlan, plan_run
+from scenarios.assemble.prepare import look_at, prepare_camera, scene_source
+from scenarios.assemble.shown import TRUTH
+from scenarios.assemble.verifier import BrokenPromise, Verifier
 
 SPANS = ("planes within 8", "planes within 64")
 GLASS = """

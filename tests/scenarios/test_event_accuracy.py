@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from scenarios import event_accuracy
-from scenarios.commands.output import SilentProgress
-from scenarios.event_accuracy import TOLERANCES, accuracy_events
-from scenarios.event_plan import begin_events, plan_events
-from scenarios.event_verify import choose_tiles, measure, verify
-from scenarios.loading import load
-from scenarios.result import Result
-from scenarios.run_events import EventRun, run_events
-from scenarios.schema import Scenario
+from cosim.run.result import Result
+from scenarios.assemble import event_accuracy
+from scenarios.assemble.event_accuracy import TOLERANCES, accuracy_events
+from scenarios.assemble.event_plan import begin_events, plan_events
+from scenarios.assemble.loading import load
+from scenarios.assemble.run_events import EventRun, run_events
+from scenarios.assemble.scenario import Scenario
+from scenarios.cli.output import SilentProgress
 from sensor.asynchronous import effects
+from sensor.asynchronous.verify import choose_tiles, measure, verify
 
 SMALL = ("sensor.asynchronous.width=96", "sensor.asynchronous.height=96")
 
@@ -128,7 +128,7 @@ def test_a_run_with_a_false_bound_says_so_and_keeps_the_effect(tmp_path, monkeyp
 def test_a_sum_that_exceeds_the_tolerance_is_found_out(monkeypatch):
     """Bounds and single measurements that lie alike: only the reference can tell."""
     monkeypatch.setattr(effects, "_shot_noise", lambda scene: scene.mean * 1e-9)
-    monkeypatch.setattr("scenarios.event_verify._left_out", lambda *given: ([], set(), []))
+    monkeypatch.setattr("sensor.asynchronous.verify._left_out", lambda *given: ([], set(), []))
     start = begin_events(sky("duration=1 s"))
     plan = start.plan(1e-3)
     assert plan.where("shot noise").any()

@@ -16,13 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, InputError
-from cosim.loop import blocks
-from scenarios.scenes.clip import Clip
-from scenarios.scenes.film import FilmSource
+from cosim.stage import blocks
+from scenarios.scenes.charts.step import BARS, StepSource
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.source import AnalyticSource, spread_points
-from scenarios.scenes.step import BARS, StepSource
-from sensor.exposure import Exposure
-from sensor.pixel.fixed_point import ONE
+from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.fixed_point import ONE
 
 CLOCK = Clock(40_000)
 SHAPE = (8, 16)

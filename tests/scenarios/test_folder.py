@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
-from scenarios.cli import _main
-from scenarios.folder import check_room, claimed
+from cosim.run.folder import check_room, claimed
+from scenarios.cli.entry import _main
 
 
 def test_two_runs_that_start_at_once_get_two_folders(
@@ -29,9 +29,9 @@ def test_a_name_taken_between_looking_and_making_is_not_shared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    import scenarios.folder
+    import cosim.run.folder
 
-    found, asked = scenarios.folder.output_folder, []
+    found, asked = cosim.run.folder.output_folder, []
 
     def slow(*words: object) -> Path:
         place = found(*words)  # type: ignore[arg-type]
@@ -40,7 +40,7 @@ def test_a_name_taken_between_looking_and_making_is_not_shared(
         asked.append(place)
         return place
 
-    monkeypatch.setattr(scenarios.folder, "output_folder", slow)
+    monkeypatch.setattr(cosim.run.folder, "output_folder", slow)
     with claimed("film", None, False) as folder:
         assert folder == Path("runs/film-2")
 

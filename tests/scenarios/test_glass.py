@@ -17,19 +17,19 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from cosim import Block, Clock, Interrupted, Light, Piece, Viform
-from cosim.viform import pack_planes
+from cosim.light.ssim import Likeness, inside
+from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, FramePanel, PlainRenderer, SpikePanel
-from scenarios.commands.output import SilentProgress
-from scenarios.glass.clip import chosen_tiles
-from scenarios.glass.glass import Glass
-from scenarios.glass.judge import BANDS, judge_glass
-from scenarios.glass.stage import DisplayStage
-from scenarios.glass.tap import LightTap, spike_waves, wave_of
-from scenarios.probes import Probes, metrics
+from display.observe.clip import chosen_tiles
+from display.observe.showing import key_of
+from display.observe.slow_motion import SlowMotion
+from display.observe.stage import DisplayStage
+from display.observe.tap import LightTap, spike_waves, wave_of
+from display.quality.fidelity import BANDS, judge_glass
+from scenarios.assemble.glass import Glass
+from scenarios.assemble.probes import Probes, metrics
+from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
-from scenarios.showing import key_of
-from scenarios.slow_motion import SlowMotion
-from scenarios.ssim import Likeness, inside
 
 CLOCK = Clock(40_000)
 SETS = ("duration=4 ms", "image.at=[60, 90]", 'display.beside=["120 Hz", "1000 Hz"]')

@@ -7,11 +7,11 @@ import pytest
 from cosim import PS
 from rtl_model.imagers.adaptive import AdaptiveExposure, light_for
 from rtl_model.imagers.ebaps import Ebaps
-from scenarios.imagers.decisions import Decided, Decisions
-from scenarios.imagers.tape import NoTape, Taped
-from scenarios.imagers.view import make_view
-from scenarios.loading import load
-from scenarios.run_imager import run_imager
+from rtl_model.imagers.run.decisions import Decided, Decisions
+from rtl_model.imagers.run.tape import NoTape, Taped
+from rtl_model.imagers.run.view import make_view
+from scenarios.assemble.loading import load
+from scenarios.assemble.run_imager import run_imager
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.ebaps import EbapsPixels

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from cosim import PS, InputError
+from cosim.run.result import Metric
 from rtl_model.imagers import design
-from scenarios.commands.run import refuse_device
-from scenarios.imagers.adaptive import AdaptiveMachine, changes
-from scenarios.imagers.filming import watched
-from scenarios.imagers.kinds import machine_of
-from scenarios.imagers.machine import take
-from scenarios.imagers.planning import ready_imager
-from scenarios.imagers.view import make_view
-from scenarios.loading import filmed, linked, load, shipped, to_toml
-from scenarios.report.imager import said
-from scenarios.result import Metric
+from rtl_model.imagers.adaptive.run import AdaptiveMachine, changes
+from rtl_model.imagers.run.filming import watched
+from rtl_model.imagers.run.kinds import machine_of
+from rtl_model.imagers.run.machine import take
+from rtl_model.imagers.run.page import said
+from rtl_model.imagers.run.planning import ready_imager
+from rtl_model.imagers.run.view import make_view
+from scenarios.assemble.loading import filmed, linked, load, shipped, to_toml
+from scenarios.assemble.messages import validate
+from scenarios.cli.run import refuse_device
+from scenarios.scenes.charts.target_art import CHARTS, draw, regions
 from scenarios.scenes.making import make_source
-from scenarios.scenes.target_art import CHARTS, draw, regions
-from scenarios.schema import validate
 
 IMAGERS = ("adaptive-exposure", "ebaps-night", "emccd-window")
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from scenarios.folder import begin_folder
-from scenarios.imagers.filming import _identity
-from scenarios.inputs import changed, digest, sealed
-from scenarios.loading import load, to_toml
+from cosim.run.folder import begin_folder
+from cosim.run.inputs import changed, digest, sealed
+from rtl_model.imagers.run.filming import _identity
+from scenarios.assemble.loading import load, to_toml
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import pytest
 from scipy.stats import binom
 
 from cosim import Clock, Viform
+from link.evaluation.eye import RARE, Eye, open_eye
 from link.mode import Mode
 from link.sending import PlaneStream, Transmission
 from link.timing import Registration, Timing
-from scenarios.link_run.eye import RARE, Eye, open_eye
 
 CLOCK = Clock(40_000)
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from scenarios.link_check import ESTIMATED, KIND, LinkCheck, compare
-from scenarios.link_near import FEWEST, near
-from scenarios.report.link_tables import told_error
+from link.report.tables import told_error
+from link.trial.check import ESTIMATED, KIND, LinkCheck, compare
+from link.trial.near import FEWEST, near
 
 LEVEL, SLOPE, RATE = 0.999, 0.6, 1e-5
 

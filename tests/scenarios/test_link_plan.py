@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from cosim.opencl import Device
-from cosim.planner import SHARE
+from cosim.compute.opencl import Device
+from cosim.plan.planner import SHARE
 from link.air import Scene, charge_changes
+from link.evaluation.reach import CellScene, reach
 from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
+from link.setting import LinkSetting, link_setting
 from link.theory import clopper_pearson
-from scenarios.link_accuracy import accuracy_link
-from scenarios.link_check import LinkCheck, check_link, compare, goodput_change
-from scenarios.link_forecast import forecast_link
-from scenarios.link_patches import LinkPatches, Variant, true_timing
-from scenarios.link_plan import LinkLook, camera_changes, half_width, look_link
-from scenarios.link_run.reach import CellScene, reach
-from scenarios.linking import LinkSetting, link_setting
-from scenarios.loading import linked, load
+from link.trial.accuracy import accuracy_link
+from link.trial.check import LinkCheck, check_link, compare, goodput_change
+from link.trial.forecast import forecast_link
+from link.trial.patches import LinkPatches, Variant, true_timing
+from link.trial.plan import LinkLook, camera_changes, half_width, look_link
+from scenarios.assemble.loading import linked, load
 from sensor import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)

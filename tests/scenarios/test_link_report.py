@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from link.evaluation.errors import count_errors
 from link.layout import Layout
 from link.mode import Mode
-from scenarios.link_run.errors import count_errors
-from scenarios.report.link_errors import of_end
-from scenarios.report.link_figures import lowest_rate
+from link.report.errors import of_end
+from link.report.figures import lowest_rate
 
 LAYOUT = Layout(Mode(128, 128, 8, 2, "8b10b", 32))
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from link.evaluation.capacity import Given, capacity_document
+from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
-from scenarios.link_capacity import Given, capacity_document
-from scenarios.link_curves import LEVEL, Curve, error_curves, measure_curves
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
 KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]
@@ -62,7 +62,7 @@ class TestBer:
     @pytest.fixture(autouse=True)
     def short(self, monkeypatch: pytest.MonkeyPatch, curves: list[Curve]) -> None:
         few = [_quick(c) for c in curves if c.name in ("poisson-threshold", *WORDS)]
-        monkeypatch.setattr("scenarios.link_curves.error_curves", lambda points: few)
+        monkeypatch.setattr("link.evaluation.curves.error_curves", lambda points: few)
 
     def test_prints_a_document_and_writes_a_folder(
         self, viform: Callable[..., Any], tmp_path: Path
@@ -96,7 +96,7 @@ class TestBer:
         self, viform: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, curves: list[Curve]
     ) -> None:
         wrong = replace(_quick(curves[0]), theory=[0.3, 0.3])
-        monkeypatch.setattr("scenarios.link_curves.error_curves", lambda points: [wrong])
+        monkeypatch.setattr("link.evaluation.curves.error_curves", lambda points: [wrong])
         code, text, _ = viform("link", "ber", "--no-detectors")
         assert code == 1 and "OUTSIDE" in text and "NOT all of them inside" in text
 

@@ -12,9 +12,9 @@ import pytest
 
 from cosim import InputError
 from display import open_window
-from scenarios.commands.output import SilentProgress
-from scenarios.live import FRAME, show_live
-from scenarios.loading import load
+from scenarios.assemble.loading import load
+from scenarios.cli.output import SilentProgress
+from scenarios.cli.window import FRAME, show_live
 
 SMALL = [
     "sensor.chip=spikeone", "sensor.clock=40 kHz", "duration=20 ms", "display.renderer=numpy",

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from scenarios.paper import DOCUMENTS, Row, paper_rows
-from scenarios.paper.row import agreement, listed, number, unprinted
+from scenarios.studies.paper import DOCUMENTS, Row, paper_rows
+from scenarios.studies.paper.row import agreement, listed, number, unprinted
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_the_command_prints_both_forms(
     }  # fmt: skip
     text = viform("paper", "004")
     assert text.code == 0 and "64.08" in text.out and "rows hold" in text.out
-    from scenarios.paper import dynamic_range
+    from scenarios.studies.paper import dynamic_range
 
     monkeypatch.setattr(dynamic_range, "sensor_dynamic_range", lambda a, b: 60.0)
     assert viform("paper", "004", "--json").code == 1

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from cosim import Block
-from cosim.opencl import Device
-from scenarios.loading import load
-from scenarios.planning import RunPlan, plan_run
-from scenarios.prepare import look_at, prepare_camera
+from cosim.compute.opencl import Device
+from cosim.light.survey import Sketched, survey
+from cosim.plan.tiles import TileGrid
+from scenarios.assemble.loading import load
+from scenarios.assemble.planning import RunPlan, plan_run
+from scenarios.assemble.prepare import look_at, prepare_camera
 from scenarios.scenes import make_source
-from scenarios.scenes.survey import Sketched, survey
-from sensor.tiles import TileGrid
 
 SHAPE, CYCLES = (96, 160), 200
 SCENES = ("step", "star", "wave", "film")

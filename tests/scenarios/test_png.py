@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from scenarios.png import write_png
+from cosim.report.png import write_png
 
 
 @pytest.mark.parametrize(

@@ -8,15 +8,15 @@ import pytest
 from scipy import stats
 
 from cosim import Clock, Viform
-from cosim.viform import pack_planes
+from cosim.spikes.viform import pack_planes
 from display import DRIVES, FramePanel, PlainRenderer, Projector, SpikePanel
 from display.quality import blur_edge_width
-from scenarios.probes import display_metrics, probe_display
-from scenarios.probes.blur import SPEED, frame_blur, retina, spike_blur
-from scenarios.probes.film import Probe, edge_light, lux_of, phased_light
-from scenarios.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
-from scenarios.probes.latency import SIDE, frame_latency, spike_latency
-from scenarios.probes.waveform import every_drive, panel_light
+from scenarios.assemble.probes import display_metrics, probe_display
+from scenarios.assemble.probes.blur import SPEED, frame_blur, retina, spike_blur
+from scenarios.assemble.probes.film import Probe, edge_light, lux_of, phased_light
+from scenarios.assemble.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
+from scenarios.assemble.probes.latency import SIDE, frame_latency, spike_latency
+from scenarios.assemble.probes.waveform import every_drive, panel_light
 from sensor import CHIPS, EFFECTS, CameraSetting
 
 CLOCK = Clock(40_000)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenarios.commands.output import LineProgress, TerminalProgress, make_progress
+from scenarios.cli.output import LineProgress, TerminalProgress, make_progress
 
 
 class Hand:
@@ -20,7 +20,7 @@ class Hand:
 @pytest.fixture
 def hand(monkeypatch: pytest.MonkeyPatch) -> Hand:
     made = Hand()
-    monkeypatch.setattr("scenarios.commands.output.time", made)
+    monkeypatch.setattr("scenarios.cli.output.time", made)
     return made
 
 

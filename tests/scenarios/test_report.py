@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Viform
-from scenarios.loading import load, to_toml
-from scenarios.png import for_display, to_linear_bytes
+from cosim.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
+from cosim.report.png import for_display, to_linear_bytes
+from scenarios.assemble.loading import load, to_toml
 from scenarios.report import write_report
-from scenarios.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
 from sensor import EFFECTS
 
 VOID = {"meta", "img", "br"}

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from scenarios.folder import begin_folder
-from scenarios.loading import load, to_toml
-from scenarios.result import dumps, read_result
+from cosim.run.folder import begin_folder
+from cosim.run.result import dumps, read_result
+from scenarios.assemble.loading import load, to_toml
 
 SETS = (
     "sensor.chip=spikeone", "duration=2.5 ms", "image.at=[]", "scene.at=1.26 ms",
@@ -127,7 +127,7 @@ def test_a_folder_of_a_name_too_long_is_one_line(refused):
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_runs_of_every_readout_are_known_again(viform, tmp_path, readout):
     """Such a run writes its section out with what it has by default."""
-    from scenarios import continuous, event_camera
+    from scenarios.assemble import continuous, event_camera
 
     name, asked = load("step", [f"sensor.readout={readout}"])
     whole: Callable[..., Any] = {"asynchronous": event_camera, "continuous": continuous}[

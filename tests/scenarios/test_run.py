@@ -15,15 +15,15 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from cosim import Clock, InputError, Lens
+from cosim.compute.opencl import Device
 from cosim.files import Recorder, ZarrStream, open_stream
-from cosim.opencl import Device
-from cosim.viform import unpack_planes
-from scenarios.exposure import choose_lens
-from scenarios.fidelity import psnr, ssim, to_white
-from scenarios.folder import output_folder
-from scenarios.loading import load, to_toml
-from scenarios.result import Result, _clean, dumps
+from cosim.run.folder import output_folder
+from cosim.run.result import Result, _clean, dumps
+from cosim.spikes.viform import unpack_planes
+from scenarios.assemble.camera import choose_lens
+from scenarios.assemble.loading import load, to_toml
 from sensor import CHIPS, EFFECTS, CameraSetting
+from sensor.reconstruct.fidelity import psnr, ssim, to_white
 
 
 def words(folder: Path) -> np.ndarray:
@@ -461,7 +461,7 @@ def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):
     def none_left(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("cosim.loop.os.fsync", none_left)
+    monkeypatch.setattr("cosim.run.loop.os.fsync", none_left)
     folder = tmp_path / "run"
     with pytest.raises(InputError) as caught:
         film("step", folder, report=fill)

@@ -7,10 +7,10 @@ import pytest
 
 from cosim import InputError
 from rtl_model.bringup import bring_up
-from scenarios.board_port import virtual_board
-from scenarios.loading import load
-from scenarios.report.board import write_board_report
-from scenarios.run_board import run_board
+from rtl_model.bringup.place import virtual_board
+from rtl_model.bringup.report import write_board_report
+from scenarios.assemble.loading import load
+from scenarios.assemble.run_board import run_board
 
 
 class Silent:

@@ -15,15 +15,15 @@ import pytest
 
 from cosim import Clock, Interrupted, Light, Piece
 from cosim.files.intensities import read_intensities
-from scenarios.commands.output import SilentProgress
-from scenarios.continuous_result import PixelLight
-from scenarios.loading import load
-from scenarios.readout import light_steps
-from scenarios.report.continuous import write_continuous_report
-from scenarios.result import Result
-from scenarios.run_continuous import ContinuousRun, run_continuous
+from cosim.run.result import Result
+from scenarios.assemble.loading import load
+from scenarios.assemble.readout import light_steps
+from scenarios.assemble.run_continuous import ContinuousRun, run_continuous
+from scenarios.cli.output import SilentProgress
 from sensor.continuous import ContinuousCamera
-from sensor.crosstalk import side_share
+from sensor.continuous.report import write_continuous_report
+from sensor.continuous.shots import PixelLight
+from sensor.device.crosstalk import side_share
 
 SMALL = (
     "sensor.readout=continuous", "sensor.continuous.width=40", "sensor.continuous.height=16",
@@ -319,7 +319,7 @@ def test_too_many_reports_end_with_advice(viform, tmp_path):
 
 
 def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarios.report.continuous.write_continuous_report", lambda run: [])
+    monkeypatch.setattr("sensor.continuous.report.write_continuous_report", lambda run: [])
     code, out, _ = viform(
         "run", "step", "--out", tmp_path / "run", "--json", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],
@@ -329,7 +329,7 @@ def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
 
 
 def test_the_study_is_a_command(viform, refused, monkeypatch, tmp_path):
-    from scenarios import continuous_study
+    from scenarios.studies import continuous as continuous_study
 
     whole_study, figure = continuous_study.compare, continuous_study.traces_figure
     monkeypatch.setattr(

@@ -7,17 +7,17 @@ import pytest
 import zarr
 
 from cosim import InputError, Interrupted
-from cosim.planner import make_plan
-from scenarios.commands.accuracy import _text
-from scenarios.imagers.accuracy import accuracy_imager
-from scenarios.imagers.paired import compared
-from scenarios.imagers.planning import forecast_imager, ready_imager
-from scenarios.imagers.tape import Tape, Taped
-from scenarios.loading import load
-from scenarios.report.imager import write_imager_report
-from scenarios.report.imager_figures import read_vcd
-from scenarios.run_imager import run_imager
-from scenarios.schema import ImagerScenario
+from cosim.plan.planner import make_plan
+from rtl_model.imagers.run.accuracy import accuracy_imager
+from rtl_model.imagers.run.figures import read_vcd
+from rtl_model.imagers.run.page import write_imager_report
+from rtl_model.imagers.run.paired import compared
+from rtl_model.imagers.run.planning import forecast_imager, ready_imager
+from rtl_model.imagers.run.tape import Tape, Taped
+from scenarios.assemble.loading import load
+from scenarios.assemble.run_imager import run_imager
+from scenarios.assemble.scenario import ImagerScenario
+from scenarios.cli.accuracy import _text
 from sensor.imagers import Exposed
 from tests.scenarios.linear_imager import ELECTRONS, READ, SLOPE, LinearMachine
 

@@ -14,18 +14,18 @@ import pytest
 from scipy.stats import chi2
 
 from cosim import InputError
+from cosim.run.result import Metric, Result
+from link.evaluation.finished import LinkRun
 from link.layout import Layout
 from link.mode import Mode
+from link.report.page import write_link_report
+from link.run.prepare import choose_mode, ready_link, tags_told
+from link.setting import link_setting
 from link.verdict import Cause, Verdict
-from scenarios.commands.output import SilentProgress
-from scenarios.commands.run import print_result
-from scenarios.link_run.finished import LinkRun
-from scenarios.link_run.prepare import choose_mode, ready_link, tags_told
-from scenarios.linking import link_setting
-from scenarios.loading import load
-from scenarios.report.link import write_link_report
-from scenarios.result import Metric, Result
-from scenarios.run_link import link_verdict, run_link
+from scenarios.assemble.loading import load
+from scenarios.assemble.run_link import link_verdict, run_link
+from scenarios.cli.output import SilentProgress
+from scenarios.cli.run import print_result
 
 SMALL = (
     "sensor.chip=spikeone", "link.panel.width=384", "link.panel.height=224", "link.size=20000",

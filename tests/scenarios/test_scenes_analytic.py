@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from scenarios.scenes import star as star_module
-from scenarios.scenes import wave as wave_module
-from scenarios.scenes import workshop as workshop_module
-from scenarios.scenes.bodies import capsules
-from scenarios.scenes.canvas import Canvas, Item, Layer, View, body
-from scenarios.scenes.shapes import Surface, noise, square_mean
-from scenarios.scenes.star import RADIUS, Star, spokes
-from scenarios.scenes.wave import Wave
-from scenarios.scenes.workshop import GRAVITY, Workshop
+from scenarios.scenes.charts import star as star_module
+from scenarios.scenes.charts.star import RADIUS, Star, spokes
+from scenarios.scenes.drawing.bodies import capsules
+from scenarios.scenes.drawing.canvas import Canvas, Item, Layer, View, body
+from scenarios.scenes.drawing.shapes import Surface, noise, square_mean
+from scenarios.scenes.people import wave as wave_module
+from scenarios.scenes.people import workshop as workshop_module
+from scenarios.scenes.people.wave import Wave
+from scenarios.scenes.people.workshop import GRAVITY, Workshop
 
 SHAPE = (220, 260)
 SCENES = [Wave(SHAPE), Star(SHAPE), Star(SHAPE, profile="sine"), Workshop(SHAPE)]

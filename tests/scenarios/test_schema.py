@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from cosim import InputError
+from cosim.config.quantity import Quantity
 from display import DRIVES
-from scenarios.loading import load, shipped, to_toml
-from scenarios.schema import AnyScenario, Scenario, export, validate
-from scenarios.schema.display import DRIVES as schema_drives
-from scenarios.schema.quantity import Quantity
+from display.section import DRIVES as schema_drives
+from scenarios.assemble.loading import load, shipped, to_toml
+from scenarios.assemble.messages import validate
+from scenarios.assemble.scenario import AnyScenario, Scenario, export
 
 GOOD: dict[str, Any] = {
     "title": "A clip",

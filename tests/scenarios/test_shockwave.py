@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, InputError
-from scenarios.loading import load
+from scenarios.assemble.loading import load
 from scenarios.scenes import make_source
-from scenarios.scenes import shockwave as module
-from scenarios.scenes.gasdynamics import (
+from scenarios.scenes.drawing.paced import PARTS, PacedSource
+from scenarios.scenes.flow import shockwave as module
+from scenarios.scenes.flow.gasdynamics import (
     GAMMA,
     Gas,
     behind_normal,
@@ -29,11 +30,10 @@ from scenarios.scenes.gasdynamics import (
     stalling,
     start_flow,
 )
-from scenarios.scenes.paced import PARTS, PacedSource
-from scenarios.scenes.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
-from scenarios.scenes.shockwave import Shockwave
-from scenarios.scenes.sightlines import WIDTH
-from scenarios.scenes.steadyflow import Sphere, Wedge, _layer_density
+from scenarios.scenes.flow.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
+from scenarios.scenes.flow.shockwave import Shockwave
+from scenarios.scenes.flow.sightlines import WIDTH
+from scenarios.scenes.flow.steadyflow import Sphere, Wedge, _layer_density
 
 CLOCK = Clock(40_000)
 SHAPE = (250, 400)
@@ -106,7 +106,7 @@ def flux(gas: Gas, speed: float) -> tuple[float, float, float]:
 @pytest.mark.parametrize("ratio", [1.001, 3.0, 40.0])
 @pytest.mark.parametrize("gamma", [1.4, 5 / 3])
 def test_a_shock_thrown_back_from_a_wall_leaves_the_gas_at_rest(monkeypatch, ratio, gamma):
-    monkeypatch.setattr("scenarios.scenes.gasdynamics.GAMMA", gamma)
+    monkeypatch.setattr("scenarios.scenes.flow.gasdynamics.GAMMA", gamma)
 
     def kick(ratio: float) -> float:
         """Velocity that a shock gives, in sounds of the gas before it, by continuity."""
@@ -120,7 +120,7 @@ def test_a_shock_thrown_back_from_a_wall_leaves_the_gas_at_rest(monkeypatch, rat
 
 def test_just_behind_a_bow_shock_s_nose_the_density_is_rankine_hugoniot_s_of_any_gas(monkeypatch):
     for gamma in (1.4, 5 / 3):
-        monkeypatch.setattr("scenarios.scenes.gasdynamics.GAMMA", gamma)
+        monkeypatch.setattr("scenarios.scenes.flow.gasdynamics.GAMMA", gamma)
         rest = (9.0, 40.0, 1.0, (0.0,) * 6, np.zeros(2), np.ones(2))
         shock = (0.01, 0.002, 0.015, 0.2)
         rho = _layer_density(-0.002 + 1e-12, 0.0, *shock, gamma, 6.0, *rest)

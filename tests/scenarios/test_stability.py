@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from cosim.opencl import Device
-from scenarios.stability import CASES, Case
-from scenarios.stability.chance import Z
-from sensor.stiff.solvers import solved_train
+from cosim.compute.opencl import Device
+from scenarios.studies.stability import CASES, Case
+from sensor.circuit.solvers import solved_train
+from sensor.stability.chance import Z
 from tests.scenarios import naive_methods as naive
 from tests.scenarios import naive_solvers as solvers
 

@@ -14,14 +14,14 @@ import pytest
 
 from cosim import Clock, Interrupted
 from cosim.files import read_events
-from scenarios.commands.output import SilentProgress
-from scenarios.loading import load
-from scenarios.readout import light_steps
-from scenarios.report.events import write_events_report
-from scenarios.result import Result
-from scenarios.run_events import EventRun, run_events
-from scenarios.scenes.sky import FINE, Sky, star_levels
+from cosim.run.result import Result
+from scenarios.assemble.loading import load
+from scenarios.assemble.readout import light_steps
+from scenarios.assemble.run_events import EventRun, run_events
+from scenarios.cli.output import SilentProgress
+from scenarios.scenes.charts.sky import FINE, Sky, star_levels
 from sensor.asynchronous import AsynchronousPixels
+from sensor.asynchronous.report import write_events_report
 
 SMALL = ("sensor.asynchronous.width=96", "sensor.asynchronous.height=96")
 
@@ -385,7 +385,7 @@ def test_too_many_events_end_with_advice(viform, tmp_path):
 
 def test_events_that_the_memory_cannot_hold_end_in_one_line(viform, tmp_path, monkeypatch):
     free = type("Free", (), {"available": 50_000})
-    monkeypatch.setattr("cosim.memory.psutil.virtual_memory", lambda: free)
+    monkeypatch.setattr("cosim.compute.memory.psutil.virtual_memory", lambda: free)
     code, out, err = viform(
         "run", "sun-and-stars", "--out", tmp_path / "run", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],
@@ -397,7 +397,7 @@ def test_events_that_the_memory_cannot_hold_end_in_one_line(viform, tmp_path, mo
 
 
 def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarios.report.events.write_events_report", lambda run: [])
+    monkeypatch.setattr("sensor.asynchronous.report.write_events_report", lambda run: [])
     code, out, _ = viform(
         "run", "sun-and-stars", "--out", tmp_path / "run", "--json", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],

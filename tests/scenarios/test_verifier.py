@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from cosim import Block, Bound, Interrupted
-from cosim.opencl import Device
-from scenarios.loading import load
-from scenarios.paired import compare, windows, worst
-from scenarios.planning import plan_run
-from scenarios.prepare import look_at, prepare_camera, scene_source
+from cosim.compute.opencl import Device
+from scenarios.assemble.loading import load
+from scenarios.assemble.planning import plan_run
+from scenarios.assemble.prepare import look_at, prepare_camera, scene_source
+from scenarios.assemble.verifier import BrokenPromise, Planned, Verifier
 from scenarios.report import write_report
-from scenarios.verifier import BrokenPromise, Planned, Verifier
+from sensor.latched.paired import compare, windows, worst
 
 LIES = {
     "reset dead time": ("sensor.dead_time=2 us", "sensor.setting.dead_time_effect"),

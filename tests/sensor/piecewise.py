@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from cosim import Light, Piece
-from sensor.exposure import Exposure
+from sensor.latched.exposure import Exposure
 
 
 def level(shape: tuple[int, int], seed: int, peak: float = 700.0) -> np.ndarray:

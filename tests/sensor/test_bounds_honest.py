@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cosim.planner import ESTIMATE_WEIGHT
-from sensor.pixel import interval, model
+from cosim.plan.planner import ESTIMATE_WEIGHT
+from sensor.latched.pixel import interval, model
 from tests.sensor.random_scenes import random_scene, rates
 
 RULES = ("residual carried", "random initial charge")

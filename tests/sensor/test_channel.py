@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from sensor.asynchronous import Firings
-from sensor.channel import Channel, ChannelModel, Sent
+from sensor.asynchronous.channel import Channel, ChannelModel, Sent
 
 SHAPE = (64, 64)
 SERVICE = 10_000

@@ -15,9 +15,9 @@ from scipy.special import ndtri
 from scipy.stats import chi2, norm
 
 from cosim import Clock, Light, Piece, intensity_image
-from cosim.philox import philox4x32
-from cosim.philox_compiled import random_words
-from cosim.streams import Stream
+from cosim.compute.philox import philox4x32
+from cosim.compute.philox_compiled import random_words
+from cosim.compute.streams import Stream
 from sensor.continuous import (
     ContinuousCamera,
     ContinuousSetting,

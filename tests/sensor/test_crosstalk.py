@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Light, Piece, Summary
-from cosim.opencl import Device
-from cosim.viform import count_spikes
+from cosim.compute.opencl import Device
+from cosim.spikes.viform import count_spikes
 from sensor import CHIPS, CameraSetting, SpikeCamera
-from sensor.crosstalk import crosstalk_map, side_share
-from sensor.effects import INITIAL_CHARGE, RESIDUAL, crosstalk_effect
+from sensor.device.crosstalk import crosstalk_map, side_share
+from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, crosstalk_effect
 
 
 def mapped(plane: np.ndarray, crosstalk: float) -> np.ndarray:

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, Light, Piece
-from cosim.opencl import open_device
+from cosim.compute.opencl import open_device
 from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
-from sensor.exposure import Exposure
-from sensor.pixel.fixed_point import LARGEST, ONE
-from sensor.sampling import row_offsets
+from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.fixed_point import LARGEST, ONE
+from sensor.latched.sampling import row_offsets
 from tests.sensor.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
@@ -170,7 +170,7 @@ def test_a_flash_shorter_than_a_cycle_may_be_brighter_than_a_cycle_can_hold() ->
 def test_compiled_sums_are_numpys_to_the_last_bit(
     monkeypatch: pytest.MonkeyPatch, skew: float, held: bool
 ) -> None:
-    import sensor.exposure
+    import sensor.latched.exposure
 
     shape, random = (7, 9), np.random.default_rng(int(10 * skew))
     offsets = row_offsets(CLOCK, 7, skew, 0.0, (0, 7)) if skew else None
@@ -201,7 +201,7 @@ def test_compiled_sums_are_numpys_to_the_last_bit(
 
 
 def test_compiled_levels_refuse_bad_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sensor.exposure._LARGE", 1)
+    monkeypatch.setattr("sensor.latched.exposure._LARGE", 1)
     for bad in (-1.0, float("nan")):
         plane = np.full(SHAPE, bad, np.float32)
         with pytest.raises(ValueError, match="light must be 0 or more"):

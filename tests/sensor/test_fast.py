@@ -12,17 +12,17 @@ import numpy.typing as npt
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from cosim.opencl import Device
+from cosim.compute.opencl import Device
 from sensor import DevicePattern
-from sensor.effects import EFFECTS, RESIDUAL
-from sensor.exposure import Exposure
-from sensor.fast import FastPixels, PlainFast, rate_bound
-from sensor.fast.units import first_charge, quantile, units_of
-from sensor.pixel.fixed_point import LARGEST
-from sensor.pixel.interval import threshold
-from sensor.pixel.model import ExactModel, Reset
-from sensor.pixel.plain import PlainPixels
-from sensor.sampling import row_offsets
+from sensor.latched.effects import EFFECTS, RESIDUAL
+from sensor.latched.exposure import Exposure
+from sensor.latched.fast import FastPixels, PlainFast, rate_bound
+from sensor.latched.fast.units import first_charge, quantile, units_of
+from sensor.latched.pixel.fixed_point import LARGEST
+from sensor.latched.pixel.interval import threshold
+from sensor.latched.pixel.model import ExactModel, Reset
+from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.sampling import row_offsets
 from tests.sensor.piecewise import level, light_between
 
 CLOCK = Clock(40_000)
@@ -238,7 +238,7 @@ def test_thresholds_are_the_exact_tiers_to_the_error_said(electrons: float) -> N
 
 def exact_rate(model: ExactModel, exact: PlainPixels, numbers: Any) -> Any:
     """Stored charge of the exact tier's pixels over their own threshold."""
-    from sensor.fast.units import running
+    from sensor.latched.fast.units import running
 
     state = exact.state()
     own = running(model, state.spikes, numbers) if model.noisy else 1.0

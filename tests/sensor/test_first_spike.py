@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, Events, Viform, events_of, viform_of
-from cosim.viform import unpack_planes
-from sensor.first_spike import (
+from cosim.spikes.viform import unpack_planes
+from sensor.codec import (
     Code,
     effective_q,
     encode,
@@ -26,7 +26,7 @@ from sensor.first_spike import (
     width_sigma,
     without_transitions,
 )
-from sensor.first_spike.follow import FOLLOW_STATE, follow
+from sensor.codec.follow import FOLLOW_STATE, follow
 
 CLOCK = Clock(40_000)
 LOSSLESS = (Code("repeat"), Code("line"))

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from sensor.first_spike import Code, read_fsc, recode, write_fsc
-from sensor.first_spike.columns import Damaged, pack_column, unpack_column
+from sensor.codec import Code, read_fsc, recode, write_fsc
+from sensor.codec.columns import Damaged, pack_column, unpack_column
 
 CODES = (Code("line"), Code("repeat"), Code("statistical", 3.0, 100.0, 2.0, 4))
 HEAD = 96
@@ -141,7 +141,7 @@ def dark(tmp_path_factory):
 def test_a_file_whose_planes_are_larger_than_what_is_free_is_refused(dark, monkeypatch):
     path, planes = dark
     free = SimpleNamespace(available=planes)
-    monkeypatch.setattr("cosim.memory.psutil.virtual_memory", lambda: free)
+    monkeypatch.setattr("cosim.compute.memory.psutil.virtual_memory", lambda: free)
     with pytest.raises(InputError, match=r"in memory must be small enough for the 0\.0305 GiB"):
         read_fsc(path)
     free.available = 4 * planes
@@ -158,7 +158,7 @@ def test_decoding_takes_no_more_memory_than_is_checked_for(stream, tmp_path, mon
     write_fsc(Viform(words, 48 * 32, Clock(40_000)), path, code)
     read_fsc(path)  # what is made once: compiled code, tables
     monkeypatch.setattr(
-        "sensor.first_spike.stream.check_memory", lambda what, need, mend: asked.append(need)
+        "sensor.codec.stream.check_memory", lambda what, need, mend: asked.append(need)
     )
     tracemalloc.start()
     read_fsc(path)
@@ -171,7 +171,7 @@ def test_memory_that_a_process_may_not_take_is_not_called_damage(dark, monkeypat
     def short(*_):
         raise MemoryError
 
-    monkeypatch.setattr("sensor.first_spike.stream.decode_band", short)
+    monkeypatch.setattr("sensor.codec.stream.decode_band", short)
     with pytest.raises(InputError, match="the memory that this process may take") as caught:
         read_fsc(dark[0])
     assert "\n" not in str(caught.value)

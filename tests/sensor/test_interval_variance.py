@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.effects import Effect
-from cosim.opencl import Device
-from sensor.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
-from sensor.pixel.fixed_point import to_fixed
-from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, Reset, Span
+from cosim.compute.opencl import Device
+from cosim.plan.effects import Effect
+from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.kernel import KernelPixels
+from sensor.latched.pixel.model import ExactModel, Reset, Span
 
 IDEAL = (RESIDUAL, INITIAL_CHARGE)
 NOISY = (RESIDUAL, INITIAL_CHARGE, SHOT_NOISE)

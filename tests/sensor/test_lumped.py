@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensor.stiff import Circuit
-from sensor.stiff.train import spike_train
+from sensor.circuit import Circuit
+from sensor.circuit.train import spike_train
 
 CIRCUITS = {
     "reset": Circuit(1e-14, reset_time=3e-8),

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Light, Piece
-from cosim.light import PlaneMap
-from cosim.opencl import Device
+from cosim.compute.opencl import Device
+from cosim.light.light import PlaneMap
+from cosim.plan.tiles import TileGrid
 from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
-from sensor.patches import PatchCamera, PatchPlane
-from sensor.tiers import Tier
-from sensor.tiles import TileGrid
+from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.tiers import Tier
 
 PERIOD = PS // 40_000
 SHAPE = (50, 70)

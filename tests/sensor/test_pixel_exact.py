@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cosim.opencl import Device
-from sensor.effects import EFFECTS, RESIDUAL, SHOT_NOISE
-from sensor.pixel.compiled import CompiledPixels
-from sensor.pixel.fixed_point import LARGEST, ONE, to_fixed
-from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, ExactPixels, Reset, Span
-from sensor.pixel.plain import PlainPixels
+from cosim.compute.opencl import Device
+from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
+from sensor.latched.pixel.compiled import CompiledPixels
+from sensor.latched.pixel.fixed_point import LARGEST, ONE, to_fixed
+from sensor.latched.pixel.kernel import KernelPixels
+from sensor.latched.pixel.model import ExactModel, ExactPixels, Reset, Span
+from sensor.latched.pixel.plain import PlainPixels
 
 NOISELESS = (RESIDUAL,)
 ALL = tuple(EFFECTS.values())

@@ -10,14 +10,14 @@ import numpy.typing as npt
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from sensor.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
-from sensor.exposure import Exposure
-from sensor.pattern import DevicePattern
-from sensor.pixel.compiled import CompiledPixels
-from sensor.pixel.fixed_point import ONE
-from sensor.pixel.model import ExactModel
-from sensor.reference import ReferencePixels
-from sensor.sampling import row_offsets
+from sensor.device.pattern import DevicePattern
+from sensor.latched.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.compiled import CompiledPixels
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.reference import ReferencePixels
+from sensor.latched.sampling import row_offsets
 from tests.sensor.piecewise import light_between
 
 CLOCK = Clock(40_000)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from sensor.effects import EFFECTS, RESIDUAL
-from sensor.pixel.model import ExactModel
-from sensor.reference import ReferencePixels
-from sensor.stiff import Circuit
-from sensor.stiff.solvers import solved_train
-from sensor.stiff.train import spike_train
+from sensor.circuit import Circuit
+from sensor.circuit.solvers import solved_train
+from sensor.circuit.train import spike_train
+from sensor.latched.effects import EFFECTS, RESIDUAL
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.reference import ReferencePixels
 from tests.sensor.piecewise import light_between
 
 CLOCK = Clock(40_000)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import integrate, special, stats
 
-from sensor.pixel.fixed_point import ONE
-from sensor.pixel.interval import interval_table, threshold
-from sensor.reference.law import LEAST, draw_all, law_error, law_of, mixed_quantiles
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.interval import interval_table, threshold
+from sensor.latched.reference.law import LEAST, draw_all, law_error, law_of, mixed_quantiles
 
 WORDS = np.concatenate(
     [

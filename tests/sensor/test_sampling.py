@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, Light, Piece, Summary
-from cosim.opencl import Device
+from cosim.compute.opencl import Device
 from sensor import CHIPS, CameraSetting, SpikeCamera
-from sensor.effects import RESIDUAL, comparator_delay_effect, row_sampling_effect
-from sensor.exposure import Exposure
-from sensor.pixel.fixed_point import ONE
-from sensor.sampling import row_offsets
+from sensor.latched.effects import RESIDUAL, comparator_delay_effect, row_sampling_effect
+from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.sampling import row_offsets
 from tests.sensor.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)

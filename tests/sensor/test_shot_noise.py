@@ -12,14 +12,14 @@ import pytest
 from scipy import stats
 
 from cosim import Summary
-from cosim.opencl import open_device
-from sensor.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
-from sensor.effects.initial_charge import initial_deficit
-from sensor.effects.shot_noise import thresholds
-from sensor.pixel.fixed_point import ONE, to_fixed
-from sensor.pixel.interval import KNOTS, MANTISSA_BITS, interval_table, threshold
-from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, Span
+from cosim.compute.opencl import open_device
+from sensor.latched.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects.initial_charge import initial_deficit
+from sensor.latched.effects.shot_noise import thresholds
+from sensor.latched.pixel.fixed_point import ONE, to_fixed
+from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS, interval_table, threshold
+from sensor.latched.pixel.kernel import KernelPixels
+from sensor.latched.pixel.model import ExactModel, Span
 
 ALPHA = 1e-6
 N = 400_000

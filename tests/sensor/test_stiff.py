@@ -8,11 +8,11 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from sensor.stiff import Circuit
-from sensor.stiff.closed import comparator_delay, crossing_time, phi, relaxed
-from sensor.stiff.relax import relax
-from sensor.stiff.solvers import solved_train
-from sensor.stiff.train import spike_train
+from sensor.circuit import Circuit
+from sensor.circuit.closed import comparator_delay, crossing_time, phi, relaxed
+from sensor.circuit.relax import relax
+from sensor.circuit.solvers import solved_train
+from sensor.circuit.train import spike_train
 
 CLAIM = 1e-7
 """Of a mean interval: what the closed forms promise of a spike's instant where C is constant."""

@@ -16,8 +16,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.clock import PS
-from cosim.philox import philox4x32
-from cosim.streams import Stream
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
 
 __all__ = ["AsyncFifo", "Coin", "Packer", "Unpacker", "edges_of", "gray", "ungray"]
 

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from rtl_model.imagers.emccd.cold_plant import Plant, Temperatures, Thermistor
 from sensor.imagers import normal
 from sensor.imagers.emccd.chip import WORKING_KELVIN, ZERO_CELSIUS

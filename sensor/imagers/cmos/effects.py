@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Bound, Effect, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Summary
 from sensor.imagers.cmos.costs import COSTS
 from sensor.imagers.cmos.setting import BITS, CmosSetting
 from sensor.imagers.pixel import ImagerSummary

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Effect
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Effect
 from sensor.imagers.cmos.effects import make_effects
 from sensor.imagers.cmos.setting import BITS, ROUNDING, CmosSetting
 from sensor.imagers.draws import normal, poisson

@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from cosim.lens import Lens
+from cosim.light.lens import Lens
 from sensor.imagers.ebaps.pixels import EbapsPixels
 
 __all__ = ["ASPECT", "ROSE", "Chart", "contrast_to_noise", "recognisable", "smallest_bar"]

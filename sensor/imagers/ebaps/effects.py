@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from cosim.effects import Bound, Effect, Kind, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Kind, Summary
 from sensor.imagers.ebaps.budget import EMISSION, Budget
 from sensor.imagers.ebaps.costs import COSTS
 from sensor.imagers.pixel import ImagerSummary

@@ -18,8 +18,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Effect
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Effect
 from sensor.imagers.draws import binomial, negative_binomial, normal, poisson
 from sensor.imagers.ebaps.budget import Budget
 from sensor.imagers.ebaps.effects import ebaps_effects

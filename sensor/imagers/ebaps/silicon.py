@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from sensor.imagers.draws import gamma, normal
 
 __all__ = ["Pattern", "Silicon"]

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 
 __all__ = ["ELEMENTARY_CHARGE", "PAIR_ENERGY", "Tube"]
 

@@ -18,8 +18,8 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Bound, Effect, Kind, Summary
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Kind, Summary
 from sensor.imagers.emccd.costs import COSTS
 from sensor.imagers.pixel import ImagerSummary
 

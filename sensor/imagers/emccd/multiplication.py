@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from sensor.imagers.draws import _pair, negative_binomial
 from sensor.imagers.emccd.chip import STAGES
 

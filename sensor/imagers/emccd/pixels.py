@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from cosim.effects import Effect
-from cosim.radiometry import photons_per_lux
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.light.radiometry import photons_per_lux
+from cosim.plan.effects import Effect
 from sensor.imagers.draws import normal, poisson
 from sensor.imagers.emccd import chip
 from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cosim import Block, Summary
-from cosim.planner import make_plan
+from cosim.plan.planner import make_plan
 from link.air import (
     NAMES,
     Aim,

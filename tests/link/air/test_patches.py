@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cosim import Block
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from link.air import Change, LinkSummary, ber
 from link.air.motion import normal_draws
 from link.air.patches import FlickerSeries, Patches

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from cosim.lens import Lens
+from cosim.light.lens import Lens
 from link.air import Aim, Levels, image_of, levels
 from link.air.geometry import affine_at, lengths
 from link.air.kernel import Psf

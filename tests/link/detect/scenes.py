@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cosim.viform import pack_planes
+from cosim.spikes.viform import pack_planes
 from link.layout import Layout, pilots
 from link.timing import Registration, Timing
 

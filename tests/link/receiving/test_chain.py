@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Viform
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 from display import SpikePanel
 from link.air import Aim, Air, AirSetting, Optics, f_number_for
 from link.mode import Mode

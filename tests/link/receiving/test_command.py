@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from cosim import InputError, Viform
 from cosim.files import write_stream
 from link.sending import PlaneStream, Transmission
-from scenarios.commands.link_receive import link_receive
+from scenarios.cli.link.receive import link_receive
 from tests.link.receiving.toy import CLOCK, MODE, small
 
 app = typer.Typer()

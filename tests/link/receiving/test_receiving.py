@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim import Viform
-from cosim.viform import unpack_planes
+from cosim.spikes.viform import unpack_planes
 from link.layout import TAG_MODULES, Layout
 from link.mode import LineCode, Mode
 from link.receiving import Received, Receiver

@@ -8,13 +8,13 @@ from typer.testing import CliRunner
 
 from cosim import InputError
 from cosim.files import open_stream
-from cosim.viform import unpack_planes
+from cosim.spikes.viform import unpack_planes
 from link.layout import Layout
 from link.mode import Mode
 from link.sending import Transmission
-from scenarios.commands.link_send import link_send
-from scenarios.linking import payload_of
-from scenarios.loading import load
+from link.setting import payload_of
+from scenarios.assemble.loading import load
+from scenarios.cli.link.send import link_send
 
 app = typer.Typer()
 app.command()(link_send)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Clock
-from cosim.viform import unpack_planes
+from cosim.spikes.viform import unpack_planes
 from link.coding import Inbox, decode_line
 from link.layout import PERIOD, TRAINING, pilots, training
 from link.mode import CELLS, LINE_CODES, TICKS, Mode

@@ -7,10 +7,10 @@ from rtl_model.bringup.bench import Bench
 from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.identity import check_identity
 from rtl_model.bringup.run import _CHECKS
+from rtl_model.bringup.text import summary
 from rtl_model.bringup.uptime import Uptime
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from rtl_model.verilated import build_crc
-from scenarios.report.board_text import summary
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
 from tests.rtl_model.bringup.model_port import ModelPort
 

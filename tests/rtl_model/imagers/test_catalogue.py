@@ -122,7 +122,7 @@ def test_no_such_imager_is_one_line():
 
 def run(monkeypatch, capsys, *options):
     """(exit code, standard output, standard error) of `viform board ...`."""
-    from scenarios.cli import main
+    from scenarios.cli.entry import main
 
     monkeypatch.setattr(sys, "argv", ["viform", "board", *options])
     handler = signal.getsignal(signal.SIGTERM)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cosim import Clock, InputError
+from cosim.compute.opencl import Device, open_device
 from cosim.files import RawStream, write_raw
 from cosim.files.raw_layout import FRAME_BYTES, TABLE
-from cosim.opencl import Device, open_device
-from cosim.viform import Viform, Words, words_for
+from cosim.spikes.viform import Viform, Words, words_for
 from rtl_model.readout import BIT_RATE, BLOCK_PS, Readout, ScanTiming, Window, plain_readout
 
 CLOCK = Clock(40_000)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from sensor.imagers import binomial, gamma, negative_binomial, normal, poisson
 
 N = 40_000

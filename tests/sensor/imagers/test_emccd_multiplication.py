@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
 from sensor.imagers import poisson
 from sensor.imagers.emccd import (
     LAWS,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.clock import PS
-from cosim.light import Light, Piece
+from cosim.light.light import Light, Piece
 from sensor.imagers import Course, LightScenery, Still
 
 

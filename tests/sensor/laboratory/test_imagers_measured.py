@@ -11,7 +11,7 @@ import math
 import pytest
 from scipy.stats import norm
 
-from cosim.radiometry import photons_per_lux
+from cosim.light.radiometry import photons_per_lux
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.ebaps import EbapsPixels
 from sensor.imagers.emccd import EmccdPixels, dark_current, excess_noise_squared

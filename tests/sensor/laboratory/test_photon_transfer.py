@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cosim.radiometry import photons_per_lux
-from cosim.streams import Stream
+from cosim.compute.streams import Stream
+from cosim.light.radiometry import photons_per_lux
 from sensor.imagers import Exposed, negative_binomial, poisson
 from sensor.laboratory import Bench, Estimate, LinearPixels, Report, measure_camera
 

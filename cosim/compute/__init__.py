@@ -1,0 +1,1 @@
+"""OpenCL, counter-based random numbers, and free memory."""

@@ -1,0 +1,53 @@
+"""Counter-based random numbers: Philox4x32-10.
+
+Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11. A value depends
+on its key and counter alone, so never on tiling, device or order. Key: (seed, effect). Counter:
+(pixel, tick high, tick low, draw), where the tick of a draw per spike is the spike's index.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["philox4x32", "philox_cl"]
+
+_M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+_W0, _W1 = 0x9E3779B9, 0xBB67AE85
+_LOW, _32 = np.uint64(0xFFFFFFFF), np.uint64(32)
+
+U32 = npt.NDArray[np.uint32]
+
+
+def philox4x32(
+    counter: tuple[Any, Any, Any, Any], key: tuple[int, int]
+) -> tuple[U32, U32, U32, U32]:
+    """Four uint32 words for each counter; counters broadcast against each other.
+
+    counter: four arrays or integers below 2^32. key: two integers below 2^32.
+    """
+    c0, c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, np.uint64) for c in counter))
+    k0, k1 = key
+    for _ in range(10):
+        p0, p1 = _M0 * c0, _M1 * c2
+        c0, c1, c2, c3 = (
+            (p1 >> _32) ^ c1 ^ np.uint64(k0),
+            p1 & _LOW,
+            (p0 >> _32) ^ c3 ^ np.uint64(k1),
+            p0 & _LOW,
+        )
+        k0, k1 = (k0 + _W0) & 0xFFFFFFFF, (k1 + _W1) & 0xFFFFFFFF
+    return (
+        c0.astype(np.uint32),
+        c1.astype(np.uint32),
+        c2.astype(np.uint32),
+        c3.astype(np.uint32),
+    )
+
+
+def philox_cl() -> str:
+    """OpenCL source of `philox16`, sixteen counters at a time."""
+    return (files("cosim.compute") / "philox.cl").read_text()

@@ -1,0 +1,42 @@
+"""Philox4x32-10 inside loops that numba compiles (numpy's form is cosim/compute/philox.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["pick", "random_words", "word_at"]
+
+_LOW = np.uint64(0xFFFFFFFF)
+_32 = np.uint64(32)
+
+
+@njit(cache=True)
+def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
+    """The four words at counter (pixel, index high, index low, draw), key (seed, stream), all
+    uint64 with values below 2^32 but for `index`."""
+    c0, c1, c2, c3 = pixel, index >> _32, index & _LOW, draw
+    k0, k1 = seed, stream
+    for _ in range(10):
+        p0 = np.uint64(0xD2511F53) * c0
+        p1 = np.uint64(0xCD9E8D57) * c2
+        c0, c1 = (p1 >> _32) ^ c1 ^ k0, p1 & _LOW
+        c2, c3 = (p0 >> _32) ^ c3 ^ k1, p0 & _LOW
+        k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
+        k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
+    return c0, c1, c2, c3
+
+
+@njit(cache=True)
+def pick(index, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
+    """Word index mod 4 of four."""
+    slot = index & 3
+    return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
+
+
+@njit(cache=True)
+def word_at(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
+    """Word index mod 4 of counter (pixel, index div 4, draw), as `random_words` takes it: four
+    indices share a counter."""
+    w0, w1, w2, w3 = random_words(pixel, index >> np.uint64(2), draw, seed, stream)
+    return pick(index, w0, w1, w2, w3)

@@ -1,0 +1,1 @@
+"""Configuration: quantities with units, the base of every section."""

@@ -1,0 +1,108 @@
+"""Quantities as text with a unit, and the base of every section."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import CoreSchema, core_schema
+
+from cosim.config.units import KINDS, Kind, format_quantity, parse_quantity
+
+__all__ = [
+    "Capacitance",
+    "Charge",
+    "Current",
+    "Duration",
+    "Frequency",
+    "Illuminance",
+    "Noise",
+    "Quantity",
+    "Reflectance",
+    "Section",
+    "Share",
+    "Spread",
+    "Temperature",
+    "Time",
+    "Wavelength",
+]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Makes a float field one that is written as text of one kind, with optional limits. none: the
+    text none is taken as well, as 0."""
+
+    kind_name: str
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    none: bool = False
+
+    @property
+    def kind(self) -> Kind:
+        return KINDS[self.kind_name]
+
+    def read(self, value: object) -> float:
+        """The number in the kind's unit; ValueError "must be ..." for anything else."""
+        must, other = f"must be {self.kind}", ", or none" if self.none else ""
+        if self.none and value == "none":
+            return 0.0
+        if not isinstance(value, str):
+            raise ValueError(must + other)
+        try:
+            number = parse_quantity(value, self.kind)
+        except ValueError:
+            raise ValueError(must + other) from None
+        for limit in (self.least, self.most):
+            if limit is not None and math.isclose(number, limit, rel_tol=1e-12):
+                number = limit  # 0.38 um is 380 nm but for a rounding
+        for word, limit, fine in (
+            ("above", self.above, self.above is None or number > self.above),
+            ("at least", self.least, self.least is None or number >= self.least),
+            ("at most", self.most, self.most is None or number <= self.most),
+        ):
+            if not fine:
+                raise ValueError(f"{must} and {word} {limit:g} {self.kind.unit}{other}")
+        return number
+
+    def write(self, value: float) -> str:
+        """Text that `read` reads back to the same float."""
+        return "none" if self.none and value == 0 else format_quantity(value, self.kind)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(self.write),
+        )
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string", "description": str(self.kind), "examples": [self.kind.example]}
+
+
+DAY = 86_400.0
+"""Seconds; no run is longer (at 40 kHz it would be 3.5e9 cycles)."""
+
+# An electron is the least threshold; fixed point sets the most. Outside the visible, lux say
+# nothing of photons.
+Time = Annotated[float, Quantity("time", least=0, most=DAY)]
+Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
+Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]
+Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
+Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
+Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]
+Noise = Annotated[float, Quantity("charge", least=0, most=30_000)]
+Capacitance = Annotated[float, Quantity("capacitance", above=0, most=1e6)]
+Current = Annotated[float, Quantity("current", least=0, most=1e12)]
+Temperature = Annotated[float, Quantity("temperature", least=-150, most=150)]
+Reflectance = Annotated[float, Field(ge=0, le=1)]
+Spread = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Section(BaseModel):
+    """Base of all sections."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,116 @@
+"""A lens between a lit scene and a sensor: how much light arrives, and how sharp.
+
+On the axis a Lambertian scene of reflectance 1 under E lux puts E T / (4 N^2 (1 + m)^2) lux on the
+sensor (camera equation, e.g. Ray, Applied Photographic Optics, 3rd ed., 2002; m is the
+magnification). Not modelled: the cos^4 fall-off towards the corners, distortion, veiling glare.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.light.light import Light, Plane, PlaneMap
+
+__all__ = ["FASTEST_F_NUMBER", "Lens", "diffraction_mtf"]
+
+FASTEST_F_NUMBER = 0.5
+"""No lens in air is faster: the sine of its cone's half angle, 1/(2N), is at most 1."""
+
+
+def diffraction_mtf(frequency: npt.NDArray[np.float64], cutoff: float) -> npt.NDArray[np.float64]:
+    """MTF of a perfect lens with a round pupil, incoherent light.
+
+    2/pi (acos v - v sqrt(1 - v^2)), v = frequency / cutoff, cutoff = 1/(wavelength N)
+    (Goodman, Introduction to Fourier Optics, 3rd ed., eq. 6-31). Both in cycles per metre.
+    """
+    v = np.clip(frequency / cutoff, 0, 1)
+    return 2 / math.pi * (np.arccos(v) - v * np.sqrt(1 - v * v))
+
+
+@dataclass(frozen=True)
+class Lens:
+    """f_number N >= 0.5, transmission T in (0, 1], magnification m >= 0.
+
+    psf: "none" images points to points; "airy" blurs as diffraction at `wavelength_nm` does.
+    """
+
+    f_number: float
+    transmission: float = 0.9
+    magnification: float = 0.0
+    psf: Literal["none", "airy"] = "none"
+    wavelength_nm: float = 555.0
+
+    def __post_init__(self) -> None:
+        if not self.f_number >= FASTEST_F_NUMBER:
+            raise ValueError(f"f-number must be at least {FASTEST_F_NUMBER}, not {self.f_number:g}")
+        if not 0 < self.transmission <= 1:
+            raise ValueError(f"transmission must be in (0, 1], not {self.transmission:g}")
+        if not self.magnification >= 0:
+            raise ValueError(f"magnification must be >= 0, not {self.magnification:g}")
+        if not self.wavelength_nm > 0:
+            raise ValueError(f"wavelength must be above 0 nm, not {self.wavelength_nm:g} nm")
+        if not math.isfinite(self.working_f_number * self.wavelength_nm):
+            raise ValueError(f"a lens must be described by finite numbers, not {self}")
+
+    @property
+    def working_f_number(self) -> float:
+        """N (1 + m), which sets both the light on the sensor and the diffraction."""
+        return self.f_number * (1 + self.magnification)
+
+    @property
+    def gain(self) -> float:
+        """Lux on the sensor for a lux of scene exitance (illuminance x reflectance)."""
+        return self.transmission / (4 * self.working_f_number**2)
+
+    def blur(self, plane: Plane, pitch_um: float) -> Plane:
+        """The plane through the PSF, edges mirrored; the sum of light is kept.
+
+        Light between pixel centres counts as band-limited by them, so beside a point far brighter
+        than its surroundings the image rings by up to a hundredth of that point. What would fall
+        below zero is cut off and the rest scaled to the same sum.
+        """
+        if self.psf == "none":
+            return plane
+        height, width = plane.shape
+        # The cosine transform mirrors the edges by itself, so no light wraps to the other side.
+        from scipy.fft import dctn, idctn
+
+        pitch = pitch_um * 1e-6
+        fy = np.arange(height)[:, None] / (2 * height * pitch)
+        fx = np.arange(width)[None, :] / (2 * width * pitch)
+        cutoff = 1 / (self.wavelength_nm * 1e-9 * self.working_f_number)
+        spectrum = dctn(plane.astype(np.float64), norm="ortho")
+        image = idctn(spectrum * diffraction_mtf(np.hypot(fy, fx), cutoff), norm="ortho")
+        total = image.sum()
+        np.maximum(image, 0, out=image)
+        if total > 0:
+            image *= total / image.sum()
+        return image.astype(np.float32)
+
+    def relay(self, pitch_um: float) -> LensRelay:
+        """The lens in front of pixels of this pitch."""
+        return LensRelay(self, pitch_um)
+
+
+class LensRelay:
+    """Maps scene exitance (lux) on the pixel grid to illuminance of the pixels (lux)."""
+
+    def __init__(self, lens: Lens, pitch_um: float) -> None:
+        gain = np.float32(lens.gain)
+        # The Airy pattern's tails have no end: with it, any change touches the whole plane.
+        if lens.psf == "airy":
+            self._map = PlaneMap(lambda plane: lens.blur(plane, pitch_um) * gain, None)
+        else:
+            self._map = PlaneMap(
+                lambda plane: plane * gain,
+                0,
+                lambda plane, box: plane[box[0] : box[1], box[2] : box[3]] * gain,
+            )
+
+    def __call__(self, light: Light) -> Light:
+        return self._map(light)

@@ -1,0 +1,1 @@
+"""Effects, the planner, tiles, and the order of error against tolerance."""

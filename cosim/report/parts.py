@@ -1,0 +1,90 @@
+"""What every report page is put together from."""
+
+from __future__ import annotations
+
+import base64
+import html
+import resource
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cosim.config.amounts import amount
+from cosim.files.whole import whole
+from cosim.report.png import encode
+from cosim.run.result import Result
+
+__all__ = ["cards", "data", "figure", "opening", "plot", "run_time", "table", "write_page"]
+
+
+def data(content: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
+    """A picture with its caption; `exact` keeps every pixel (PNG), else JPEG."""
+    content = encode(image, ".png" if exact else ".jpg")
+    source = data(content, "image/png" if exact else "image/jpeg")
+    pixels = ' class="pixels"' if exact else ""
+    return (
+        f'<figure class="{css}"><img{pixels} src="{source}" alt="{html.escape(caption)}">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+    )
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
+
+
+def cards(rows: list[tuple[str, str, str]]) -> str:
+    """Large figures in a row: (css class, figure, what it is)."""
+    texts = (
+        f'<div class="card {css}"><b>{html.escape(big)}</b>'
+        f'<span class="soft">{html.escape(small)}</span></div>'
+        for css, big, small in rows
+    )
+    return f'<div class="cards">{"".join(texts)}</div>'
+
+
+def plot(path: Path, name: str) -> str:
+    """A figure that has been written, as it is."""
+    source = data(path.read_bytes(), "image/png")
+    return f'<figure class="plot"><img src="{source}" alt="{html.escape(name)}"></figure>'
+
+
+def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
+    """The page's head: title, what ran, whether anything is less than asked for, notes."""
+    caveat = "" if result.outcome == "ok" else f" <b>Outcome: {result.outcome}.</b>"
+    told = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return (
+        f'<h1>{html.escape(title)}</h1><p class="soft">{html.escape(camera)}, seed {result.seed}, '
+        f"viform {result.version}.{caveat}</p><ul>{told}</ul>"
+    )
+
+
+def run_time(result: Result, seconds: dict[str, float]) -> str:
+    """What every stage took, and the most memory."""
+    rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
+    rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    rows.append(["peak memory", f"{peak:.2f} GiB"])
+    return f"<h2>Run time</h2><p>On {html.escape(result.device)}.</p>" + table(
+        ["stage", "took"], rows
+    )
+
+
+def write_page(folder: Path, title: str, body: str) -> None:
+    """report.html: one file, no network."""
+    css = (files("cosim.report") / "style.css").read_text()
+    page = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{html.escape(title)}</title><style>{css}</style></head>"
+        f"<body><main>{body}</main></body></html>\n"
+    )
+    with whole(folder / "report.html") as part:
+        part.write_text(page, encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Running: blocks through a chain of stages, result records, progress, the run's folder."""

@@ -1,0 +1,1 @@
+"""Streams of spikes: words, events, absolute intensities."""

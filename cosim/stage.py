@@ -1,0 +1,53 @@
+"""Blocks of cycles, and the stages of a chain that they go through.
+
+A stage takes what the one before it made of a block and makes the next thing of it: a scene makes
+light, a lens maps it, a camera makes spikes of it, a recorder writes them. A stage that remembers
+anything has `state` and `restore`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy.typing as npt
+
+__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "blocks"]
+
+BLOCK = 64
+"""Latch cycles in a block unless a scenario says otherwise."""
+State = dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Cycles `start` to `start + cycles` of the run's clock."""
+
+    start: int
+    cycles: int
+
+    @property
+    def stop(self) -> int:
+        """The first cycle after the block."""
+        return self.start + self.cycles
+
+
+def blocks(cycles: int, size: int = BLOCK, start: int = 0) -> Iterator[Block]:
+    """Blocks from cycle `start` to `cycles`; the last may be shorter."""
+    for first in range(start, cycles, size):
+        yield Block(first, min(size, cycles - first))
+
+
+class Stage(Protocol):
+    """One part of the chain. `given` is what the stage before made, None for the first."""
+
+    def step(self, given: Any, block: Block) -> Any: ...
+
+
+@runtime_checkable
+class Stateful(Protocol):
+    """A stage whose next block depends on the ones before."""
+
+    def state(self) -> State: ...
+    def restore(self, state: State) -> None: ...

@@ -1,0 +1,1 @@
+"""Who looks at a display: eyes, cameras, and the stages that gather what they see."""

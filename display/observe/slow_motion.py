@@ -1,0 +1,108 @@
+"""Slow motion: exposures of a camera back to back, small and in 8 bits, for a video."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.png import for_display
+from display import CameraPlane, Lit, Onlooker
+
+__all__ = ["Film", "SlowMotion"]
+
+Values = npt.NDArray[np.floating[Any]]
+
+
+class SlowMotion:
+    """Which exposures there are: back to back from `begin` to `end` (ps), of `exposure` ps each,
+    reduced to the means over `by` x `by` pixels.
+
+    A display whose renderer makes images of any `Observer` gives it `camera(first, stop)`, the
+    exposures that its planes touch (`touched`), and keeps each whole one with `Film.keep`.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], begin: int, end: int, exposure: int, by: int = 2
+    ) -> None:
+        if not 1 <= exposure <= end - begin:
+            raise ValueError(f"exposure must be 1 to {end - begin} ps, not {exposure} ps")
+        if not 1 <= by <= min(shape):
+            raise ValueError(f"by must be 1 to {min(shape)}, not {by}")
+        self.begin, self.exposure, self.by = begin, exposure, by
+        self.shape = shape[0] // by, shape[1] // by
+        self.count = (end - begin) // exposure
+
+    def camera(self, first: int, stop: int) -> CameraPlane:
+        """The observer that makes exposures `first` to `stop`."""
+        return CameraPlane(
+            tuple(self.begin + n * self.exposure + self.exposure // 2 for n in range(first, stop)),
+            self.exposure,
+        )
+
+    def touched(self, start: int, stop: int) -> tuple[int, int]:
+        """The first exposure that has light of `start` to `stop` (ps), and the first after it."""
+        first = min(max((start - self.begin) // self.exposure, 0), self.count)
+        last = -(-(stop - self.begin) // self.exposure)
+        return first, min(max(last, first), self.count)
+
+
+class Film:
+    """The exposures of one display: `frames` (count, h, w) uint8 through the sRGB curve, of which
+    the first `done` are whole."""
+
+    def __init__(self, motion: SlowMotion) -> None:
+        self.motion = motion
+        self.frames = np.zeros((motion.count, *motion.shape), np.uint8)
+        self.done = 0
+        self._open: dict[int, npt.NDArray[np.float32]] = {}
+
+    def keep(self, index: int, plane: Values) -> None:
+        """Exposure `index` as a display's renderer has made it whole, (H, W), white = 1."""
+        whole = Lit(plane.astype(np.float32, copy=False)[None], [])
+        self.frames[index] = for_display(whole.smaller(self.motion.by).planes[0])
+
+    def add(self, lit: Lit) -> None:
+        """Light of a display that is told as planes over time."""
+        if not lit.spans:
+            return
+        motion = self.motion
+        first, stop = motion.touched(
+            min(s.start for s in lit.spans), max(s.stop for s in lit.spans)
+        )
+        if first == stop:
+            return
+        looker = Onlooker(motion.camera(first, stop), motion.shape)
+        looker.add(lit.smaller(motion.by))
+        for index, image in enumerate(looker.images, first):
+            self._open[index] = self._open[index] + image if index in self._open else image
+
+    def close(self, until: int) -> None:
+        """All light before `until` (ps) has come: exposures that end by then are whole."""
+        motion = self.motion
+        stop = min(max((until - motion.begin) // motion.exposure, self.done), motion.count)
+        for index in range(self.done, stop):
+            image = self._open.pop(index, None)
+            if image is not None:
+                self.frames[index] = for_display(image)
+        self.done = stop
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next step depends on."""
+        opened = sorted(self._open)
+        images = [self._open[n] for n in opened]
+        return {
+            "frames": self.frames[: self.done].copy(), "open": np.array(opened, np.int64),
+            "images": np.stack(images) if images else np.zeros((0, *self.motion.shape), np.float32),
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self.done = len(state["frames"])
+        self.frames[:] = 0
+        self.frames[: self.done] = state["frames"]
+        self._open = {
+            int(n): np.array(image, np.float32)
+            for n, image in zip(state["open"], state["images"], strict=True)
+        }

@@ -1,0 +1,88 @@
+"""What observers take of light, block by block, as weights and shifts.
+
+An observer makes one or more images. Each is an integral over time of the light, weighted by the
+observer's response and, for an eye that moves, shifted on the retina. Light is the mean over short
+spans of time, so an image is a sum: weight times (shifted) light of each span.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from display.panels.panel import SpikePanel
+
+__all__ = ["Observer", "Views", "panel_views"]
+
+Values = npt.NDArray[np.float64]
+
+
+class Observer(Protocol):
+    """images: how many it makes.
+
+    weights(start, stop): (images, spans) float64, the share of each span [start, stop) (ps, arrays)
+    in each image: the response integrated over the span; over all time each image's sum is 1, so
+    that constant light 1 gives images of 1.
+    shifts(at): (images, spans) pixels each, (dy, dx), at instants `at` (ps): the image at (y, x)
+    takes the light at (y + dy, x + dx), bilinear, dark outside.
+    """
+
+    @property
+    def images(self) -> int: ...
+    def weights(self, start: npt.NDArray[np.int64], stop: npt.NDArray[np.int64]) -> Values: ...
+    def shifts(self, at: npt.NDArray[np.int64]) -> tuple[Values, Values]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """How the images of a block of planes come from its spans, each (images, spans) float64.
+
+    weight: times the span's light in Q (summed over its planes). slope: the weight's change from
+    row 0 to row `height` (rows are driven one after another): row r has weight + slope · r /
+    height, which is exact to 1e-6 for an eye, and to a share of a plane at the ends of a camera's
+    exposure. dy, dx: the shift in row 0, and dy_slope, dx_slope its change in the same way.
+    """
+
+    weight: Values
+    slope: Values
+    dy: Values
+    dx: Values
+    dy_slope: Values
+    dx_slope: Values
+
+    @property
+    def images(self) -> int:
+        return len(self.weight)
+
+    def __post_init__(self) -> None:
+        shapes = {a.shape for a in vars(self).values()}
+        if len(shapes) != 1:
+            raise ValueError(f"views must share one (images, spans), not {sorted(shapes)}")
+
+    @classmethod
+    def joined(cls, several: Sequence[Views]) -> Views:
+        """The images of all, one after another."""
+        return cls(
+            *(np.concatenate([getattr(v, name) for v in several]) for name in vars(several[0]))
+        )
+
+
+def panel_views(
+    observer: Observer, panel: SpikePanel, first: int, planes: int, batch: int
+) -> Views:
+    """Views of planes `first` to `first + planes` of a panel, `batch` planes to a span (the last
+    span may be shorter): white of the panel gives images of 1."""
+    edges = [*range(first, first + planes, batch), first + planes]
+    at = np.array([panel.start(n) for n in edges], np.int64)
+    start, stop = at[:-1], at[1:]
+    late = round(panel.row_delay)
+    per_q = 1 / (np.diff(edges) * panel.white_rate)
+    top = observer.weights(start, stop) * per_q
+    bottom = observer.weights(start + late, stop + late) * per_q
+    middle = (start + stop) // 2
+    (y0, x0), (y1, x1) = observer.shifts(middle), observer.shifts(middle + late)
+    return Views(top, bottom - top, y0, x0, y1 - y0, x1 - x0)

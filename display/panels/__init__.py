@@ -1,0 +1,1 @@
+"""Panels: spike-continuous, frame and binary-plane panels as numbers."""

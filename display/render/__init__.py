@@ -1,0 +1,1 @@
+"""Renderers: fragment shaders through EGL, and the golden model in numpy."""

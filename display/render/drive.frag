@@ -1,0 +1,155 @@
+// Light of some planes of a spike-continuous panel: drive, emission, what still observers take.
+//
+// A fragment is four neighbouring pixels of a row, a component each, so that words need not be
+// transposed and are fetched once for four. The planes are unrolled: display/render/shader.py puts the
+// switches before this text and BODY, a call for each plane, into it. What a scene does not need
+// is not in it.
+
+uniform usampler2D words0, words1, words2, words3;
+uniform uint skip;    // bits of the word before the first plane, where less than a word is drawn
+uniform int height;
+
+#if HOLDS
+uniform usampler2D tau_before, age_before;
+layout(location = 0) out uvec4 tau_after;
+layout(location = 1) out uvec4 age_after;
+#endif
+#if EMITS
+uniform usampler2D level_before;
+uniform float unit;   // of the stored level, packets a cycle
+uniform vec3 rise, fall;            // (light of x, light of y, way gone) in the driven part
+#if PULSED
+uniform vec3 rest;                  // the same in the dark rest of the plane
+uniform float peak;                 // 1 / pulse
+#endif
+layout(location = LEVEL_AT) out uvec4 level_after;
+#endif
+#if SPANS
+layout(location = SPANS_AT) out uvec4 span[GROUPS];  // bits of floats: integers are not blended
+#endif
+#if IMAGES
+layout(location = IMAGES_AT) out vec4 image[IMAGES];
+layout(std140) uniform Views { vec4 table[IMAGES * GROUPS]; };  // (weight, slope of the rows)
+#endif
+
+#ifdef GL_ARB_gpu_shader5
+vec4 ones(uvec4 w) { return vec4(bitCount(w)); }
+#else
+vec4 ones(uvec4 w) {
+    w -= (w >> 1u) & 0x55555555u;
+    w = (w & 0x33333333u) + ((w >> 2u) & 0x33333333u);
+    return vec4((((w + (w >> 4u)) & 0x0F0F0F0Fu) * 0x01010101u) >> 24u);
+}
+#endif
+
+// b where `choose`, else a; GL 3.3 has mix() of floats alone.
+uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
+    uvec4 bits = 0u - uvec4(choose);
+    return (a & ~bits) | (b & bits);
+}
+
+// What a plane of drive x adds to the light.
+#if EMITS
+#define RELAX(drive, up, down) { \
+    vec4 to = drive, from = vec4(level) * unit; \
+    bvec4 more = greaterThan(to, from); \
+    part += to * mix(vec4(down.x), vec4(up.x), more) + from * mix(vec4(down.y), vec4(up.y), more); \
+    vec4 gone = (to - from) * mix(vec4(down.z), vec4(up.z), more); \
+    /* from rounds: what is gone may be a unit more than there is */ \
+    level = uvec4(max(ivec4(level) + ivec4(floor(gone / unit + 0.5)), 0)); }
+#if PULSED
+#define EMIT(x) RELAX((x * peak), rise, fall) RELAX(vec4(0.0), rest, rest)
+#else
+#define EMIT(x) RELAX(x, rise, fall)
+#endif
+#else
+#define EMIT(x) part += x;
+#endif
+
+// A plane, bit n of the word. run: planes since the last spike, infinite before the first.
+#if HOLDS
+#define PLANE(n) { \
+    vec4 inverse = 1.0 / run; \
+    bvec4 spike = notEqual(w & (1u << uint(n)), uvec4(0u)); \
+    held = mix(held, inverse, spike); \
+    run = mix(run + 1.0, vec4(1.0), spike); \
+    vec4 x = HELD; \
+    EMIT(x) }
+#else
+#define PLANE(n) { vec4 x = vec4((w >> uint(n)) & 1u); EMIT(x) }
+#endif
+#define COUNT(shift, mask) part += ones((w >> shift) & mask);
+#define PART { light += part; part = vec4(0.0); }
+
+// The end of a group of planes that share their weights.
+#if IMAGES
+#if SLOPES
+#define TAKE_IMAGES(g) for (int i = 0; i < IMAGES; i++) { \
+    few[i] += table[i * GROUPS + g].x * light; few_late[i] += table[i * GROUPS + g].y * light; }
+#define FOLD for (int i = 0; i < IMAGES; i++) { \
+    sum[i] += few[i]; few[i] = vec4(0.0); late[i] += few_late[i]; few_late[i] = vec4(0.0); }
+#else
+#define TAKE_IMAGES(g) for (int i = 0; i < IMAGES; i++) few[i] += table[i * GROUPS + g].x * light;
+#define FOLD for (int i = 0; i < IMAGES; i++) { sum[i] += few[i]; few[i] = vec4(0.0); }
+#endif
+#else
+#define TAKE_IMAGES(g)
+#define FOLD
+#endif
+#if SPANS
+#define TAKE_SPAN(g) span[g] = floatBitsToUint(light);
+#else
+#define TAKE_SPAN(g)
+#endif
+#define GROUP(g) { TAKE_IMAGES(g) TAKE_SPAN(g) light = vec4(0.0); }
+
+#if WHOLE
+#define LOAD(texture_) { w = texelFetch(texture_, at, 0); any_spike |= w; }
+#else
+#define LOAD(texture_) { w = texelFetch(texture_, at, 0) >> skip; any_spike |= w & MASK; }
+#endif
+
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    uvec4 w, any_spike = uvec4(0u);
+    vec4 part = vec4(0.0), light = vec4(0.0);
+#if IMAGES
+    vec4 few[IMAGES], sum[IMAGES];
+    for (int i = 0; i < IMAGES; i++) few[i] = sum[i] = vec4(0.0);
+#if SLOPES
+    vec4 few_late[IMAGES], late[IMAGES];
+    for (int i = 0; i < IMAGES; i++) few_late[i] = late[i] = vec4(0.0);
+#endif
+#endif
+#if HOLDS
+    uvec4 tau = texelFetch(tau_before, at, 0), age = texelFetch(age_before, at, 0);
+    vec4 never = vec4(uintBitsToFloat(0x7F800000u));
+    vec4 held = mix(1.0 / vec4(tau), vec4(0.0), equal(tau, uvec4(0u)));
+    vec4 run = mix(vec4(age), never, equal(age, uvec4(0u)));
+#endif
+#if EMITS
+    uvec4 level = texelFetch(level_before, at, 0);
+#endif
+    BODY
+#if HOLDS
+    // Without a spike the state grows older, up to FOREVER; with one, it is what `run` counted.
+    bvec4 fired = notEqual(any_spike, uvec4(0u));
+    uvec4 older = pick(min(age, uvec4(FOREVER - PLANES)) + PLANES, uvec4(0u), equal(age, uvec4(0u)));
+    age_after = pick(older, uvec4(run), fired);
+    vec4 interval = min(floor(1.0 / held + 0.5), vec4(4294967040.0));
+    uvec4 new_tau = pick(uvec4(interval), uvec4(0u), equal(held, vec4(0.0)));
+    tau_after = pick(tau, new_tau, fired);
+#endif
+#if EMITS
+    level_after = level;
+#endif
+#if IMAGES
+    for (int i = 0; i < IMAGES; i++) {
+#if SLOPES
+        image[i] = sum[i] + (float(at.y) / float(height)) * late[i];
+#else
+        image[i] = sum[i];
+#endif
+    }
+#endif
+}

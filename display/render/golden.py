@@ -1,0 +1,148 @@
+"""The golden model of a spike-continuous panel: numpy, float64, one plane after another.
+
+What the renderer's shaders are held to. Closed form within a plane: the drive is constant there (in
+two parts for a packet shorter than the plane), and the emitter relaxes towards it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.spikes.viform import WORD
+from display.observe.views import Views
+from display.panels.panel import SpikePanel
+
+__all__ = ["FOREVER", "PlainRenderer", "drive_level"]
+
+FOREVER = np.uint32(2**32 - 1)
+"""An age that no longer grows."""
+Values = npt.NDArray[np.float64]
+Ages = npt.NDArray[np.uint32]
+
+
+def drive_level(drive: str, spike: npt.NDArray[np.bool_], tau: Ages, age: Ages) -> Values:
+    """Packets of light a cycle, from the state within a plane (see `SpikePanel`)."""
+    if drive == "impulse":
+        return spike.astype(np.float64)
+    span = tau if drive == "hold" else np.maximum(tau, age)
+    return np.where(tau > 0, 1.0 / np.maximum(span, np.uint32(1)), 0.0)
+
+
+class PlainRenderer:
+    """A panel seen by observers, exact in float64 and slow.
+
+    panel: what is shown. batch: planes to a span of light. images: how many the observers make.
+    State: per pixel `tau` and `age` (uint32; tau 0: no interval yet; age only counts once there was
+    a spike, `seen`), and the emitter's level at the end of the last plane.
+    """
+
+    name = "numpy, float64"
+
+    def __init__(self, panel: SpikePanel, batch: int, images: int) -> None:
+        self.panel, self.batch = panel, batch
+        self.tau, self.age = (np.zeros(panel.shape, np.uint32) for _ in range(2))
+        self.seen = np.zeros(panel.shape, np.bool_)
+        self.level = np.zeros(panel.shape)
+        self._images = np.zeros((images, *panel.shape))
+        self.light = np.zeros((0, *panel.shape))
+        """Of the last block: (spans, height, width) float64, packets Q summed over each span."""
+
+    def step(self, words: npt.NDArray[np.uint32], cycles: int, views: Views | None) -> None:
+        """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
+        views: for spans of `batch` planes; None lets nobody look."""
+        if words.shape[1:] != self.panel.shape:
+            raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
+        spans = -(-cycles // self.batch)
+        self.light = np.zeros((spans, *self.panel.shape))
+        for n in range(cycles):
+            spike = ((words[n // WORD] >> np.uint32(n % WORD)) & np.uint32(1)).astype(np.bool_)
+            self.light[n // self.batch] += self._plane(spike)
+        if views is not None:
+            for image in range(views.images):
+                self._look(image, views)
+
+    def _plane(self, spike: npt.NDArray[np.bool_]) -> Values:
+        """Light of one plane in Q; state goes on."""
+        older = np.where(self.age < FOREVER, self.age + self.seen.astype(np.uint32), FOREVER)
+        self.tau = np.where(spike & self.seen, older, self.tau).astype(np.uint32)
+        self.age = np.where(spike, np.uint32(0), older).astype(np.uint32)
+        self.seen |= spike
+        drive = drive_level(self.panel.drive, spike, self.tau, self.age)
+        pulse = self.panel.pulse if self.panel.drive == "impulse" else 1.0
+        if self.panel.rise == 0 and self.panel.decay == 0:
+            self.level = drive if pulse == 1 else np.zeros_like(drive)
+            return drive
+        light = self._relax(drive / pulse, pulse)
+        return light + self._relax(np.zeros_like(drive), 1 - pulse) if pulse < 1 else light
+
+    def _relax(self, drive: Values, share: float) -> Values:
+        """Light of a part of a plane under constant drive; the level goes on to its end."""
+        period = 1 / self.panel.clock.hz
+        out = np.empty_like(drive)
+        for way, constant in (
+            (drive > self.level, self.panel.rise),
+            (drive <= self.level, self.panel.decay),
+        ):
+            x, y = drive[way], self.level[way]
+            if constant == 0:
+                out[way], self.level[way] = x * share, x
+                continue
+            late = constant / period
+            gone = -np.expm1(-share / late)
+            out[way] = x * share + (y - x) * late * gone
+            self.level[way] = y + (x - y) * gone
+        return out
+
+    def _look(self, image: int, views: Views) -> None:
+        height = self.panel.shape[0]
+        row = np.arange(height)[:, None] / height
+        for span, light in enumerate(self.light):
+            weight, slope = views.weight[image, span], views.slope[image, span]
+            if weight == 0 and slope == 0:
+                continue
+            dy = views.dy[image, span] + views.dy_slope[image, span] * row
+            dx = views.dx[image, span] + views.dx_slope[image, span] * row
+            moved = light if not (dy.any() or dx.any()) else _shifted(light, dy, dx)
+            self._images[image] += (weight + slope * row) * moved
+
+    def take(self, image: int) -> Values:
+        """(height, width) float64: the image so far; it begins anew."""
+        taken = self._images[image].copy()
+        self._images[image] = 0
+        return taken
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {
+            "tau": self.tau.copy(), "age": self.age.copy(), "seen": self.seen.copy(),
+            "level": self.level.copy(), "images": self._images.copy(),
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self.tau, self.age = state["tau"].copy(), state["age"].copy()
+        self.seen, self.level = state["seen"].copy(), state["level"].copy()
+        self._images = state["images"].copy()
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def _shifted(light: Values, dy: Values, dx: Values) -> Values:
+    """light at (y + dy, x + dx), bilinear, 0 outside; dy, dx: (height, 1), one a row."""
+    height, width = light.shape
+    y = np.arange(height)[:, None] + dy
+    x = np.arange(width)[None, :] + dx
+    y0, x0 = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
+    fy, fx = y - y0, x - x0
+    out = np.zeros_like(light)
+    for ay, wy in ((0, 1 - fy), (1, fy)):
+        for ax, wx in ((0, 1 - fx), (1, fx)):
+            yy, xx = np.broadcast_arrays(y0 + ay, x0 + ax)
+            inside = (yy >= 0) & (yy < height) & (xx >= 0) & (xx < width)
+            there = light[np.clip(yy, 0, height - 1), np.clip(xx, 0, width - 1)]
+            out += wy * wx * np.where(inside, there, 0.0)
+    return out

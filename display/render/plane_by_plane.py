@@ -1,0 +1,99 @@
+"""One plane a draw: what a moderngl user writes first, and what the benchmark holds beside ours.
+
+Each plane is a texture of a byte a pixel, each draw covers the screen once, and what is seen is an
+exponential mean in a float32 texture, by blending: to read the mean of before as a texture takes
+about twice as long. Bytes come ready made: taking them out of words is not timed.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from display.render.context import open_context
+from display.render.shader import vertex
+
+__all__ = ["PlaneByPlane"]
+
+KEEP = 1 - 2**-10
+"""Of what is seen, from plane to plane."""
+_HEAD = """#version 330
+uniform usampler2D plane, state; uniform sampler2D bytes;
+uniform float keep; uniform vec2 shift;
+layout(location = 0) out vec4 seen;
+"""
+_SEEN = "seen = vec4(x, 0.0, 0.0, keep);"
+_STATE = """layout(location = 1) out uvec2 held;
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    uvec2 s = texelFetch(state, at, 0).xy;  // tau, age + 1
+    bool spike = texelFetch(plane, at, 0).x != 0u;
+    if (spike) s = uvec2(s.y, 1u); else if (s.y != 0u) s.y++;
+    held = s;
+    float x = s.x == 0u ? 0.0 : 1.0 / float(SPAN);
+"""
+_SHADERS = {
+    "impulse": "void main() { ivec2 at = ivec2(gl_FragCoord.xy);"
+    " float x = float(texelFetch(plane, at, 0).x);",
+    "hold": _STATE.replace("SPAN", "s.x"),
+    "causal": _STATE.replace("SPAN", "max(s.x, s.y - 1u)"),
+    "pursuit": "void main() { ivec2 at = ivec2(gl_FragCoord.xy); float x = 255.0 *"
+    " texture(bytes, (gl_FragCoord.xy + shift) / vec2(textureSize(bytes, 0))).x;",
+}
+Kind = Literal["impulse", "hold", "causal", "pursuit"]
+
+
+class PlaneByPlane:
+    """kind: a drive, or impulse seen by an eye that moves. shape: (height, width)."""
+
+    def __init__(self, kind: Kind, shape: tuple[int, int]) -> None:
+        self._kind, self._shown = kind, 0
+        self._context = open_context()
+        size = shape[1], shape[0]
+        moves, holds = kind == "pursuit", kind in ("hold", "causal")
+        self._plane = self._context.texture(size, 1, dtype="f1" if moves else "u1", alignment=1)
+        if not moves:
+            self._plane.filter = moderngl.NEAREST, moderngl.NEAREST
+        self._seen = self._context.texture(size, 1, dtype="f4")
+        self._state = [self._context.texture(size, 2, dtype="u4") for _ in range(2 * holds)]
+        self._targets = [
+            self._context.framebuffer([self._seen, *self._state[n : n + 1]]) for n in range(2)
+        ]
+        for target in self._targets:
+            target.clear()
+        self._program = self._context.program(
+            vertex_shader=vertex(), fragment_shader=f"{_HEAD}{_SHADERS[kind]}{_SEEN} }}"
+        )
+        places = {"plane": 0, "bytes": 0, "state": 1, "keep": KEEP}
+        for name, value in places.items():
+            uniform = self._program.get(name, None)
+            if isinstance(uniform, moderngl.Uniform):
+                uniform.value = value
+        self._triangle = self._context.vertex_array(self._program, [])
+
+    def show(self, planes: npt.NDArray[np.uint8], shift: float = 0.0) -> npt.NDArray[np.float32]:
+        """What is seen after these planes, (n, height, width) of 0 and 1; for pursuit `shift`
+        pixels along the rows come with each. (height, width) float32."""
+        with self._context:
+            self._context.enable(moderngl.BLEND)
+            self._context.blend_func = moderngl.ONE_MINUS_SRC_ALPHA, moderngl.SRC_ALPHA
+            for n, plane in enumerate(planes, self._shown):
+                self._plane.write(plane)
+                self._plane.use(0)
+                if self._state:
+                    self._state[n % 2].use(1)
+                moved = self._program.get("shift", None)
+                if isinstance(moved, moderngl.Uniform):
+                    moved.value = n * shift, 0.0
+                self._targets[1 - n % 2].use()
+                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+            self._shown += len(planes)
+            size = self._seen.height, self._seen.width
+            return np.frombuffer(self._seen.read(), np.float32).reshape(size)
+
+    def close(self) -> None:
+        """Gives the context back."""
+        self._context.release()

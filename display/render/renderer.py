@@ -1,0 +1,372 @@
+"""A spike-continuous panel seen by observers, in fragment shaders: many planes a draw.
+
+What `PlainRenderer` is in float64, within 1e-6 of white. Words are uploaded as they are, four
+neighbouring pixels a texel; up to 128 planes are unrolled in one draw, with what fixed observers
+take of them; the light of groups of planes is left as textures for observers that move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from cosim.compute.memory import check_memory
+from cosim.spikes.viform import WORD
+from display.observe.views import Views
+from display.panels.emission import LEVELS, relaxation, slow
+from display.panels.panel import SpikePanel
+from display.render.context import DRAW_BUFFERS, check_alive, open_context
+from display.render.exposure import Exposures
+from display.render.golden import FOREVER
+from display.render.shader import GROUPS, DriveSwitches, LookSwitches, vertex
+
+__all__ = ["Renderer"]
+
+PLANES = 128
+"""Most planes of a draw: four words a pixel."""
+TERMS = 64
+"""Most weights of a draw, images times groups: what is unrolled is also compiled."""
+BUFFERS = 8
+"""Tables of weights in turn, so that none is written while a draw still reads it."""
+Words = npt.NDArray[np.uint32]
+Values = npt.NDArray[np.float64]
+
+
+class Renderer:
+    """The interface of `PlainRenderer`, on a GL context of its own (`open_context`), or on one that
+    is given and stays its giver's, such as a window's.
+
+    panel: what is shown. batch: planes to a span of light. images: how many the observers make.
+    State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),
+    in textures. Ages stop at 2^32 - 1; a tau beyond 4e6 cycles is kept to 1e-5 of itself.
+    Must be used by the thread that made it. Every method raises InputError where the context is
+    lost or was closed, or its memory does not suffice.
+    """
+
+    def __init__(
+        self, panel: SpikePanel, batch: int, images: int, context: moderngl.Context | None = None
+    ) -> None:
+        if batch < 1:
+            raise ValueError(f"batch must be 1 or more, not {batch}")
+        self.panel, self.batch = panel, batch
+        height, width = panel.shape
+        self._quads = -(-width // 4)
+        states = 2 * (panel.drive != "impulse") + slow(panel)
+        self._states = states
+        check_memory(
+            "the panel", height * 4 * self._quads * (4 * (3 * states + 8 + GROUPS) + 12 * images),
+            "make it smaller (display.width, display.height)",
+        )  # fmt: skip
+        self._own = context is None
+        self._context = open_context() if context is None else context
+        self.name: str = self._context.info["GL_RENDERER"]
+        self._check_size()
+        with self._alive():
+            self._words = [[self._texture("u4") for _ in range(4)] for _ in range(2)]
+            self._held = [[self._texture("u4") for _ in range(states)] for _ in range(3)]
+            self._spans: list[moderngl.Texture] = []
+            zeros = bytes(height * self._quads * 16)
+            for texture in self._held[0]:
+                texture.write(zeros)
+            self._tables = [self._context.buffer(reserve=TERMS * 16) for _ in range(BUFFERS)]
+            self._exposures = Exposures(self._context, images, panel.shape, self._quads)
+        self._programs: dict[Any, tuple[moderngl.Program, moderngl.VertexArray]] = {}
+        self._targets: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._images = images
+        self._now = self._start = 0
+        """Of the three sets of state textures: the present one, and the one before the block."""
+        self._draws = self._uploads = 0
+        self._last: tuple[Words, int] | None = None
+        self._lit: Values | None = np.zeros((0, *panel.shape))
+
+    def _check_size(self) -> None:
+        most = int(self._context.info["GL_MAX_TEXTURE_SIZE"])
+        height, width = self.panel.shape
+        if height > most or self._quads > most:
+            self.close()
+            raise InputError(
+                "the panel", f"at most {4 * most} x {most} pixels ({self.name})",
+                f"{width} x {height}", "make it smaller (display.width, display.height)",
+            )  # fmt: skip
+
+    def _texture(self, dtype: str) -> moderngl.Texture:
+        texture = self._context.texture((self._quads, self.panel.shape[0]), 4, dtype=dtype)
+        texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        return texture
+
+    @contextmanager
+    def _alive(self) -> Iterator[None]:
+        """Within, the context is there and is the one that calls go to."""
+        check_alive(self._context)
+        with self._context:
+            try:
+                yield
+            except moderngl.Error:
+                check_alive(self._context)
+                raise
+            check_alive(self._context)
+
+    def step(self, words: Words, cycles: int, views: Views | None) -> None:
+        """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
+        views: for spans of `batch` planes; None lets nobody look."""
+        if words.shape[1:] != self.panel.shape:
+            raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
+        self._last, self._lit = (words, cycles), None
+        with self._alive():
+            self._start = self._now
+            still, moving = _images_of(views)
+            loaded: tuple[int, int] | None = None
+            for first, planes in _pieces(cycles, self._most(len(still), bool(moving))):
+                if not (still or moving or self._states):
+                    continue
+                loaded = self._upload(words, first, planes, loaded)
+                self._show(first, planes, views, still, moving)
+
+    def _most(self, still: int, moving: bool) -> int:
+        """Planes of a draw: as many as its weights and its targets allow."""
+        group = self._group(PLANES)
+        if moving:
+            return min(PLANES, GROUPS * group)
+        images = max(1, min(still, DRAW_BUFFERS - self._states))
+        return min(PLANES, group * (1 << (TERMS // images).bit_length() - 1))
+
+    def _group(self, planes: int) -> int:
+        """Planes that surely share a span: the largest power of two that divides both."""
+        return min(planes, self.batch & -self.batch)
+
+    def _upload(
+        self, words: Words, first: int, planes: int, loaded: tuple[int, int] | None
+    ) -> tuple[int, int]:
+        """The words of a piece in the textures of its turn, unless they are there already."""
+        word, count = first // WORD, -(-planes // WORD)
+        if loaded != (word, count):
+            self._uploads += 1
+            for n in range(count):
+                plane = words[word + n]
+                if plane.shape[1] % 4:
+                    wide = np.zeros((plane.shape[0], 4 * self._quads), np.uint32)
+                    wide[:, : plane.shape[1]] = plane
+                    plane = wide
+                self._words[self._uploads % 2][n].write(np.ascontiguousarray(plane))
+        for n in range(count):
+            self._words[self._uploads % 2][n].use(n)
+        return word, count
+
+    def _show(
+        self, first: int, planes: int, views: Views | None, still: list[int], moving: list[int]
+    ) -> None:
+        """A piece of the block, in as many draws as its images need; the state goes on."""
+        group = self._group(planes)
+        spans = [(first + n) // self.batch for n in range(0, planes, group)]
+        if views is not None:
+            still, moving = (
+                [n for n in some if _sees(views, n, spans)] for some in (still, moving)
+            )
+        onward = next(n for n in range(3) if n not in (self._start, self._now))
+        room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
+        rest = list(still)
+        while True:
+            some, rest = rest[:room], rest[room:]
+            if some or moving or self._states:
+                self._drive(first, planes, group, views, some, spans, bool(moving), onward)
+            if moving and views is not None:
+                for image in moving:
+                    self._look(image, views, spans)
+                moving, room = [], DRAW_BUFFERS - self._states
+            if not rest:
+                break
+        if self._states:
+            self._now = onward
+
+    def _drive(
+        self, first: int, planes: int, group: int, views: Views | None, images: list[int],
+        spans: list[int], leave: bool, onward: int,
+    ) -> None:  # fmt: skip
+        panel = self.panel
+        slopes = views is not None and bool(views.slope[np.ix_(images, spans)].any())
+        emits = slow(panel)
+        switches = DriveSwitches(
+            panel.drive, planes, group, len(images), slopes, leave, emits,
+            emits and panel.drive == "impulse" and panel.pulse < 1,
+        )  # fmt: skip
+        program, triangle = self._program(switches)
+        for n, texture in enumerate(self._held[self._now]):
+            texture.use(4 + n)
+        _set(program, "skip", first % WORD)
+        targets = list(self._held[onward]) + (self._span_textures(len(spans)) if leave else [])
+        targets += [self._exposures.target(image) for image in images]
+        if views is not None and images:
+            table = np.zeros((len(images), len(spans), 4), np.float32)
+            table[..., 0] = views.weight[np.ix_(images, spans)]
+            table[..., 1] = views.slope[np.ix_(images, spans)]
+            self._bind(table)
+        self._draw(targets, triangle)
+
+    def _look(self, image: int, views: Views, spans: list[int]) -> None:
+        """What a moving observer takes of the spans that the last draw left."""
+        shift = np.array([views.dy[image, spans], views.dx[image, spans]])
+        slope = np.array([views.dy_slope[image, spans], views.dx_slope[image, spans]])
+        whole = np.floor(shift)
+        table = np.zeros((len(spans), 8), np.float32)
+        table[:, 0], table[:, 1] = views.weight[image, spans], views.slope[image, spans]
+        table[:, 2], table[:, 3] = shift[0] - whole[0], slope[0]
+        table[:, 4], table[:, 5] = shift[1] - whole[1], slope[1]
+        # Farther than the panel is wide all is dark, and integers of the shader stay small.
+        table[:, 6:] = np.clip(whole, -(2**20), 2**20).T
+        vertical = bool(shift[0].any() or slope[0].any())
+        _, triangle = self._program(LookSwitches(len(spans), vertical))
+        for n, texture in enumerate(self._span_textures(len(spans))):
+            texture.use(n)
+        self._bind(table)
+        self._draw([self._exposures.target(image)], triangle)
+        for n in range(4):  # the words' places again
+            self._words[self._uploads % 2][n].use(n)
+
+    def _span_textures(self, count: int) -> list[moderngl.Texture]:
+        while len(self._spans) < count:
+            self._spans.append(self._texture("u4"))
+        return self._spans[:count]
+
+    def _bind(self, table: npt.NDArray[np.float32]) -> None:
+        self._draws += 1
+        buffer = self._tables[self._draws % BUFFERS]
+        buffer.write(table)
+        buffer.bind_to_uniform_block(0)
+
+    def _draw(self, targets: list[moderngl.Texture], triangle: moderngl.VertexArray) -> None:
+        key = tuple(texture.glo for texture in targets)
+        if key not in self._targets:
+            self._targets[key] = self._context.framebuffer(targets)
+        self._targets[key].use()
+        self._context.enable_only(moderngl.BLEND)  # floats only: integer targets are not blended
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        triangle.render(moderngl.TRIANGLES, vertices=3)
+
+    def _program(
+        self, switches: DriveSwitches | LookSwitches
+    ) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        if switches not in self._programs:
+            program = self._context.program(vertex_shader=vertex(), fragment_shader=switches.source)
+            for name, value in self._constants().items():
+                _set(program, name, value)
+            self._programs[switches] = program, self._context.vertex_array(program, [])
+        return self._programs[switches]
+
+    def _constants(self) -> dict[str, Any]:
+        """Uniforms that stay: which texture is where, and the emitter's."""
+        panel = self.panel
+        pulse = panel.pulse if panel.drive == "impulse" else 1.0
+        level = 4 + 2 * (panel.drive != "impulse")
+        return {
+            **{f"words{n}": n for n in range(4)}, **{f"span{n}": n for n in range(GROUPS)},
+            "tau_before": 4, "age_before": 5, "level_before": level, "height": panel.shape[0],
+            "unit": 1 / (pulse * LEVELS), "peak": 1 / pulse,
+            "rise": relaxation(panel.rise, pulse, panel),
+            "fall": relaxation(panel.decay, pulse, panel),
+            "rest": relaxation(panel.decay, 1 - pulse, panel),
+        }  # fmt: skip
+
+    @property
+    def light(self) -> Values:
+        """Of the last block: (spans, height, width) float64, packets Q summed over each span. The
+        block is drawn once more for it, from the array of words that `step` was given."""
+        if self._lit is None:
+            assert self._last is not None
+            words, cycles = self._last
+            self._lit = np.zeros((-(-cycles // self.batch), *self.panel.shape))
+            with self._alive():
+                self._now = self._start
+                loaded: tuple[int, int] | None = None
+                for first, planes in _pieces(cycles, self._most(0, True)):
+                    loaded = self._upload(words, first, planes, loaded)
+                    onward = next(n for n in range(3) if n not in (self._start, self._now))
+                    group = self._group(planes)
+                    spans = [(first + n) // self.batch for n in range(0, planes, group)]
+                    self._drive(first, planes, group, None, [], spans, True, onward)
+                    for span, texture in zip(spans, self._span_textures(len(spans)), strict=True):
+                        self._lit[span] += self._read(texture).view(np.float32)
+                    self._now = onward if self._states else self._now
+        return self._lit
+
+    def _read(self, texture: moderngl.Texture) -> Words:
+        quads = np.frombuffer(texture.read(), np.uint32)
+        height, width = self.panel.shape
+        return np.ascontiguousarray(quads.reshape(height, 4 * self._quads)[:, :width])
+
+    def take(self, image: int) -> Values:
+        """(height, width) float64: the image so far; it begins anew."""
+        with self._alive():
+            return self._exposures.take(image)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on, as `PlainRenderer` names it; what the drive does
+        not need is zero."""
+        with self._alive():
+            held = [self._read(texture) for texture in self._held[self._now]]
+            images = self._exposures.all()
+        shape = self.panel.shape
+        level: Values = np.zeros(shape)
+        if slow(self.panel):
+            level = np.asarray(held.pop() * self._unit, np.float64)
+        tau, older = held if held else (np.zeros(shape, np.uint32) for _ in range(2))
+        age = np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32)
+        return {"tau": tau, "age": age, "seen": older > 0, "level": level, "images": images}
+
+    @property
+    def _unit(self) -> float:
+        return 1 / ((self.panel.pulse if self.panel.drive == "impulse" else 1.0) * LEVELS)
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`, this renderer's or the golden model's."""
+        older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
+        held = [state["tau"], np.where(state["seen"], older, 0)]
+        held = held if self.panel.drive != "impulse" else []
+        if slow(self.panel):
+            held.append(np.clip(np.rint(state["level"] / self._unit), 0, LEVELS))
+        with self._alive():
+            for values, texture in zip(held, self._held[self._now], strict=True):
+                wide = np.zeros((self.panel.shape[0], 4 * self._quads), np.uint32)
+                wide[:, : self.panel.shape[1]] = values
+                texture.write(wide)
+            self._exposures.put(state["images"])
+        self._last, self._lit = None, np.zeros((0, *self.panel.shape))
+
+    def close(self) -> None:
+        """Gives its own context back; what was not taken is gone."""
+        if self._own:
+            self._context.release()
+
+
+def _set(program: moderngl.Program, name: str, value: Any) -> None:
+    """A uniform, where the shader has it."""
+    uniform = program.get(name, None)
+    if isinstance(uniform, moderngl.Uniform):
+        uniform.value = value
+
+
+def _pieces(cycles: int, most: int) -> Iterator[tuple[int, int]]:
+    """(first plane, planes), powers of two that lie at multiples of themselves."""
+    first = 0
+    while first < cycles:
+        planes = min(most, 1 << (cycles - first).bit_length() - 1)
+        yield first, planes
+        first += planes
+
+
+def _images_of(views: Views | None) -> tuple[list[int], list[int]]:
+    """Images of observers that keep still in this block, and of those that move."""
+    if views is None:
+        return [], []
+    shifts = views.dy, views.dx, views.dy_slope, views.dx_slope
+    moves = np.any([shift != 0 for shift in shifts], axis=(0, 2))
+    return [n for n in range(views.images) if not moves[n]], list(np.flatnonzero(moves))
+
+
+def _sees(views: Views, image: int, spans: list[int]) -> bool:
+    return bool(views.weight[image, spans].any() or views.slope[image, spans].any())

@@ -1,0 +1,1 @@
+"""What a display costs and what leaving its effects out changes."""

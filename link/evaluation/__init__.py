@@ -1,0 +1,1 @@
+"""What came of a transmission: errors, rates, delays, reach and capacity."""

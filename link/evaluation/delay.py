@@ -1,0 +1,76 @@
+"""Where the time between a byte and its arrival goes, stage by stage, in the simulated machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Clock
+from cosim.run.result import Latency
+from link.layout import TRAINING, Layout
+from link.setting import LinkSetting
+from scenarios.assemble.readout import spread
+
+__all__ = ["LIGHT", "group_delays", "link_latency"]
+
+LIGHT = 299_792_458.0
+"""m/s (BIPM, SI brochure, 9th ed.), in vacuum; in air it is 3e-4 of that slower."""
+
+
+def _shown(layout: Layout, panel: Clock, group: int) -> tuple[int, int]:
+    """Start and end of a group on the panel's first row, ps after first light."""
+    first = TRAINING + group * layout.group
+    ticks = layout.mode.ticks
+    return panel.edge(first * ticks), panel.edge((first + layout.group) * ticks)
+
+
+def group_delays(
+    setting: LinkSetting, layout: Layout, verified: Mapping[int, int]
+) -> npt.NDArray[np.int64]:
+    """Of every verified group, ps from its first light on the panel to the camera cycle's end in
+    which it was verified. verified: group -> cycle."""
+    camera, panel = setting.camera.clock, setting.panel.clock
+    return np.array(
+        [
+            camera.edge(cycle + 1) - setting.first_light - _shown(layout, panel, group)[0]
+            for group, cycle in sorted(verified.items())
+        ],
+        np.int64,
+    )
+
+
+def link_latency(
+    setting: LinkSetting, layout: Layout, verified: Mapping[int, int]
+) -> list[Latency]:
+    """A row a stage, over all verified groups; together they are the whole way of a byte. No rows
+    where none was verified.
+
+    encoder: a group leaves when it is full; at the link's own rate its bytes come evenly while the
+    group before is shown. panel: from a group's first plane to the end of its last one, and its
+    rows. air: light's time. readout: from the end of the light to the camera row's latch and the
+    cycle's end. decoder: cycles beyond that until the group was verified, of the receiver's
+    schedule; its computing takes no time of the simulated machine.
+    """
+    if not verified:
+        return []
+    camera, panel = setting.camera.clock, setting.panel.clock
+    group = _shown(layout, panel, 0)
+    length = group[1] - group[0]
+    flight = round(setting.air.distance / LIGHT * 1e12)
+    scan = round(setting.panel.row_delay)
+    read, decode = [], []
+    for number, cycle in sorted(verified.items()):
+        dark = setting.first_light + _shown(layout, panel, number)[1] + scan + flight
+        at = camera.cycle_at(dark - 1)  # the cycle in which the last row's light ends
+        done = camera.edge(max(at, cycle) + 1)
+        latched = min(camera.edge(at + 1), done)
+        read.append(max(latched - dark, 0))
+        decode.append(done - latched)
+    rows = spread("encoder", np.array([0, length // 2, length], np.int64))
+    rows += spread("panel", np.array([length, length + scan // 2, length + scan], np.int64))
+    rows += spread("air", np.array([flight], np.int64))
+    return rows + spread("readout", np.array(read, np.int64)) + spread(
+        "decoder", np.array(decode, np.int64)
+    )  # fmt: skip

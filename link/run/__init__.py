@@ -1,0 +1,1 @@
+"""A link made ready, filmed and received."""

@@ -1,0 +1,165 @@
+"""The [link] section: a file, the panel that sends it, the air, and what receives it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from cosim.config.quantity import Quantity, Reflectance, Section, Share
+
+__all__ = ["AimSection", "AirSection", "LinkSection", "ModemSection", "PanelSection"]
+
+CELLS = (1, 2, 3, 4, 6, 8, 12, 16)
+TICKS = (1, 2, 3, 4, 6, 8, 12, 16)
+"""Those of `link.mode`, which need not be loaded to read a scenario."""
+
+Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
+Metres = Annotated[float, Quantity("length", above=0, most=1e11)]  # in um, as lengths are
+Sides = Annotated[int, Field(ge=128, le=4640, multiple_of=32)]
+
+
+class PanelSection(Section):
+    """The panel that sends."""
+
+    width: Sides = 960
+    height: Sides = 960
+    pitch: Metres = Field(default=500.0, examples=["500 um"], description="of its pixels")
+    luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
+        default=1000.0, examples=["1000 cd/m²"], description="of a pixel that is on"
+    )
+    reflectance: Reflectance = Field(default=0.04, description="of its face")
+    rise: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
+    decay: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
+    row_scan: Share | None = Field(
+        default=None,
+        description="share of a tick over which its rows are driven one after another; in step "
+        "with sensor.row_skew when absent",
+    )
+    clock_offset: Annotated[float, Field(ge=-1e5, le=1e5)] = Field(
+        default=20.0, description="of its clock against the camera's, parts per million"
+    )
+    phase: Share | None = Field(
+        default=None, description="ticks by which its planes are late; by chance when absent"
+    )
+    fill: Annotated[float, Field(gt=0, le=1)] = 1.0
+
+
+class AimSection(Section):
+    """How the panel stands in the camera's view, and its lens."""
+
+    focal_length: Metres = Field(
+        default=39_000.0, examples=["39 mm"], description="of the camera's lens"
+    )
+    on_level: Annotated[float, Field(gt=0, le=1000)] = Field(
+        default=1.4,
+        description="thresholds that a cell that is on brings in a tick; sets the f-number",
+    )
+    f_number: Annotated[float, Field(ge=0.5, le=1000)] | None = Field(
+        default=None, description="chosen by on_level when absent"
+    )
+    focus: Metres | None = Field(
+        default=None,
+        examples=["2 m"],
+        description="distance the lens is focused at; the panel's when absent",
+    )
+    blur: Annotated[float, Field(ge=0, le=100)] = Field(
+        default=0.3, description="of the lens, standard deviation in camera pixels"
+    )
+    offset_x: Annotated[float, Field(ge=-1e5, le=1e5)] = Field(
+        default=3.3, description="of the panel's centre from the sensor's, camera pixels"
+    )
+    offset_y: Annotated[float, Field(ge=-1e5, le=1e5)] = -2.6
+    rotation: Annotated[float, Quantity("angle", least=-180, most=180)] = Field(
+        default=0.3, examples=["0.3 deg"]
+    )
+    tilt_x: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
+        default=0.5, examples=["0.5 deg"], description="of the panel about its vertical"
+    )
+    tilt_y: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
+        default=-0.4, examples=["-0.4 deg"], description="of the panel about its horizontal"
+    )
+    vibration: Annotated[float, Field(ge=0, le=100)] = Field(
+        default=0.05, description="standard deviation of the image's shift, camera pixels"
+    )
+    vibration_frequency: Annotated[float, Quantity("frequency", above=0, most=1e5)] = Field(
+        default=30.0, examples=["30 Hz"]
+    )
+    occluded: Share = Field(default=0.0, description="share of the panel, from its left, hidden")
+
+
+class AirSection(Section):
+    """What lies between panel and camera, and the light that is not the panel's."""
+
+    ambient: Annotated[float, Quantity("illuminance", least=0, most=1e6)] = Field(
+        default=500.0, examples=["500 lux"], description="falls on the panel and its surroundings"
+    )
+    surroundings: Reflectance = Field(default=0.18, description="reflectance around the panel")
+    visibility: Metres | None = Field(
+        default=None, examples=["5 km"], description="clear air when absent"
+    )
+    particles: Literal["kim", "kruse"] = Field(default="kim", description="law of extinction")
+    structure: Annotated[float, Field(ge=0, le=1e-9)] = Field(
+        default=1e-14, description="of refractive index, Cn2 in m^(-2/3)"
+    )
+    wind: Annotated[float, Field(ge=0, le=200)] = Field(
+        default=1.0, description="across the path, m/s"
+    )
+    sun: Annotated[float, Quantity("illuminance", least=0, most=2e5)] = Field(
+        default=0.0,
+        examples=["100 klux"],
+        description="of a sun near the view, on a plane that faces it",
+    )
+    sun_angle: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
+        default=10.0, examples=["10 deg"], description="between it and the panel's centre"
+    )
+    glare: Share = Field(default=0.005, description="share of the lens's light spread everywhere")
+
+
+class ModemSection(Section):
+    """How bytes become planes. `auto` is chosen from a pilot."""
+
+    cell: Literal[("auto", *CELLS)] = Field(  # type: ignore[valid-type]
+        default="auto", description="panel pixels to a cell's side"
+    )
+    ticks: Literal[("auto", *TICKS)] = Field(  # type: ignore[valid-type]
+        default="auto", description="panel planes to a symbol"
+    )
+    line: Literal["auto", "none", "manchester", "4b6b", "8b10b"] = Field(
+        default="auto", description="code along time that limits runs"
+    )
+    parity: Literal["auto", 16, 32, 64, 128] = Field(
+        default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"
+    )
+    interleave: bool = Field(default=True, description="spread each codeword over the panel")
+    overhead: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=0.05, description="frames sent beyond the file's own, as a share of them"
+    )
+    detector: Literal["joint", "threshold", "forward-backward"] = "joint"
+
+    @field_validator("cell", "ticks", "parity", mode="before")
+    @classmethod
+    def _number(cls, value: Any) -> Any:
+        """`--set` gives text, which stands for a number here as it does in a plain one."""
+        return int(value) if isinstance(value, str) and value.isdecimal() else value
+
+
+class LinkSection(Section):
+    """A file crosses the room as light."""
+
+    file: str | None = Field(default=None, description="random bytes when absent")
+    size: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
+        default=4_000_000, description="of the random bytes"
+    )
+    distance: Metres = Field(
+        default=2e6, examples=["2 m"], description="from the panel to the lens"
+    )
+    loop: str | None = Field(
+        default=None,
+        description="serial:PORT or serial:PORT,BAUD: the panel's planes go through a board's "
+        "display and must come back bit for bit; PORT as in sensor.source",
+    )
+    panel: PanelSection = PanelSection()
+    aim: AimSection = AimSection()
+    air: AirSection = AirSection()
+    modem: ModemSection = ModemSection()

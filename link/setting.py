@@ -1,0 +1,177 @@
+"""A scenario of a link as numbers: the file, the panel, lens, aim and air, and the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from cosim import Clock, InputError
+from cosim.light.lens import FASTEST_F_NUMBER
+from display import SpikePanel
+from link.air import Aim, AirSetting, Optics, f_number_for
+from link.air.geometry import lengths
+from link.coding import safe_name
+from scenarios.assemble.camera import camera_setting
+from scenarios.assemble.scenario import LinkScenario
+from sensor import CameraSetting
+from sensor.sections.sensor import LensSection
+
+__all__ = [
+    "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "link_setting",
+    "payload_of",
+]  # fmt: skip
+
+LEAD, TAIL = 8, 4
+"""Camera cycles before the panel's first light, and after its last plane."""
+LARGEST = 1_000_000_000
+"""Bytes of a file, at most."""
+SLOWEST_F_NUMBER = 1000.0
+"""The largest that a scenario may give; a pinhole."""
+_MICRO = 1e-6
+_RANDOM_NAME = "random.bin"
+"""What the random bytes are called where no file is given."""
+_STREAM_BYTES, _STREAM_PHASE = 0x4C494E4B, 0x50484153
+"""Streams of the payload and of the panel's phase, beside the scenario's seed."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What is sent: its name in `received/`, and its bytes."""
+
+    name: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class LinkSetting:
+    """A link as it is simulated. first_light: ps. f_number: chosen by link.aim.on_level unless
+    given. scale: camera pixels to a panel pixel. phase: ticks by which the panel's planes are late.
+    """
+
+    camera: CameraSetting
+    panel: SpikePanel
+    optics: Optics
+    aim: Aim
+    air: AirSetting
+    first_light: int
+    phase: float
+    scale: float
+    chosen_f_number: bool
+
+
+def _random(seed: int, stream: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(key=(stream << 32) | seed))
+
+
+def payload_of(scenario: LinkScenario) -> Payload:
+    """The file, or random bytes of the scenario's seed. Raises InputError for no such file."""
+    section = scenario.link
+    if section.file is None:
+        return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
+    path = Path(section.file)
+
+    def bad(given: str) -> InputError:
+        return InputError("link.file", "a file that can be read", f"{path} ({given})", "check it")
+
+    try:
+        if path.is_dir():
+            raise bad("a folder")
+        size = path.stat().st_size
+        if not path.is_file():
+            raise bad("neither a file nor a folder")
+        if size > LARGEST:
+            raise InputError(
+                "link.file",
+                f"of at most {LARGEST:,} bytes",
+                f"{size:,}",
+                "choose another",
+            )
+        return Payload(safe_name(path.name), path.read_bytes())
+    except OSError as exc:
+        raise bad(exc.strerror or str(exc)) from exc
+
+
+def _refuse_lens(lens: LensSection) -> None:
+    """The link's lens stands in [link.aim]; of [sensor.lens] only its transmission counts."""
+    plain = LensSection()
+    for name in ("f_number", "white_rate", "magnification", "psf"):
+        if getattr(lens, name) != getattr(plain, name):
+            raise InputError(
+                f"sensor.lens.{name}", "absent in a link", f"{getattr(lens, name)}",
+                "leave it out: link.aim has the lens",
+            )  # fmt: skip
+
+
+def _panel_clock(clock: Clock, ppm: float) -> Clock:
+    """The camera's nominal clock, off by so many parts per million."""
+    rate = Fraction(clock.num, clock.den) * (1 + Fraction(repr(ppm)) / 10**6)
+    return Clock(rate.numerator, rate.denominator)
+
+
+def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
+    """The panel and the lens, with its f-number or the one that makes cells as bright as asked."""
+    section, panel, aim = scenario.link, scenario.link.panel, scenario.link.aim
+    optics = Optics(
+        width=panel.width, height=panel.height, pitch=panel.pitch * _MICRO,
+        luminance=panel.luminance, reflectance=panel.reflectance,
+        focal_length=aim.focal_length * _MICRO,
+        f_number=FASTEST_F_NUMBER if aim.f_number is None else aim.f_number,
+        transmission=scenario.sensor.lens.transmission,
+        focus=None if aim.focus is None else aim.focus * _MICRO, blur=aim.blur,
+        camera_pitch=camera.chip.pitch * _MICRO, wavelength_nm=scenario.sensor.wavelength,
+    )  # fmt: skip
+    if aim.f_number is not None:
+        return optics
+    number = f_number_for(
+        aim.on_level, optics, section.distance * _MICRO, camera.threshold,
+        camera.electrons_per_lux, camera.clock,
+    )  # fmt: skip
+    if number > SLOWEST_F_NUMBER:
+        raise InputError(
+            "link.aim.on_level", f"reached by a lens up to f/{SLOWEST_F_NUMBER:g}",
+            f"{aim.on_level:g}, which needs f/{number:.3g}",
+            "lower link.panel.luminance or give link.aim.f_number",
+        )  # fmt: skip
+    return replace(optics, f_number=number)
+
+
+def link_setting(scenario: LinkScenario) -> LinkSetting:
+    """Raises InputError for what cannot be simulated."""
+    section, sensor = scenario.link, scenario.sensor
+    if sensor.readout != "synchronous":
+        raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
+    for name in ("source", "asynchronous", "continuous", "channel"):
+        if getattr(sensor, name) is not None:
+            raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
+    _refuse_lens(sensor.lens)
+    camera = camera_setting(scenario)
+    panel, aim, air = section.panel, section.aim, section.air
+    distance = section.distance * _MICRO
+    optics = _optics(scenario, camera)
+    scale = lengths(optics, distance).camera * optics.pitch / distance
+    row_scan = panel.row_scan
+    if row_scan is None:  # a row of the image is shown as late as the camera samples it
+        row_scan = min(sensor.row_skew * panel.height * scale / camera.chip.height, 1.0)
+    phase = panel.phase
+    if phase is None:
+        phase = float(_random(scenario.seed, _STREAM_PHASE).random())
+    shown = SpikePanel(
+        (panel.height, panel.width), _panel_clock(camera.clock, panel.clock_offset), 1.0, "impulse",
+        rise=panel.rise, decay=panel.decay, row_scan=row_scan, fill=panel.fill,
+        luminance=panel.luminance,
+    )  # fmt: skip
+    period = camera.clock.edge(1)
+    return LinkSetting(
+        camera, shown, optics,
+        Aim((aim.offset_x, aim.offset_y), aim.rotation, (aim.tilt_x, aim.tilt_y), aim.vibration,
+            aim.vibration_frequency, aim.occluded),
+        AirSetting(
+            distance, air.ambient, air.surroundings,
+            None if air.visibility is None else air.visibility * _MICRO, air.particles,
+            air.structure, air.wind, air.sun, air.sun_angle, air.glare, scenario.seed,
+        ),
+        camera.clock.edge(LEAD) + round(phase * period), phase, scale, aim.f_number is None,
+    )  # fmt: skip

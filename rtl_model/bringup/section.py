@@ -1,0 +1,44 @@
+"""The [board] section: a test board behind a serial port, or one that is started in a simulator."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cosim.config.quantity import Section
+
+__all__ = ["BoardSection"]
+
+
+class BoardSection(Section):
+    """A board is brought up and its frames are held against the cycle model."""
+
+    port: str = Field(
+        default="virtual",
+        description="a device, any URL of pyserial, or virtual: a board in a simulator is started",
+    )
+    level: Literal["bytes", "pins", "model"] = Field(
+        default="bytes", description="of a virtual board: the Verilog behind bytes or pins, or the "
+        "cycle model, which needs no Verilator",
+    )  # fmt: skip
+    baud: Annotated[int, Field(ge=2001, le=12_000_000)] = 115_200
+    rows: Annotated[int, Field(ge=1, le=4095)] | None = Field(
+        default=None, description="of the board; a virtual one has 32 when absent"
+    )
+    columns: Annotated[int, Field(ge=1, le=4096)] | None = Field(
+        default=None, description="of the board; a virtual one has 32 when absent"
+    )
+    lanes: Literal[32, 64] | None = Field(
+        default=None, description="pixels a clock computes; a virtual board has 32 when absent"
+    )
+    frames: Annotated[int, Field(ge=1, le=65_536)] = Field(
+        default=24, description="of the captured stream, one burst"
+    )
+    faults: tuple[str, ...] = Field(
+        default=(), max_length=64, description='of a virtual board, such as ["stuck=3,7"]'
+    )
+    csr: str | None = Field(default=None, description="csr.csv of the design; ours when absent")
+    time_scale: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
+        default=None, description="seconds of ours to one of a simulated board's clock"
+    )

@@ -1,0 +1,229 @@
+"""Figures of the EMCCD: its document's figures 1, 4 and 5 and its lost table 2, from this run."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import PS
+from cosim.report.figures import INK, MARK, pyplot
+from cosim.report.parts import plot, table
+from cosim.report.png import for_display
+from rtl_model.imagers.emccd import Emccd, Settings, Timing, frame_rate, run_cooling, window_table
+from rtl_model.imagers.emccd.run import STEP, EmccdMachine, cooler_of
+from rtl_model.imagers.run.figures import BLUE, GREEN, finish, plain, read_vcd, stretched, waveforms
+from rtl_model.imagers.run.machine import Taken
+from scenarios.assemble.run_imager import ImagerRun
+from sensor.imagers import Exposed, Still
+from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
+
+__all__ = ["emccd_sections"]
+
+GAINS = (2.0, 10.0, 100.0, 1000.0)
+"""Of the photon transfer."""
+
+
+def emccd_sections(run: ImagerRun) -> str:
+    """The sections of the page, their figures written."""
+    folder, machine = run.folder / "figures", run.run.machine
+    assert isinstance(machine, EmccdMachine)
+    shown = _modes(run, folder / "modes.png")
+    _course(run, folder / "course.png")
+    _gain(machine, folder / "gain.png")
+    _sequence(folder / "sequence.png")
+    _cooling(machine, folder / "cooling.png")
+    timing = Timing()
+    rows = [
+        [f"{size} x {timing.columns}", f"{rate:.4g} frames/s", f"{1e3 / rate:.4g} ms"]
+        for size, rate in window_table(timing)
+    ]
+    return (
+        "<h2>Modes</h2><p>The document's figures 4 and 5: the first frame of each setting that "
+        "came over the serial line, the last frame where the light had changed. Each is stretched "
+        "to its own range, which stands below it; a register that overflows leaves charge to the "
+        "columns that follow.</p>"
+        + plot(folder / "modes.png", "a frame of each setting")
+        + table(
+            ["frame", "exposure", "gain", "rows", "sync", "cycle rate", "least and most, DN"],
+            shown,
+        )
+        + "<h2>Settings over time</h2><p>Lines are register writes. Each takes effect at the start "
+        "of the next cycle, with all others that came before it.</p>"
+        + plot(folder / "course.png", "settings and signal over time")
+        + "<h2>Window and frame rate</h2><p>The document's table 2 is lost; this is what its "
+        "sequence gives at an exposure of 2 ms: two frame transfers of "
+        f"{timing.rows} rows, the exposure, a clear of the horizontal register, {timing.rows} - K "
+        f"dumped rows, K rows of a shift and {timing.line} pixel clocks.</p>"
+        + table(["window", "frame rate", "frame time"], rows)
+        + "<h2>One cycle</h2><p>The sequencer's own trace, a window of 8 rows exposed for 100 "
+        "&micro;s: the first transfer clears, the second ends the exposure.</p>"
+        + plot(folder / "sequence.png", "drive signals of one cycle")
+        + "<h2>Gain and its noise</h2><p>Left: gain of the 256 steps of the high voltage. Right: "
+        "photon transfer in flat light, filmed at four gains: variance over the squared gain "
+        "against the mean in electrons; its slope is the excess noise factor squared, lines are "
+        "F&sup2; = 1 + (1 - 1/g)(1 - p)/(1 + p).</p>"
+        + plot(folder / "gain.png", "gain steps and photon transfer")
+        + "<h2>Cooling</h2><p>The chip from power-on; a run begins ten minutes after.</p>"
+        + plot(folder / "cooling.png", "temperature over time")
+    )
+
+
+def _settings(frame: Taken) -> tuple[float, ...]:
+    s = frame.state
+    return s["exposure_steps"], s["gain_step"], s["first_row"], s["rows"], s["external"]
+
+
+def _chosen(run: ImagerRun) -> list[int]:
+    """Places of the first frame of each stretch of one setting."""
+    taken = run.filmed.taken
+    found = [0]
+    for n in range(1, len(taken)):
+        if _settings(taken[n]) != _settings(taken[n - 1]):
+            found.append(n)
+    return found[:12]
+
+
+def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
+    places, taken = _chosen(run), run.filmed.taken
+    plt = pyplot()
+    wide = min(len(places), 4)
+    lines = -(-len(places) // wide)
+    figure, grid = plt.subplots(
+        lines, wide, squeeze=False, figsize=(9.8, 2.75 * lines), layout="constrained"
+    )
+    rows = []
+    for axes in grid.ravel():
+        axes.axis("off")
+    for axes, n in zip(grid.ravel(), places, strict=False):
+        frame, values = taken[n], run.frame(n)
+        low, high = float(values.min()), float(values.max())
+        state = frame.state
+        whole = np.zeros((512, values.shape[1]))
+        first = int(state["first_row"])
+        whole[first : first + len(values)] = stretched(values, low, high)
+        axes.imshow(for_display(whole), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+        exposure = state["exposure_steps"] * STEP
+        axes.set_title(
+            f"frame {frame.number}: {exposure * 1e3:g} ms, gain {state['gain']:.3g}", fontsize=8.5,
+            color=INK,
+        )  # fmt: skip
+        rate = Timing().clock_hz / state["frame_clocks"]
+        rows.append(
+            [str(frame.number), f"{exposure * 1e3:g} ms", f"{state['gain']:.4g}",
+             f"{first} to {first + int(state['rows']) - 1}",
+             "external" if state["external"] else "internal", f"{rate:.4g} /s",
+             f"{low:.0f}, {high:.0f}"]
+        )  # fmt: skip
+    finish(figure, path)
+    return rows
+
+
+def _course(run: ImagerRun, path: Path) -> None:
+    taken = run.filmed.taken
+    time = np.array([t.ready for t in taken]) / 1e9
+    named = (
+        ("exposure, ms", [t.state["exposure_steps"] * STEP * 1e3 for t in taken]),
+        ("gain", [t.state["gain"] for t in taken]),
+        ("rows", [t.state["rows"] for t in taken]),
+        ("1 / cycle, Hz", [Timing().clock_hz / t.state["frame_clocks"] for t in taken]),
+        ("mean, DN", [t.mean for t in taken]),
+    )
+    plt = pyplot()
+    figure, places = plt.subplots(
+        len(named), 1, figsize=(9.5, 7.2), sharex=True, layout="constrained"
+    )
+    section = run.run.scenario.imager
+    for axes, (name, values) in zip(places, named, strict=True):
+        axes.plot(time, values, "o-", color=BLUE, markersize=3, linewidth=0.9)
+        for seconds in sorted({w[0] for w in getattr(section, "writes", ())}):
+            axes.axvline(seconds * 1e3, color=MARK, linewidth=0.7)
+        if name.split(",")[0] in ("gain", "mean"):
+            axes.set_yscale("log")
+        plain(axes, y=name)
+    places[-1].set_xlabel("time at which a frame has been read, ms", fontsize=9, color=INK)
+    finish(figure, path)
+
+
+def _gain(machine: EmccdMachine, path: Path) -> None:
+    plt = pyplot()
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
+    voltage = machine.voltage
+    volts = [voltage.volts(step) for step in range(256)]
+    left.plot(voltage.table(), color=BLUE, linewidth=1.3)
+    left.set_yscale("log")
+    plain(left, "step of the potentiometer", "gain")
+    other = left.twinx()
+    other.plot(volts, color=INK, linewidth=0.9, linestyle="--")
+    other.set_ylabel("peak of the high-voltage clock, V (dashed)", fontsize=9, color=INK)
+    other.tick_params(labelsize=8)
+    other.spines[["top"]].set_visible(False)
+    for gain, colour in zip(GAINS, (INK, BLUE, GREEN, MARK), strict=True):
+        pixels = EmccdPixels(gain=gain)
+        electrons = np.array([5.0, 10.0, 20.0, 40.0, 80.0])
+        seen = np.array([_transfer(pixels, mean) for mean in electrons])
+        factor = excess_noise_squared(gain, pixels.stages)
+        line = np.array([0.0, 90.0])
+        right.plot(line, line * factor, color=colour, linewidth=0.8)
+        label = f"gain {gain:g}: F$^2$ = {factor:.3f}"
+        right.plot(seen[:, 0], seen[:, 1], "o", color=colour, markersize=4, label=label)
+    right.legend(fontsize=8, frameon=False)
+    plain(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
+    finish(figure, path)
+
+
+def _transfer(pixels: EmccdPixels, electrons: float) -> tuple[float, float]:
+    """Mean and variance over the gain and its square, electrons: of rows in flat light, without
+    read noise and what the dark adds."""
+    rows, frames = 24, 2
+    light = np.full((rows, pixels.shape[1]), electrons / pixels.responsivity)
+    kept = frozenset(("shot noise", "multiplication noise"))
+    made = []
+    for n in range(frames):
+        exposed = Exposed(light, np.full(rows, 1e-3), np.zeros(rows), 100, n)
+        values = pixels.convert(exposed, 1, kept)[:, 12:-12].astype(float)
+        made.append((values - pixels.offset) * pixels.step / pixels.gain)
+    every = np.stack(made)
+    rounding = (pixels.step / pixels.gain) ** 2 / 12
+    return float(every.mean()), float(every.var()) - rounding
+
+
+def _sequence(path: Path) -> None:
+    """Drive signals of one cycle, from a trace of a camera of its own."""
+    camera = Emccd()
+    for register, value in (("exposure", 10), ("first_row", 250), ("rows", 8)):
+        camera.write(register, value)
+    cycle = 1 / frame_rate(camera.timing, Settings(10, 250, 8))
+    with tempfile.TemporaryDirectory() as folder:
+        trace = Path(folder) / "trace.vcd"
+        scene = Still(np.zeros(camera.pixels.shape))
+        stop = int(2.1 * cycle * PS)
+        for _ in camera.film(scene, stop, seed=1, kept=frozenset(), trace=trace):
+            pass
+        signals = read_vcd(trace)
+    plt = pyplot()
+    figure, axes = plt.subplots(figsize=(9.5, 3.8), layout="constrained")
+    names = ("phase", "image_clock", "store_clock", "register_clock", "dump_gate", "frame_sync",
+             "line_sync")  # fmt: skip
+    waveforms(axes, signals, names, (0, int(1.02 * cycle * PS)))
+    axes.set_xlabel(
+        "time, ms; phase: 1 transfer, 2 exposure, 3 transfer, 4 clear, 5 dump, 6 read, 7 dump",
+        fontsize=9, color=INK,
+    )  # fmt: skip
+    finish(figure, path)
+
+
+def _cooling(machine: EmccdMachine, path: Path) -> None:
+    found: Any = run_cooling(cooler_of(machine.section), 600.0)
+    plt = pyplot()
+    figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
+    top.plot(found.seconds, found.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
+    top.plot(found.seconds, found.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
+    top.axhline(machine.section.temperature, color=INK, linewidth=0.7, linestyle=":")
+    top.legend(fontsize=8, frameon=False)
+    plain(top, y="degC")
+    low.plot(found.seconds, found.amps, color=GREEN, linewidth=1.0)
+    plain(low, "seconds after power-on", "Peltier current, A")
+    finish(figure, path)

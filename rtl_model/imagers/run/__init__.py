@@ -1,0 +1,1 @@
+"""An imager's run: planned, filmed, checked and judged."""

@@ -1,0 +1,80 @@
+"""A link's planes through a board's display and back: every bit that the panel is to show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from cosim import InputError
+from cosim.run.progress import Progress
+from cosim.run.result import Metric
+from cosim.spikes.viform import WORD, unpack_planes
+from link.sending import Transmission
+from scenarios.assemble.scenario import LinkScenario
+
+if TYPE_CHECKING:
+    from rtl_model.stand_in import BoardDisplay
+
+__all__ = ["Loop", "open_loop"]
+
+
+class Loop:
+    """An open board of the panel's size. wrong_bits: that came back otherwise."""
+
+    def __init__(self, board: BoardDisplay, name: str) -> None:
+        self._board, self.name = board, name
+        self.planes = self.wrong_bits = 0
+        self._wrong_crc = False
+
+    def send(self, sent: Transmission, progress: Progress) -> None:
+        """Sends all planes, in order."""
+        progress.start(f"planes through {self.name}", sent.planes)
+        for first in range(0, sent.planes, WORD):
+            count = min(WORD, sent.planes - first)
+            planes = unpack_planes(sent.words(first, count), 0, count).astype(bool)
+            shown = self._board.show(planes)
+            self.planes += count
+            self.wrong_bits += shown.wrong_bits
+            self._wrong_crc |= shown.wrong_crc
+            progress.advance(first + count)
+
+    def metrics(self) -> dict[str, Metric]:
+        """What the board did."""
+        return {
+            "loop_planes": Metric(self.planes, "planes"),
+            "loop_bits_wrong": Metric(self.wrong_bits, "bits"),
+        }
+
+    @property
+    def fault(self) -> str | None:
+        """What makes the run a failed one."""
+        if self.wrong_bits:
+            return f"{self.wrong_bits} bits came back otherwise from {self.name}"
+        if self._wrong_crc:
+            return f"what {self.name} showed is not what it was sent: CRC-32"
+        return None
+
+
+@contextmanager
+def open_loop(scenario: LinkScenario) -> Iterator[Loop | None]:
+    """The board of link.loop, None without one. InputError where it does not answer, or does not
+    hold the panel."""
+    place, panel = scenario.link.loop, scenario.link.panel
+    if place is None:
+        yield None
+        return
+    from rtl_model.geometry import Geometry
+    from rtl_model.stand_in import BoardDisplay, stand_in
+
+    plane = panel.width // 32 * panel.height  # widths are multiples of 32
+    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual one
+    virtual = Geometry(panel.height, panel.width, capture_words=room, sink_words=room)
+    with stand_in(place, "link.loop", virtual) as board:
+        if (board.info.rows, board.info.columns) != (panel.height, panel.width):
+            raise InputError(
+                "link.panel", f"of {board.info.columns} x {board.info.rows} pixels, which "
+                f"{board.name} has", f"of {panel.width} x {panel.height}",
+                "loop through a board built for it, or leave link.loop out",
+            )  # fmt: skip
+        yield Loop(BoardDisplay(board, back=True), board.name)

@@ -1,0 +1,108 @@
+"""A whole scenario, and its JSON Schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter
+
+from cosim.config.quantity import Duration, Section
+from display.section import DisplaySection
+from link.section import LinkSection
+from rtl_model.bringup.section import BoardSection
+from rtl_model.imagers.sections import ImagerLens, ImagerSection
+from scenarios.scenes.sections import SceneSection
+from sensor.sections.sensor import SensorSection
+
+__all__ = [
+    "AnyScenario",
+    "BoardScenario",
+    "ImageSection",
+    "ImagerScenario",
+    "LinkScenario",
+    "Scenario",
+    "export",
+]
+
+
+class ImageSection(Section):
+    """Which images a run makes, and from how many cycles."""
+
+    # An instant's images take 40 MB of memory and 1 MB of the report; with a display, 100 MB.
+    at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
+        default=(),
+        max_length=25,
+        description="cycles of the instants; five evenly spaced ones when empty",
+    )
+    window: Annotated[int, Field(ge=1)] = 41
+    floor: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        default=None,
+        description="spikes a cycle below which an error counts as if the rate were this; one in "
+        "the window when absent",
+    )
+
+
+class Scenario(Section):
+    """Everything that decides a run's result."""
+
+    title: str = Field(examples=["A clip at 40 kHz"])
+    duration: Duration
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    scene: SceneSection
+    sensor: SensorSection
+    display: DisplaySection | None = Field(
+        default=None, description="what shows the stream; none when absent"
+    )
+    image: ImageSection = ImageSection()
+
+
+class LinkScenario(Section):
+    """A file crosses a link: no scene but the panel's."""
+
+    title: str = Field(examples=["A file over light"])
+    duration: Duration | None = Field(
+        default=None, description="of light; as long as the file takes when absent"
+    )
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    link: LinkSection
+    sensor: SensorSection
+
+
+class ImagerScenario(Section):
+    """A scene before an imager that is no spike camera."""
+
+    title: str = Field(examples=["An EMCCD in a dark room"])
+    duration: Duration
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-2
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    scene: SceneSection
+    imager: ImagerSection
+    lens: ImagerLens | None = Field(
+        default=None, description="none when absent: the scene's light falls on the pixels as it is"
+    )
+
+
+class BoardScenario(Section):
+    """A board is brought up: no scene, no sensor but the board's."""
+
+    title: str = Field(examples=["A board is brought up"])
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(
+        default=1, description="of the image that is captured"
+    )
+    board: BoardSection = BoardSection()
+
+
+AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario
+
+
+def export() -> dict[str, Any]:
+    """JSON Schema of any scenario: one with a scene, of a link, of a board, or of an imager."""
+    if not _exported:
+        whole: TypeAdapter[AnyScenario] = TypeAdapter(AnyScenario)
+        _exported.update(whole.json_schema(mode="validation"))
+    return _exported
+
+
+_exported: dict[str, Any] = {}

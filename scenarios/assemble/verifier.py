@@ -1,0 +1,211 @@
+"""The verifier: what a plan promised, measured on a few patches with the same random counters.
+
+It stands in the chain between lens and chip and films the patches with several cameras at once: the
+reference with every effect; the camera as planned; and, in the exact tier, everything but one
+effect for each that was left out, beside everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Light
+from cosim.compute.opencl import Device
+from cosim.plan.planner import Plan
+from cosim.plan.tiles import TileGrid
+from cosim.run.result import Error
+from scenarios.assemble.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
+from sensor import CameraSetting
+from sensor.latched.paired import Measured, Span, Values, compare, worst
+from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.tiers import Tier
+
+__all__ = ["ARITHMETIC", "BrokenPromise", "Finding", "Planned", "Verifier"]
+
+
+ARITHMETIC: Final = "32-bit arithmetic"
+"""What the fast tier adds of its own, as an effect that may be put right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """The camera as planned: tier, setting, and flags of the fast tier's work-items on the whole
+    plane, (height, groups)."""
+
+    tier: Tier
+    setting: CameraSetting
+    flags: npt.NDArray[np.uint8] | None
+
+    def on(self, plane: PatchPlane, grid: TileGrid, device: Device | None) -> PatchCamera:
+        """The same on patches, which are tiles of this grid."""
+        flags = None
+        if self.flags is not None:
+            rows = plane.row.reshape(len(plane.tiles), -1)
+            columns = np.array(plane.tiles) % grid.shape[1]
+            flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
+        device = device if self.tier == "fast" else None
+        return PatchCamera(self.setting, plane, self.tier, device, flags)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A promise that was not kept. effect: its name. measured: the upper limit. tile: where, None
+    where the whole error is more than the tolerance (then promised)."""
+
+    effect: str
+    promised: float
+    measured: float
+    tile: int | None
+
+    @property
+    def told(self) -> str:
+        """As a user is told."""
+        if self.tile is None:
+            return (
+                f"the whole error was up to {self.measured:.2g} where {self.promised:.2g} was "
+                f"asked for: the run is done again with {self.kept}"
+            )
+        return (
+            f"the run is done again with {self.kept}: leaving it out changed up to "
+            f"{self.measured:.2g} on tile {self.tile}, where {self.promised:.2g} was promised"
+        )
+
+    @property
+    def kept(self) -> str:
+        """What is put back, in words."""
+        return "the exact tier" if self.effect == ARITHMETIC else f"{self.effect} kept"
+
+
+class BrokenPromise(Exception):
+    """Raised as soon as a window shows it."""
+
+    def __init__(self, findings: list[Finding]) -> None:
+        super().__init__(", ".join(f.effect for f in findings))
+        self.findings = findings
+
+
+class Verifier(ShownPaired):
+    """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
+    BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
+    set."""
+
+    def __init__(
+        self,
+        setting: CameraSetting,
+        plan: Plan,
+        grid: TileGrid,
+        tiles: list[int],
+        run: Planned,
+        spans: list[Span],
+        floor: float,
+        device: Device | None,
+        stop_early: bool = True,
+        shown: Shown | None = None,
+    ) -> None:
+        self._plan, self._floor, self._stop_early = plan, floor, stop_early
+        plane = PatchPlane(grid, tiles)
+        left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
+        self._unshown = {} if shown is None else left_out_of(shown, left)
+        self._left = [name for name in left if name not in self._unshown]
+        cameras = {
+            "reference": PatchCamera(setting, plane, "reference"),
+            "run": run.on(plane, grid, device),
+        }
+        if self._left:
+            cameras["all"] = PatchCamera(setting, plane, "exact")
+        for name in self._left:
+            cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
+        self._display, patches = shown, None
+        if shown is not None:
+            displays = {TRUTH: ("reference", shown.full), "run": ("run", shown.run)}
+            for name, (_, without) in self._unshown.items():
+                displays[f"without {name}"] = "reference", without
+            patches = ShownPatches(plane, displays, floor)
+        super().__init__(plane, cameras, spans, patches)
+
+    def step(self, light: Light, block: Block) -> Light:
+        out = super().step(light, block)
+        if self._display is not None and block.stop == self._display.cycles and self._stop_early:
+            found = self._dimmed()  # its images are whole
+            if found:
+                raise BrokenPromise(found)
+        return out
+
+    def reached(self, cycle: int) -> None:
+        done = [span for span in self.spans if span[1] == cycle]
+        found = self._broken(done) if done and self._stop_early else []
+        if found:
+            raise BrokenPromise(found)
+
+    def _changed(self, name: str, spans: Sequence[Span]) -> Values:
+        """Upper limit of what leaving this out changed, (windows, patches)."""
+        truth = self.rates("all", spans)
+        return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
+
+    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
+        found = []
+        tiles = np.array(self.plane.tiles)
+        for name in self._left:
+            high = self._changed(name, spans)
+            promised, gone = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
+            over = np.where(gone & (high > promised), high / np.maximum(promised, 1e-300), 0)
+            if over.any():
+                at = np.unravel_index(int(np.argmax(over)), over.shape)
+                tile = int(at[1])
+                found.append(
+                    Finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
+                )
+        return found
+
+    def _dimmed(self) -> list[Finding]:
+        """The same of what the display left out, from whole images."""
+        found = []
+        tiles = np.array(self.plane.tiles)
+        for name, high in self._unseen().items():
+            promised = np.broadcast_to(self._plan.promise[name][tiles], high.shape)
+            over = np.where(high > promised, high / np.maximum(promised, 1e-300), 0)
+            if over.any():
+                at = np.unravel_index(int(np.argmax(over)), over.shape)
+                found.append(Finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]])))
+        return found
+
+    def _unseen(self) -> dict[str, Values]:
+        """Upper limit of what each effect that the display left out changed, (images, patches)."""
+        if self.shown is None:
+            return {}
+        return {
+            name: self.shown.limit(f"without {name}", before)
+            for name, (before, _) in self._unshown.items()
+        }
+
+    def broken(self) -> list[Finding]:
+        """Promises that were not kept, over the whole run."""
+        return self._broken(self.spans) + self._dimmed()
+
+    def error(self) -> Measured:
+        """The run against the reference: of radiance as the display's observer integrates it where
+        there is a display, else of rates."""
+        if self.shown is not None:
+            return self.shown.error("run")
+        return worst(self.rates("run"), self.rates("reference"), self._floor)
+
+    def told(self) -> Error:
+        """The error as the result has it."""
+        found, patches = self.error(), len(self.plane.tiles)
+        kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
+        if self._display is not None:
+            kind = f"radiance as {self._display.seen_by} integrates it, {kind}"
+        return Error(found.value, kind, (found.low, found.high))
+
+    def measured(self) -> dict[str, float]:
+        """Upper limit of what each left-out effect changed, where it was left out."""
+        tiles = np.array(self.plane.tiles)
+        return {
+            name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
+            for name in self._left
+        } | {name: float(high.max()) for name, high in self._unseen().items()}

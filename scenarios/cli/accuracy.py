@@ -1,0 +1,171 @@
+"""`viform accuracy`: error against run time, tier by tier."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document
+
+if TYPE_CHECKING:
+    from cosim.run.progress import Progress
+    from scenarios.assemble.scenario import AnyScenario
+
+__all__ = ["accuracy"]
+
+
+def accuracy(
+    scenario: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+    ],
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="a PNG to draw error against time to")] = None,
+    json: Json = False,
+) -> None:
+    """Measure error against run time: every tier at a ladder of tolerances."""
+    from cosim import InputError
+    from scenarios.assemble.loading import load
+
+    name, given = load(scenario, assignments, seed=seed)
+    measure = _measure(name, given, device)
+    if figure is not None and not figure.absolute().parent.is_dir():
+        raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
+    progress = make_progress()
+    try:
+        document = measure(progress)
+    finally:
+        progress.close()
+    if figure is not None:
+        from cosim.report.accuracy import accuracy_figure
+
+        accuracy_figure(name, document, figure)
+    if json:
+        print_document(document)
+        return
+    print(_text(name, document))
+    if figure is not None:
+        print(f"figure: {figure}")
+
+
+def _measure(
+    name: str, given: AnyScenario, device: str | None
+) -> Callable[[Progress], dict[str, Any]]:
+    """What makes the document; refuses what has no accuracy to measure."""
+    from cosim import InputError
+    from scenarios.assemble.loading import filmed
+    from scenarios.assemble.readout import refuse_leftovers, refuse_options
+    from scenarios.assemble.scenario import ImagerScenario, LinkScenario
+
+    if isinstance(given, ImagerScenario):
+        from rtl_model.imagers.run.accuracy import accuracy_imager
+        from rtl_model.imagers.run.kinds import machine_of
+        from scenarios.cli.run import refuse_device
+
+        refuse_device(device)
+        machine = machine_of(given)
+        return lambda progress: accuracy_imager(name, given, machine, progress)
+    if isinstance(given, LinkScenario):
+        from link.trial.accuracy import accuracy_link
+
+        return lambda progress: accuracy_link(given, device, progress)
+    loaded = filmed(given, "accuracy")
+    refuse_leftovers(loaded)
+    if loaded.sensor.readout == "continuous":
+        raise InputError(
+            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "set one of them: the continuous readout has one tier, with nothing to leave out",
+        )  # fmt: skip
+    if loaded.sensor.readout == "asynchronous":
+        from scenarios.assemble.event_accuracy import accuracy_events
+
+        refuse_options("asynchronous", False, device)
+        return lambda progress: accuracy_events(loaded, progress)
+    from scenarios.assemble.accuracy import accuracy as accuracy_latched
+
+    return lambda progress: accuracy_latched(loaded, device, progress)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _error(row: dict[str, Any]) -> str:
+    if row["error"] is None:
+        return "unknown"
+    low, high = row["ci"] or (None, None)
+    span = "" if high is None else f" [{_number(low)}, {_number(high)}]"
+    return f"{row['error']:.3g}{span}"
+
+
+def _text(name: str, document: dict[str, Any]) -> str:
+    """The document for a reader."""
+    reference = document["reference"]
+    best = reference["ns_per_pixel_cycle"]
+    cycle = "pixel-frame" if "frames" in reference else "pixel-cycle"
+    full: list[str] = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
+    told = "the worst tile"
+    if "bits" in reference:
+        told = (
+            f"of the {document['error_of']}, on {reference['bits']:,} bits of "
+            f"{reference['patches']} patches (rate {reference['bit_error_rate']:.3g}, half-width "
+            f"in the run {reference['half_width']:.3g})"
+        )
+    if "frames" in reference:
+        told = (
+            f"of a pixel value's mean or noise, the worst of {reference['patches']} patches of "
+            f"{reference['frames']} frames"
+        )
+    lines = [
+        f"{name}: error against full physics, {told}, with its 99.9 % interval",
+        "",
+        f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{f'ns a {cycle}':>18}"
+        f"{'times faster':>14}  left out",
+    ]
+    for row in document["rows"]:
+        if row.get("failed"):
+            lines.append(
+                f"{row['tier']:<10}{_number(row['tolerance']):>10}  failed: {row['failed']}"
+            )
+            continue
+        out = [e for e in full if e not in row["effects"]]
+        part = [e for e in row.get("left_out", []) if e not in out]
+        left = ", ".join(out + [f"{e} in part" for e in part]) or "nothing"
+        ns = row["ns_per_pixel_cycle"]
+        lines.append(
+            f"{row['tier']:<10}{_number(row['tolerance']):>10}  {_error(row):<30}"
+            f"{_number(row['run_time_s']):>8} s{_number(ns):>18}"
+            f"{_number(best / ns) if ns and best else '':>14}  {left}"
+        )
+    floor = document["floor"]
+    order = document["order"]
+    lines += [
+        "",
+        f"order: error ~ tolerance^{order:.2f}, fitted" if order is not None
+        else "order: too few rows leave something to the tolerance to fit one",
+        f"the reference's own error: {_number(floor['reference'])}",
+    ]  # fmt: skip
+    if reference.get("decisions") == "not compared":
+        lines.append(
+            "of values at the same exposures; whether what is left out changes what the controller "
+            "decides, and the exposures that follow, is not compared here: `viform run` checks it"
+        )
+    if "bits" in reference:
+        lines.append(
+            f"the rate of these bits alone is known to {_number(floor['monte_carlo'])}; the rows "
+            "share the reference's random numbers"
+        )
+    elif floor["monte_carlo"] is not None:
+        lines.append(
+            f"chance makes {_number(floor['monte_carlo'])} of one window of one tile's mean; the "
+            "rows share the reference's random numbers, so errors far below it are resolved"
+        )
+    return "\n".join(lines)

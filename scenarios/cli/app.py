@@ -1,0 +1,50 @@
+"""The commands, one file each. They import what they need when they run, so that each starts as
+fast as it can."""
+
+import typer as _typer
+
+from scenarios.cli.accuracy import accuracy as _accuracy
+from scenarios.cli.bench import bench as _bench
+from scenarios.cli.board.group import board as _board
+from scenarios.cli.compare import compare as _compare
+from scenarios.cli.convert import convert as _convert
+from scenarios.cli.design.group import design as _design
+from scenarios.cli.doctor import doctor as _doctor
+from scenarios.cli.image import image as _image
+from scenarios.cli.link.group import link as _link
+from scenarios.cli.listing import list_scenarios as _list
+from scenarios.cli.live import live as _live
+from scenarios.cli.paper import paper as _paper
+from scenarios.cli.plan import plan as _plan
+from scenarios.cli.run import run as _run
+from scenarios.cli.stability import stability as _stability
+from scenarios.cli.test import test as _test
+
+__all__ = ["app"]
+
+app = _typer.Typer(
+    name="viform",
+    help="Film a clip at 40 kHz with a megapixel spike camera that exists only as equations.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("run")(_run)
+app.command("list")(_list)
+app.command("plan")(_plan)
+app.command("accuracy")(_accuracy)
+app.command("live")(_live)
+app.command("image")(_image)
+app.command("convert")(_convert)
+app.add_typer(_link, name="link")
+app.add_typer(_board, name="board")
+app.add_typer(_design, name="design")
+app.command("bench")(_bench)
+app.command("compare")(_compare)
+app.command("stability")(_stability)
+app.command("paper")(_paper)
+app.command("doctor")(_doctor)
+# Everything after `test` goes to pytest as it is.
+_PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
+app.command("test", context_settings=_PASS_ON)(_test)

@@ -1,0 +1,111 @@
+"""`viform bench`: throughput on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["bench"]
+
+Study = tuple[dict[str, Any], str, Callable[[Path], object]]
+"""A study's document, its tables, and what draws its figure."""
+
+
+def _code(device: str | None) -> Study:
+    """Sizes of streams."""
+    from scenarios.assemble.prepare import choose_device
+    from scenarios.studies.codes import bench_code, draw, markdown
+
+    document = bench_code(choose_device(device))
+    return document, markdown(document), lambda part: draw(document, part)
+
+
+def _continuous(device: str | None) -> Study:
+    """Continuous photographing beside spikes."""
+    from dataclasses import asdict
+
+    from scenarios.assemble.prepare import choose_device
+    from scenarios.studies.continuous import compare, markdown, traces_figure
+
+    rows = compare(device=choose_device(device))
+    return {"rows": [asdict(row) for row in rows]}, markdown(rows), traces_figure
+
+
+STUDIES = {"code": _code, "continuous": _continuous}
+
+
+def _print_study(name: str, device: str | None, figure: Path | None, json: bool) -> None:
+    from cosim.files.whole import whole
+
+    if figure is not None and figure.suffix.lower() != ".png":
+        from cosim import InputError
+
+        raise InputError("--figure", "a name ending in .png", str(figure), "give it one")
+    document, tables, draw = STUDIES[name](device)
+    if figure is not None:
+        with whole(figure) as part:
+            draw(part)
+    if json:
+        print_document(document)
+    else:
+        print(tables)
+
+
+def bench(
+    part: Annotated[
+        str | None,
+        typer.Argument(
+            help="one part alone, such as sensor; code: sizes of streams; continuous: absolute "
+            "intensities beside spikes"
+        ),
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="of code or continuous: PNG to draw")] = None,
+    json: Json = False,
+) -> None:
+    """Measure throughput against real time, a measured ceiling and the plain way.
+
+    `bench code` and `bench continuous` measure no time but how small streams become, and what
+    continuous photographing makes of the same light; the first takes minutes.
+    """
+    from cosim import InputError
+    from scenarios.assemble.prepare import choose_device
+    from scenarios.studies.bench.sensor import PARTS
+    from scenarios.studies.bench.sensor import bench as measure
+
+    known = (*PARTS, *STUDIES)
+    if part is not None and part not in known:
+        raise InputError(
+            "the part", f"one of {', '.join(known)}", repr(part), "leave it out for all"
+        )
+    if part is not None and part in STUDIES:
+        _print_study(part, device, figure, json)
+        return
+    if figure is not None:
+        drawn = " or ".join(f"bench {name}" for name in STUDIES)
+        raise InputError("--figure", f"given with {drawn}", "without", "leave it out")
+    document = measure(choose_device(device), [part] if part else list(PARTS))
+    if json:
+        print_document(document)
+        return
+    ceiling = document["ceiling"]
+    print(document["device"])
+    if ceiling["value"] is not None:
+        print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
+    names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
+    wide = max(len(row["tier"]) for row in document["rows"])
+    print(f"{'':<20} {'tier':<{wide}} {'':>9} {'':<15} {names}")
+    for row in document["rows"]:
+        share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
+        plain = "" if row["plain_ratio"] is None else f"{row['plain_ratio']:.1f}"
+        print(
+            f"{row['name']:<20} {row['tier']:<{wide}} {row['value']:9.3g} {row['unit']:<15} "
+            f"{row['realtime']:11.3g} {share:>10} {plain:>8}"
+        )

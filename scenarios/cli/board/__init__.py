@@ -1,0 +1,1 @@
+"""`viform board`: commands for test boards."""

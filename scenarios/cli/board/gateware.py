@@ -1,0 +1,124 @@
+"""`viform board gateware`: a folder that puts the Verilog on a real FPGA board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenarios.cli.output import Json, SilentProgress, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.gateware import Design, Fit
+
+__all__ = ["board_gateware"]
+
+
+def board_gateware(
+    target: Annotated[
+        str | None, typer.Argument(metavar="TARGET", help="a board's name, from --list")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="a new or an empty folder to write")
+    ] = None,
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32,
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32,
+    lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
+    baud: Annotated[int, typer.Option(min=1, max=12_000_000, help="of its line")] = 115_200,
+    cells: Annotated[
+        bool,
+        typer.Option("--cells", help="count its cells with yosys; write only what fits"),
+    ] = False,
+    listing: Annotated[bool, typer.Option("--list", help="the boards that are known")] = False,
+    json: Json = False,
+) -> None:
+    """Write a folder in which `make` builds the bitstream of a board."""
+    from cosim import InputError
+    from rtl_model.gateware import check_folder, design_for, fit, target_named, write_folder
+
+    if listing:
+        _list(json)
+        return
+    if target is None or out is None:
+        missing = "TARGET" if target is None else "--out DIR"
+        raise InputError(
+            missing, "given", "left out",
+            "write viform board gateware TARGET --out DIR; --list names the targets",
+        )  # fmt: skip
+    if lanes not in (32, 64):
+        raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    design = design_for(target_named(target), rows=rows, columns=columns, lanes=lanes, baud=baud)
+    check_folder(out)
+    taken = None
+    if cells:
+        SilentProgress().note("counting cells with yosys, which takes about a minute")
+        taken = fit(design)
+    ok = taken is None or taken.ok
+    files = write_folder(design, out) if ok else []
+    if json:
+        print_document(_document(design, files, taken))
+    else:
+        print(_text(design, out, files, taken))
+    if not ok:
+        raise typer.Exit(1)
+
+
+def _list(json: bool) -> None:
+    from rtl_model.gateware import TARGETS
+
+    if json:
+        rows = [
+            {
+                "target": one.name, "board": one.board, "family": one.device.family,
+                "part": one.part, "clock_hz": one.clock_hz, "luts": one.device.luts,
+                "flip_flops": one.device.flip_flops, "block_rams": one.device.block_rams,
+            }
+            for one in TARGETS.values()
+        ]  # fmt: skip
+        print_document({"ok": True, "targets": rows})
+        return
+    for one in TARGETS.values():
+        print(f"{one.name:<16} {one.part:<19} {one.clock_hz / 1e6:g} MHz  {one.board}")
+
+
+def _document(design: Design, files: list[str], taken: Fit | None) -> dict[str, object]:
+    target = design.target
+    return {
+        "ok": taken is None or taken.ok,
+        "target": target.name,
+        "family": target.device.family,
+        "part": target.part,
+        "clock_hz": target.clock_hz,
+        "baud": design.geometry.baud,
+        "baud_error": design.baud_error,
+        "geometry": design.geometry._asdict(),
+        "build": f"{design.build:08x}",
+        "files": files,
+        "cells": None if taken is None else taken._asdict(),
+    }
+
+
+def _text(design: Design, out: Path, files: list[str], taken: Fit | None) -> str:
+    target, size = design.target, design.geometry
+    lines = [
+        f"target     {target.board}, {target.part}",
+        f"board      {size.rows} rows x {size.columns} columns, {size.lanes} lanes, "
+        f"{size.clock_hz / 1e6:g} MHz, a tick of {size.clock_hz / size.tick_clocks / 1e3:.4g} kHz",
+        f"memories   capture {size.capture_words} words, sink {size.sink_words} words",
+        f"serial     {size.baud} baud, off by {100 * design.baud_error:+.2f} %",
+        f"build      {design.build:08x}",
+    ]
+    if taken is not None:
+        for name in ("luts", "flip_flops", "block_rams"):
+            used, there = getattr(taken, name), getattr(taken, f"{name}_of")
+            lines.append(f"{name:<10} {used} of {there}, {100 * used / there:.0f} %")
+    if not files:
+        lines.append(f"{target.part} is too small: nothing was written")
+        return "\n".join(lines)
+    lines += [
+        f"written    {len(files)} files in {out}",
+        f"try        make -C {out} && make -C {out} program",
+        f"then       viform board bringup --port /dev/ttyUSB0 --baud {size.baud}",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,33 @@
+"""`viform board`: a test board over its serial line, real or virtual."""
+
+import typer
+
+from scenarios.cli.board.bringup import board_bringup
+from scenarios.cli.board.capture import board_capture
+from scenarios.cli.board.compare import board_compare
+from scenarios.cli.board.gateware import board_gateware
+from scenarios.cli.board.identify import board_identify
+from scenarios.cli.board.prbs import board_prbs
+from scenarios.cli.board.regs import board_regs
+from scenarios.cli.board.replay import board_replay
+from scenarios.cli.board.virtual import board_virtual
+
+__all__ = ["board"]
+
+board = typer.Typer(
+    name="board",
+    help="A test board over its serial line: a real one, or one of Verilog in a simulator.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+board.command("identify")(board_identify)
+board.command("regs")(board_regs)
+board.command("prbs")(board_prbs)
+board.command("bringup")(board_bringup)
+board.command("capture")(board_capture)
+board.command("compare")(board_compare)
+board.command("replay")(board_replay)
+board.command("virtual")(board_virtual)
+board.command("gateware")(board_gateware)

@@ -1,0 +1,57 @@
+"""`viform board identify`: what answers behind a port."""
+
+from __future__ import annotations
+
+from scenarios.cli.board.line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["board_identify"]
+
+
+def board_identify(
+    port: PortName = "virtual",
+    baud: Baud = 115_200,
+    csr: Csr = None,
+    log: Log = None,
+    time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
+    json: Json = False,
+) -> None:
+    """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
+    design by its csr.csv."""
+    from rtl_model.host import BoardInfo, Cause, LineFault
+
+    with connected(
+        port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
+    ) as line:
+        board = line.board
+        has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
+        identifier = board.identifier() if has_name else None
+        document: dict[str, object] = {
+            "ok": True, "port": line.opened.url, "baud": baud, "identifier": identifier,
+        }  # fmt: skip
+        try:
+            info = board.imager_info() if board.csr.imager else board.info()
+        except LineFault as fault:
+            if fault.cause is not Cause.NOT_OURS or csr is None:
+                raise
+            document |= {"ours": False, "registers": len(board.csr.registers)}
+        else:
+            document |= {"ours": True, "registers": len(board.csr.registers)}
+            document |= {"board": info._asdict() | {"build": f"{info.build:08x}"}}
+            if isinstance(info, BoardInfo) and info.build_matches is not None:
+                document |= {"build_matches": info.build_matches}
+    if json:
+        print_document(document)
+        return
+    print(f"{'port':<14} {document['port']}, {baud} baud")
+    print(f"{'identifier':<14} {identifier or 'none'}")
+    board_rows = document.get("board")
+    if isinstance(board_rows, dict):
+        for name, value in board_rows.items():
+            print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
+        if "build_matches" in document:
+            whose = "this program's" if document["build_matches"] else "not this program's"
+            print(f"{'verilog':<14} {whose}, by the build's CRC-32")
+    else:
+        print(f"{'design':<14} not ours; {document['registers']} registers by its csr.csv")

@@ -1,0 +1,62 @@
+"""`viform board prbs`: bit errors of the line, both ways."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from scenarios.cli.board.line import (
+    Baud,
+    Csr,
+    Faults,
+    Level,
+    Log,
+    LowLatency,
+    PortName,
+    TimeScale,
+    connected,
+)
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["board_prbs"]
+
+
+def board_prbs(
+    port: PortName = "virtual",
+    baud: Baud = 115_200,
+    csr: Csr = None,
+    order: Annotated[
+        list[int] | None, typer.Option(help="7, 15, 23 or 31, repeatable; all when absent")
+    ] = None,
+    words: Annotated[
+        int, typer.Option(min=1, max=10_000_000, help="32-bit words each way, for each order")
+    ] = 1024,
+    log: Log = None,
+    time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
+    level: Level = "bytes",
+    fault: Faults = None,
+    json: Json = False,
+) -> None:
+    """Count wrong bits of pseudo-random words, to the board and from it; exit 1 for any."""
+    from rtl_model.host import prbs
+
+    with connected(
+        port, baud, csr, log, time_scale, json, level=level, faults=fault, low_latency=low_latency
+    ) as line:
+        reports = [prbs.check(line.board, one, words) for one in order or prbs.ORDERS]
+    clean = all(report.clean for report in reports)
+    if json:
+        rows = [report._asdict() | {"clean": report.clean} for report in reports]
+        print_document({"ok": clean, "orders": rows})
+    else:
+        for report in reports:
+            print(
+                f"order {report.order:>2}: {32 * report.words} bits each way, "
+                f"{report.bits_wrong_from_board} wrong from the board, "
+                f"{report.bits_wrong_to_board} to it, {report.words_lost_to_board} words lost, "
+                f"{report.faults} answers broken off, {report.seconds:.3g} s"
+            )
+    if not clean:
+        raise typer.Exit(1)

@@ -1,0 +1,115 @@
+"""`viform board regs`: registers by name: listed, read, written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rtl_model.bringup.place import VIRTUAL, csr_of
+from scenarios.cli.board.line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
+from scenarios.cli.output import Json, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.host import CsrMap
+
+__all__ = ["assignment", "board_regs"]
+
+
+def board_regs(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME", help="to read; all that may be if none")
+    ] = None,
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="write, first of all")
+    ] = None,
+    listing: Annotated[
+        bool, typer.Option("--list", help="names and addresses only; no board is needed")
+    ] = False,
+    port: PortName = "virtual",
+    baud: Baud = 115_200,
+    csr: Csr = None,
+    log: Log = None,
+    time_scale: TimeScale = None,
+    low_latency: LowLatency = False,
+    json: Json = False,
+) -> None:
+    """List, read and write registers of a board, of an imager of ours, or of any LiteX design by
+    its csr.csv."""
+    from rtl_model.host import default_map
+
+    writes = [assignment(text) for text in assignments or ()]
+    known = csr_of(csr)
+    if known is None and (listing or port == VIRTUAL):
+        known = default_map()
+    if known is not None:  # what is wrong is said before a board is spoken to
+        rows = _rows(known, names, writes)
+    if not listing:
+        with connected(
+            port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
+        ) as line:
+            board = line.board
+            rows = _rows(board.csr, names, writes)
+            for name, number in writes:
+                board.write(name, number)
+            for row in rows:
+                entry = board.csr.table.get(row["name"])
+                # Without names nothing is read that reading changes.
+                effect = entry is not None and entry.read_effect and not names
+                unread = row["mode"] == "wo" or effect
+                row["value"] = None if unread else board.read(row["name"])
+                row["fields"] = {} if unread or entry is None else _fields(entry, row["value"])
+    if json:
+        print_document({"ok": True, "registers": rows})
+        return
+    for row in rows:
+        value: Any = row.get("value")
+        told = "" if listing else ("-" if value is None else f"{value:#010x}")
+        fields = row.get("fields") or {}
+        assert isinstance(fields, dict)
+        more = ", ".join(f"{name} {field}" for name, field in fields.items())
+        print(
+            f"{row['address']:#07x} {row['mode']} {row['name']:<22} {told:<11}"
+            f"{more or row['text']}".rstrip()
+        )
+
+
+def _rows(
+    known: CsrMap, names: list[str] | None, writes: list[tuple[str, int]]
+) -> list[dict[str, Any]]:
+    """What is told of each register that was asked for; InputError for one that is not there."""
+    for name in [*(names or ()), *(name for name, _ in writes)]:
+        known.register(name)
+    chosen = list(names or ([name for name, _ in writes] if writes else known.registers))
+    table = known.table
+    return [
+        {"name": name, "address": known.registers[name].address,
+         "mode": table[name].mode if name in table else known.registers[name].mode,
+         "text": table[name].text if name in table else ""}
+        for name in chosen
+    ]  # fmt: skip
+
+
+def assignment(text: str) -> tuple[str, int]:
+    """Name and value of `NAME=VALUE`, InputError for what is none."""
+    from cosim import InputError
+
+    name, equals, value = text.partition("=")
+    try:
+        if not equals or len(value) > 40:
+            raise ValueError
+        number = int(value.strip(), 0)
+    except ValueError:
+        raise InputError(
+            "--set", "NAME=VALUE such as sensor_threshold=3", repr(text[:60]), "write it like that"
+        ) from None
+    if number < 0:
+        raise InputError(f"--set {name}", "0 or more", value, "give the bits as a number")
+    return name.strip(), number
+
+
+def _fields(entry: Any, value: int) -> dict[str, int]:
+    return {
+        field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
+        for field in entry.fields
+    }

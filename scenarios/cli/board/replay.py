@@ -1,0 +1,96 @@
+"""`viform board replay`: a log of a line, read back without the board."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rtl_model.bringup.place import csr_of
+from scenarios.cli.board.line import Csr
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["board_replay"]
+
+_SHOWN = 4  # words of a transaction that are printed
+
+
+def board_replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="written with --log")],
+    csr: Csr = None,
+    judge: Annotated[
+        bool, typer.Option("--bringup", help="judge the log of a bring-up anew")
+    ] = False,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, max=4096, help="of the bring-up's bursts; the log's when absent"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Print a log's transactions with the registers' names, or run the bring-up over it again."""
+    from rtl_model.host import ReplayPort, default_map, is_pty
+
+    port = ReplayPort(log)  # refuses what is no log
+    known = csr_of(csr)
+    if judge:
+        from rtl_model.bringup import bring_up
+        from scenarios.cli.board.bringup import print_stage
+
+        simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated
+        report = bring_up(
+            port, baud=port.baud, csr=known, simulated=simulated,
+            time_scale=port.time_scale or 1.0, frames=frames or port.frames or 8,
+            progress=None if json else print_stage,
+        )  # fmt: skip
+        if json:
+            print_document(report.document())
+        elif not report.ok:
+            print(f"not passed: {report.cause}")
+        if not report.ok:
+            raise typer.Exit(1)
+        return
+    names = {entry.address: name for name, entry in (known or default_map()).registers.items()}
+    rows = [
+        _row(json_module.loads(line), names)
+        for line in log.read_text(encoding="ascii").splitlines()
+    ]
+    faults = sum(row.get("fault") is not None for row in rows)
+    if json:
+        print_document({"ok": True, "events": rows, "faults": faults})
+        return
+    begun = rows[0]["monotonic"]
+    for row in rows:
+        print(f"{row['monotonic'] - begun:10.6f} s  {row['text']}")
+    print(f"{len(rows)} events, {faults} answers with a fault")
+
+
+def _row(event: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
+    """The event with a line of what it says."""
+    kind = event["event"]
+    if kind == "write":
+        address = int(event["address"], 0)
+        name = names.get(address, event["address"])
+        words = event["words"]
+        data = bytes.fromhex(event["hex"])[6:]
+        reads = event["command"].startswith("read")
+        told = f"reads {name}" if reads else f"writes {name} = {_words(data)}"
+        text = told + (f", {words} words" if words > 1 else "")
+    elif kind == "read":
+        text = f"  answer {_words(bytes.fromhex(event['hex']))}"
+        text += f", FAULT {event['fault']}" if event["fault"] else ""
+    elif kind == "stray":
+        text = f"  unasked {event['hex']}"
+    elif kind == "open":
+        text = f"{event['port']} at {event['baud']} baud, {event['wall']}"
+    else:
+        text = f"{kind} {event['value']}"
+    return {**event, "text": text}
+
+
+def _words(data: bytes) -> str:
+    if not data:
+        return "nothing"
+    words = [data[n : n + 4].hex() for n in range(0, len(data), 4)]
+    return " ".join(words[:_SHOWN]) + (f" .. ({len(words)})" if len(words) > _SHOWN else "")

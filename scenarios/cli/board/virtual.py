@@ -1,0 +1,134 @@
+"""`viform board virtual`: a board that exists only as Verilog, behind a serial port."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rtl_model.bringup.place import known_level, virtual_board
+from scenarios.cli.output import Json, SilentProgress, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.geometry import Geometry
+    from rtl_model.virtual import VirtualBoard
+
+__all__ = ["board_virtual"]
+
+
+def board_virtual(
+    link: Annotated[Path | None, typer.Option(help="a symlink to make for the port")] = None,
+    imager: Annotated[
+        str | None,
+        typer.Option(
+            help="a conventional imager in the board's place: adaptive-exposure, ebaps or emccd, "
+            "with the size and clock of its own, at level model"
+        ),
+    ] = None,
+    level: Annotated[
+        str | None,
+        typer.Option(
+            help="bytes (the default), pins (baud and noise exist), or model (no Verilator)"
+        ),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="what is wrong with it, repeatable: drop|flip|extra:rx|tx@N or %N, cut@N, "
+            "power-cycle@N, silent, slow=MS, baud=PERCENT, noise=SHARE, stuck=ROW,COLUMN, foreign"
+        ),
+    ] = None,
+    rows: Annotated[
+        int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")
+    ] = None,
+    columns: Annotated[
+        int | None, typer.Option(min=1, max=4096, help="of pixels, 32 when absent")
+    ] = None,
+    lanes: Annotated[
+        int | None, typer.Option(help="pixels a clock computes, 32 (when absent) or 64")
+    ] = None,
+    clock: Annotated[
+        int | None,
+        typer.Option(
+            min=10_000,
+            max=1_000_000_000,
+            help="nominal clock of the board, Hz; when absent, one that a simulator keeps up with",
+        ),
+    ] = None,
+    baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of its line")] = 115_200,
+    csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
+    json: Json = False,
+) -> None:
+    """Start a board, or an imager's registers, behind a pty and serve it until Ctrl-C."""
+    from cosim import InputError
+    from cosim.files.whole import whole
+    from rtl_model.geometry import Geometry
+    from rtl_model.registers import csr_csv
+    from rtl_model.virtual import nominal_clock
+
+    if lanes not in (None, 32, 64):
+        raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    text = ""
+    if imager is not None:
+        from rtl_model.imagers import design
+
+        if any(given is not None for given in (rows, columns, lanes, clock)):
+            raise InputError(
+                "--rows, --columns, --lanes and --clock", "left out with --imager", "given",
+                "an imager has its own",
+            )  # fmt: skip
+        level = level or "model"
+        kind = design(imager)
+        geometry = kind.geometry._replace(baud=baud)
+        text = kind.csr_csv()
+    else:
+        level = level or "bytes"
+        clock = clock or nominal_clock(known_level(level), baud)
+        geometry = Geometry(rows or 32, columns or 32, lanes or 32, clock, baud)
+    made = virtual_board(
+        baud=baud, level=level, faults=fault, geometry=geometry, link=link, imager=imager
+    )
+    if level != "model" and not json:
+        SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
+    with suppress(KeyboardInterrupt), made as board:
+        if csr is not None:
+            with whole(csr) as part:
+                part.write_text(text or csr_csv(geometry), encoding="utf-8")
+        if json:
+            print_document(_document(board, geometry, csr))
+        else:
+            print(_text(board, geometry, csr))
+        sys.stdout.flush()
+        board.wait()
+
+
+def _document(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> dict[str, object]:
+    return {
+        "port": board.port,
+        "level": board.level,
+        "imager": board.imager,
+        "geometry": geometry._asdict(),
+        "csr": None if csr is None else str(csr),
+        "clocks_per_second": round(board.clocks_per_second),
+        "time_scale": round(board.time_scale, 2),
+    }
+
+
+def _text(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> str:
+    lanes = f"{geometry.lanes} lanes, " if board.imager is None else ""
+    lines = [
+        f"port       {board.port}, {geometry.baud} baud",
+        f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
+        f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
+        f"speed      {board.clocks_per_second / 1e6:.3g} million clocks a second; a host should "
+        f"wait {board.time_scale:.1f} times as long",
+    ]
+    if csr is not None:
+        lines.append(f"csr        {csr}")
+    command = "bringup" if board.imager is None else "regs"
+    lines.append(f"try        viform board {command} --port {board.port} --baud {geometry.baud}")
+    lines.append("end        Ctrl-C")
+    return "\n".join(lines)

@@ -1,0 +1,66 @@
+"""`viform compare`: one scene by all cameras."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document
+
+__all__ = ["compare"]
+
+
+def compare(
+    scene: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or a kind of scene")
+    ] = "star",
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="override a key of scene, lens, spike, adaptive-exposure, ebaps or emccd, or "
+            "duration",
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder to make [runs/compare-SCENE-N]")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Film one scene with the spike camera and every other imager; measure them side by side."""
+    from scenarios.cli.entry import BEGAN
+    from scenarios.studies.compare import load_comparison, run_compare
+
+    what = load_comparison(scene, assignments or (), seed)
+    progress = make_progress()
+    try:
+        document, folder = run_compare(what, out, device, progress, BEGAN)
+    finally:
+        progress.close()
+    if json:
+        print_document(document)
+    else:
+        print(_text(document, folder))
+
+
+def _text(document: dict[str, Any], folder: Path) -> str:
+    """The table for a reader."""
+    from scenarios.studies.compare.report import HEADS, told
+    from scenarios.studies.compare.row import FIGURES, Figure
+
+    rows = document["rows"]
+    cells = [["", *(row["title"] for row in rows)]]
+    cells += [[HEADS[n], *(told(n, Figure(**row[n])) for row in rows)] for n in FIGURES]
+    widths = [max(len(line[n]) for line in cells) for n in range(len(cells[0]))]
+    lines = [
+        "  ".join([line[0].ljust(widths[0]),
+                   *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
+        for line in cells
+    ]  # fmt: skip
+    lines += [f"  {row['title']}: {row['setting']}" for row in rows]
+    return "\n".join([*lines, *document["notes"], f"{folder / 'report.html'}"])

@@ -1,0 +1,110 @@
+"""`viform convert`: a stream from one format to another, or to a clip to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document, size_option
+
+__all__ = ["convert"]
+
+
+FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc"
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IN", help=f"{FORMATS_HELP}, a run's folder, or a config.yaml or its folder"
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help=f"{FORMATS_HELP}, or a clip (.mp4)")],
+    size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
+    head: Annotated[
+        bool, typer.Option("--head", help="of a .dat: write 400x250 as 416x250, with head")
+    ] = False,
+    config: Annotated[
+        bool, typer.Option("--config", help="of a .dat: write a config.yaml beside it")
+    ] = False,
+    window: Annotated[
+        int | None, typer.Option(help="of a clip: cycles of each tfp image, odd [41]")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(help="of a clip: cycles from image to image [20]")
+    ] = None,
+    scale: Annotated[
+        float | None, typer.Option(help="of a clip: rate that becomes white [1]")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="of a clip: images a second [25]")] = None,
+    code: Annotated[
+        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
+    ] = None,
+    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None,
+    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None,
+    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None,
+    refine: Annotated[
+        int | None, typer.Option(help="of statistical: widths in the mean after a change")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Convert a stream between formats, or render it as a clip in slow motion.
+
+    What the new format has no place for is said on standard error.
+    """
+    from cosim import InputError
+    from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
+    from sensor.codec.files import choose_code, is_coded, open_any, write_coded
+    from sensor.reconstruct.clip import CLIPS, write_clip
+
+    if source.suffix.lower() in CLIPS:
+        raise InputError(
+            "IN", f"a stream ({FORMATS_HELP})", f"the clip {source}",
+            f"film it: viform run film --set scene.path={source}",
+        )  # fmt: skip
+    clip = out.suffix.lower() in CLIPS
+    if not (clip or is_coded(out) or ending_of(out) in FORMATS):
+        raise InputError(
+            "OUT", f"a name ending in {FORMATS_HELP}, or of a clip ({', '.join(CLIPS)})", str(out),
+            "give it one of these",
+        )  # fmt: skip
+    shown = {"--window": window, "--every": every, "--scale": scale, "--rate": rate}
+    given = [flag for flag, value in shown.items() if value is not None]
+    if given and not clip:
+        raise InputError(given[0], "given with a clip to write", str(out), f"leave {given[0]} out")
+    place = source if is_coded(source) else locate_stream(source)
+    if out.exists() and place.resolve() == out.resolve():
+        raise InputError("OUT", "another file than IN", str(out), "choose another name")
+    if (head or config) and out.suffix.lower() != ".dat":
+        flag = "--head" if head else "--config"
+        raise InputError(flag, "given with a .dat to write", str(out), f"leave {flag} out")
+    coded = choose_code(out, code, k, threshold, threshold_noise, refine)
+    pixels = size_option(size)
+    lost: list[str] = []
+    progress = make_progress()
+    try:
+        opened, notes = open_any(source, pixels)
+        if clip:
+            write_clip(
+                opened, out, window=41 if window is None else window,
+                every=20 if every is None else every, scale=1.0 if scale is None else scale,
+                rate=25.0 if rate is None else rate, progress=progress,
+            )  # fmt: skip
+        elif coded is not None:
+            write_coded(opened, out, coded)
+            if not coded.lossless:
+                lost = [f"{out} holds changes beyond {coded.k:g} standard deviations alone"]
+        else:
+            lost = write_stream(opened, out, head=head, config=config)
+    finally:
+        progress.close()
+    for note in (*notes, *notes_of(opened), *lost):
+        progress.note(note)
+    if json:
+        print_document(
+            {"in": str(source), "out": str(out), "cycles": opened.cycles,
+             "height": opened.shape[0], "width": opened.shape[1], "clock_hz": opened.clock.hz}
+        )  # fmt: skip

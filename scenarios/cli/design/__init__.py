@@ -1,0 +1,1 @@
+"""`viform design`: the best of a hardware budget."""

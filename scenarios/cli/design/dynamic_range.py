@@ -1,0 +1,113 @@
+"""`viform design dynamic-range`: sweep a hardware budget, name the best choice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["design_dynamic_range"]
+
+
+def design_dynamic_range(
+    budget: Annotated[
+        str | None, typer.Argument(help="a TOML file of a budget; the built-in one when none")
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="override a key; lists as JSON"),
+    ] = None,
+    top: Annotated[int, typer.Option(min=1, max=20_000, help="rows of the table")] = 12,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="also draw the best choice's values and measure it")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of --measure")] = 1,
+    out: Annotated[Path | None, typer.Option(help="a picture, .png or .svg")] = None,
+    json: Json = False,
+) -> None:
+    """Judge every choice of sensor, temperature, circuit, converter and gains; best first.
+
+    Exit 1 when no choice is within the budget's limits.
+    """
+    from cosim import InputError
+    from cosim.files.whole import whole
+    from scenarios.studies.design import budget_document, load_budget, to_budget
+
+    if out is not None and out.suffix.lower() not in (".png", ".svg"):
+        raise InputError("--out", "a .png or .svg", str(out), "name one")
+    file = load_budget(budget, assignments or ())
+    document = budget_document(file.title, to_budget(file), measure=measure, seed=seed)
+    if out is not None:
+        from scenarios.studies.design.figure import draw_budget
+
+        with whole(out) as part:
+            draw_budget(document, part, out.suffix[1:].lower())
+    if json:
+        print_document(document)
+    else:
+        print(_text(document, top))
+        if out is not None:
+            print(f"picture: {out}")
+    if document["best"] is None:
+        raise typer.Exit(1)
+
+
+def _watts(row: dict[str, Any]) -> str:
+    return "" if row["power"] is None else f"{row['power']:.2f}"
+
+
+def _text(document: dict[str, Any], top: int) -> str:
+    """The document for a reader."""
+    rows, best, limits = document["rows"], document["best"], document["constraints"]
+    lines = [f"{document['title']}: {len(rows)} choices, {limits['allowed']} within the limits"]
+    if best is None:
+        lines.append("no choice is within the limits; what would be best without them:")
+    else:
+        rule = best["adc_rule"]
+        lines += [
+            f"best: {best['sensor']} at {best['temperature']:g} degC and "
+            f"{best['clock'] / 1e6:g} MHz, {best['adc']}, circuit "
+            f"{best['circuit_noise'] * 1e3:g} mV, analog gain {best['analog_gain']:g}, digital "
+            f"gain {best['digital_gain']:g}",
+            f"  dynamic range {best['dr_db']:.2f} dB: {best['saturation']:.4g} e "
+            f"({best['limited_by']}) over {best['least_signal']:.4g} e (SNR 1); the document's "
+            f"formula says {best['dr_document_db']:.2f} dB",
+            "  noise, e RMS: "
+            + ", ".join(f"{name} {value:.3g}" for name, value in best["noise"].items()),
+            f"  converter {rule['adc_db']:.1f} dB; twice the sensor's "
+            f"{best['sensor_db']:.1f} dB is {rule['ratio_db']:.1f} dB as a ratio "
+            f"({'holds' if rule['ratio_holds'] else 'does not hold'}), "
+            f"{rule['decibels_db']:.1f} dB in decibels "
+            f"({'holds' if rule['decibels_holds'] else 'does not hold'}); used: {rule['used']}",
+            f"  an output of {limits['output_bits']} bits with gamma {limits['gamma']:g} keeps "
+            f"{best['dr_output_db']:.2f} dB",
+        ]
+        if "measured" in best:
+            low, high = best["measured"]["ci"]
+            lines.append(
+                f"  measured {best['measured']['db']:.2f} dB, 99 % [{low:.2f}, {high:.2f}]"
+            )
+    other = document["best_without_rule"]
+    if other is not None:
+        lines.append(
+            f"  the converter rule alone rules out {other['sensor']} at {other['temperature']:g} "
+            f"degC with {other['adc']}: {other['dr_db']:.2f} dB (--set adc_rule=none)"
+        )
+    lines += [
+        "",
+        f"{'sensor':<18}{'converter':<11}{'degC':>6}{'MHz':>7}{'mV':>7}{'analog':>8}{'digital':>8}"
+        f"{'dB':>8}{'document':>9}{'W':>7}  note",
+    ]
+    for row in rows[:top]:
+        lines.append(
+            f"{row['sensor'][:17]:<18}{row['adc'][:10]:<11}{row['temperature']:6g}"
+            f"{row['clock'] / 1e6:7g}{row['circuit_noise'] * 1e3:7.3g}{row['analog_gain']:8g}"
+            f"{row['digital_gain']:8g}{row['dr_db']:8.2f}{row['dr_document_db']:9.2f}"
+            f"{_watts(row):>7}  {row['note']}".rstrip()
+        )
+    if len(rows) > top:
+        lines.append(f"... {len(rows) - top} more (--top, --json)")
+    return "\n".join(lines)

@@ -1,0 +1,24 @@
+"""`viform design`: the best of a hardware budget."""
+
+import typer
+
+from scenarios.cli.design.dynamic_range import design_dynamic_range
+
+__all__ = ["design"]
+
+design = typer.Typer(
+    name="design",
+    help="Choose hardware: dynamic range over a budget.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@design.callback()
+def _group() -> None:
+    """A group even while it has one command."""
+
+
+design.command("dynamic-range")(design_dynamic_range)

@@ -1,0 +1,1 @@
+"""`viform link`: commands for links."""

@@ -1,0 +1,119 @@
+"""`viform link ber`: error-rate curves, theory with Monte Carlo beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document
+
+__all__ = ["link_ber"]
+
+
+def link_ber(
+    points: Annotated[int, typer.Option(min=2, max=64, help="of each curve")] = 8,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of all Monte Carlo")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="a folder for ber.png, ber.svg and ber.json; made new")
+    ] = None,
+    detectors: Annotated[
+        bool, typer.Option(help="also compare detectors on the sensor's pixels, a minute")
+    ] = True,
+    json: Json = False,
+) -> None:
+    """Draw error rates against theory; exit 1 when a point of 100 errors or more disagrees."""
+    from cosim import InputError
+    from link.evaluation.curves import error_curves, measure_curves
+    from link.evaluation.detectors import compare_detectors
+
+    if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
+        raise InputError(
+            "--out", "a new folder in one that exists", str(out), "choose another name"
+        )
+    progress = make_progress()
+    try:
+        curves = error_curves(points)
+        progress.start("curves", len(curves))
+        begun: list[str] = []
+
+        def told(title: str) -> None:
+            progress.advance(len(begun))
+            begun.append(title)
+
+        document = measure_curves(curves, seed, told)
+        progress.advance(len(curves))
+        document["detectors"] = compare_detectors(seed) if detectors else []
+    finally:
+        progress.close()
+    if out is not None:
+        _write(document, out)
+    if json:
+        print_document(document)
+    else:
+        print(_text(document))
+        if out is not None:
+            print(f"figure: {out / 'ber.png'}, {out / 'ber.svg'}")
+    if not document["holds"]:
+        raise typer.Exit(1)
+
+
+def _write(document: dict[str, Any], out: Path) -> None:
+    """The folder, whole or not at all."""
+    from cosim.files.whole import whole
+    from cosim.run.result import dumps
+    from link.report.curves import draw_curves
+
+    with whole(out) as part:
+        part.mkdir()
+        for kind in ("png", "svg"):
+            draw_curves(document, part / f"ber.{kind}")
+        (part / "ber.json").write_text(dumps(document) + "\n", encoding="utf-8")
+
+
+def _text(document: dict[str, Any]) -> str:
+    """The document for a reader."""
+    lines = []
+    for curve in document["curves"]:
+        lines.append(f"{curve['title']}   ({curve['name']})")
+        beside = curve.get("beside")
+        head = f"  {curve['x_unit']:>16} {'theory':>10} {'measured':>10}  {'interval':<23}"
+        head += f"{'errors':>7} {curve['trial'] + 's':>10}  theory"
+        lines.append(head + (f"   {beside['name']}" if beside else ""))
+        for i, x in enumerate(curve["x"]):
+            span = f"[{curve['low'][i]:.3g}, {curve['high'][i]:.3g}]"
+            mark = "inside" if curve["inside"][i] else "OUTSIDE"
+            row = f"  {x:16.4g} {curve['theory'][i]:10.4g} {curve['measured'][i]:10.4g}  {span:<23}"
+            row += f"{curve['errors'][i]:7} {curve['bits'][i]:10}  "
+            row += mark if curve["judged"][i] else f"({mark})"
+            if beside:
+                refuted = "outside" if beside["refuted"][i] else "inside"
+                row += f"   {beside['theory'][i]:.3g}, {refuted}"
+            lines.append(row)
+        lines.append("")
+    holds = "all of them inside" if document["holds"] else "NOT all of them inside"
+    lines.append(
+        f"{document['points_judged']} points of 100 errors or more, {holds}: Clopper-Pearson at "
+        f"{document['pointwise_level']:.6g} each, which holds for all together at "
+        f"{document['level']:.2g} (Bonferroni)"
+    )
+    return "\n".join([*lines, *_detectors(document["detectors"])])
+
+
+def _detectors(rows: list[dict[str, Any]]) -> list[str]:
+    """A table of detectors side by side."""
+    if not rows:
+        return []
+    limits = "99.9 % interval"
+    head = f"  {'':<40}{'theory':>10} {'measured':>10}  {limits:<21}{'errors':>7} {'bits':>8}  gain"
+    lines = ["", "Detectors on exact pixels: residual reset, Q = 100 e, ON 1.5 Q, OFF 0.1 Q", head]
+    for row in rows:
+        theory = "" if row["theory"] is None else f"{row['theory']:.3g}"
+        gain = "" if row["gain_low"] is None else f"at least {row['gain_low']:.3g} times"
+        span = f"[{row['low']:.3g}, {row['high']:.3g}]"
+        lines.append(
+            f"  {row['what']:<40}{theory:>10} {row['rate']:10.3g}  {span:<21}{row['errors']:7} "
+            f"{row['bits']:8}  {gain}"
+        )
+    return lines

@@ -1,0 +1,131 @@
+"""`viform link send`: a file as the planes that a panel shows, in a stream file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document
+
+__all__ = ["link_send"]
+
+
+def link_send(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="any file, an empty one too")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="STREAM", help="written: .zarr, .npz, .events.npz, .dat or .raw"
+        ),
+    ],
+    size: Annotated[str, typer.Option(help="of the panel, WxH, multiples of 32")] = "960x960",
+    cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2,
+    ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2,
+    line: Annotated[
+        str, typer.Option(help="code along time: none, manchester, 4b6b or 8b10b")
+    ] = "8b10b",
+    parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32,
+    interleave: Annotated[
+        bool, typer.Option(help="spread each codeword over the panel; the receiver must be told")
+    ] = True,
+    overhead: Annotated[
+        float, typer.Option(help="frames beyond the file's own, as a share of them")
+    ] = 0.05,
+    clock: Annotated[str, typer.Option(help="of the panel's planes")] = "40 kHz",
+    json: Json = False,
+) -> None:
+    """Write the planes that send FILE, for a panel to show and `viform link receive` to read."""
+    from cosim import Clock, InputError
+    from cosim.config.units import KINDS, parse_quantity
+    from cosim.files import FORMATS, ending_of, write_stream
+    from link.layout import TRAINING
+    from link.mode import Mode
+    from link.sending import PlaneStream, Transmission
+
+    if ending_of(out) not in FORMATS:
+        given, mend = str(out), "give it one of these"
+        raise InputError("--out", f"a name ending in {', '.join(FORMATS)}", given, mend)
+    try:
+        hz = parse_quantity(clock, KINDS["frequency"])
+        panel_clock = Clock.from_hz(hz)
+    except ValueError as exc:
+        mend = "write it like that"
+        raise InputError("--clock", "a frequency such as '40 kHz'", repr(clock), mend) from exc
+    width, height = _sides(size)
+    data = _read(source)
+    try:
+        mode = Mode(width, height, cell, ticks, line, parity)  # type: ignore[arg-type]
+        sent = Transmission(mode, data, source.name, interleave=interleave, overhead=overhead)
+    except ValueError as exc:
+        raise _refused(str(exc)) from exc
+    progress = make_progress()
+    try:
+        lost = write_stream(PlaneStream(sent, panel_clock), out)
+    finally:
+        progress.close()
+    for note in lost:
+        progress.note(note)
+    seconds = sent.planes / panel_clock.hz
+    repair, fill = sent.outbox.frames_beyond(sent.groups)
+    if json:
+        print_document(
+            {
+                "file": str(source), "out": str(out), "bytes": len(data),
+                "width": width, "height": height, "cell": cell, "ticks": ticks, "line": line,
+                "parity": parity, "interleave": interleave, "tags": list(mode.tags),
+                "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
+                "training": TRAINING, "groups": sent.outbox.groups,
+                "closing": sent.layout.closing,
+                "frames": sent.outbox.frames, "frames_needed": sent.outbox.frames_needed,
+                "frames_repair": repair, "frames_fill": fill,
+                "room_bytes": sent.outbox.room,
+                "seconds": seconds, "goodput_bps": 8 * len(data) / seconds,
+            }
+        )  # fmt: skip
+    else:
+        rate = 8 * len(data) / seconds
+        known = TRAINING + sent.layout.closing
+        progress.note(
+            f"{len(data)} bytes in {sent.outbox.frames} frames ({sent.outbox.frames_needed} are "
+            f"enough, {fill} only fill the last group), {sent.planes} planes, "
+            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s; up to {sent.outbox.room} "
+            f"bytes take as long, and {known} of {sent.symbols} symbols are training and closing"
+        )
+
+
+def _sides(text: str) -> tuple[int, int]:
+    from cosim import InputError
+
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdecimal() and height.isdecimal() and len(text) < 12):
+        raise InputError("--size", "WIDTHxHEIGHT such as 960x960", repr(text), "write it like that")
+    return int(width), int(height)
+
+
+def _read(path: Path) -> bytes:
+    from cosim import InputError
+    from link.coding import MOST_BYTES
+
+    try:
+        length = path.stat().st_size
+        if length <= MOST_BYTES:
+            return path.read_bytes()
+    except OSError as exc:
+        given = f"{path} ({exc.strerror or exc})"
+        raise InputError("FILE", "a file that can be read", given, "check it") from exc
+    must = f"at most {MOST_BYTES // 2**20} MiB"
+    raise InputError("FILE", must, f"{length / 2**20:.6g} MiB", "send it in parts")
+
+
+def _refused(text: str) -> Exception:
+    """A ValueError's "what must be X, not Y" as bad input."""
+    from cosim import InputError
+
+    what, _, rest = text.partition(" must be ")
+    must, _, given = rest.rpartition(", not ")
+    if not (what and must and given):
+        return InputError("the link", "one that can be sent", text, "choose another mode")
+    flag = {"width": "--size", "height": "--size", "the file": "FILE"}.get(what, f"--{what}")
+    return InputError(flag, must, given, "choose one of these")

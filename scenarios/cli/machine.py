@@ -1,0 +1,161 @@
+"""What a run needs of a machine, looked at one thing at a time."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from typing import Any
+
+from cosim.compute.opencl import INSTALL, cache_folder, probe
+from display import GL_INSTALL, probe_gl
+
+__all__ = ["Check", "examine"]
+
+_GIB = 2**30
+_MEMORY_GIB = 4
+_DISK_GIB = 1
+_RUN_PROBE = """
+import numpy as np
+from cosim.opencl import open_device
+from sensor import EFFECTS
+from sensor.pixel.kernel import KernelPixels
+from sensor.pixel.model import ExactModel, Span
+from sensor.pixel.plain import PlainPixels
+model, n = ExactModel(100.0, 1, tuple(EFFECTS.values())), np.arange(64, dtype=np.uint32)
+spans = [Span(0, 64, np.arange(64) * 2**40)]
+plain, kernel = PlainPixels(model, n), KernelPixels(model, n, open_device())
+same = plain.expose(spans, 64) == kernel.expose(spans, 64)
+print("agree" if same.all() else "differ")
+"""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at. needed: whether `run film` depends on it."""
+
+    name: str
+    ok: bool
+    found: str
+    mend: str = ""
+    needed: bool = True
+
+    def row(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def _python() -> Check:
+    fine = (3, 11) <= sys.version_info[:2] < (3, 14)
+    found = f"{platform.python_version()} ({sys.executable})"
+    return Check("python", fine, found, "install python 3.11, 3.12 or 3.13")
+
+
+def _packages() -> Check:
+    """Every package the project needs is there and can be imported."""
+    modules = {
+        "opencv-python-headless": "cv2",
+        "pyserial": "serial",
+        "scikit-sundae": "sksundae",
+        "pyyaml": "yaml",
+        "scikit-image": "skimage",
+        "tomli-w": "tomli_w",
+    }
+    missing, there = [], 0
+    for requirement in requires("viform") or []:
+        if "extra ==" in requirement:
+            continue
+        name = requirement.split(";")[0].split(">")[0].split("=")[0].split("<")[0].strip()
+        try:
+            version(name)
+            importlib.import_module(modules.get(name, name))
+            there += 1
+        except (PackageNotFoundError, ImportError, OSError) as exc:
+            missing.append(f"{name} ({exc})")
+    found = f"{there} packages" if not missing else f"not usable: {', '.join(missing)}"
+    return Check("packages", not missing, found, "rm -rf .venv and start ./viform again")
+
+
+def _opencl() -> Check:
+    devices = probe()
+    names = "; ".join(f"{d['platform']}: {d['device']} ({d['units']} units)" for d in devices)
+    mend = f"{INSTALL} (or use --device numba, slower)"
+    if not os.path.isdir("/sys/devices/system/cpu") and not devices:
+        mend = "mount /sys, which PoCL needs"
+    return Check("opencl", bool(devices), names or "no device", mend)
+
+
+def _gl() -> Check:
+    there, said = probe_gl()
+    mend = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
+    return Check("gl", there, said, mend, needed=False)
+
+
+def _kernel() -> Check:
+    """The chip's kernel is built and its bits are compared with plain numpy, in a child."""
+    child = subprocess.run([sys.executable, "-c", _RUN_PROBE], capture_output=True, text=True)
+    if child.stdout.strip() == "agree":
+        return Check("kernel", True, "built, and agrees with plain numpy on every bit")
+    last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
+    last = last.removeprefix("cosim.errors.InputError: ")
+    return Check(
+        "kernel", False, child.stdout.strip() or last, "mend opencl first, else report this"
+    )
+
+
+def _cache() -> Check:
+    folder = cache_folder()
+    return Check(
+        "cache", os.access(folder, os.W_OK), str(folder), "set VIFORM_CACHE to a folder you own"
+    )
+
+
+def _memory() -> Check:
+    import psutil
+
+    memory = psutil.virtual_memory()
+    free, total = memory.available / _GIB, memory.total / _GIB
+    found = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
+    mend = f"free some memory: a megapixel run wants {_MEMORY_GIB} GiB"
+    return Check("memory", memory.available >= _MEMORY_GIB * _GIB, found, mend, needed=False)
+
+
+def _disk() -> Check:
+    free = shutil.disk_usage(".").free
+    mend = f"free some disk: 64 ms of light take about 0.2 GiB, {_DISK_GIB} GiB is comfortable"
+    return Check(
+        "disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", mend, needed=False
+    )
+
+
+def _folder() -> Check:
+    fine = os.access(".", os.W_OK)
+    mend = "change to a folder you can write to, or give --out"
+    return Check("folder", fine, os.getcwd(), mend, needed=False)
+
+
+def _clips() -> Check:
+    try:
+        import av
+    except ImportError as exc:
+        return Check("clips", False, str(exc), "rm -rf .venv and start ./viform again")
+    codecs = [c for c in ("h264", "hevc", "vp9", "av1", "mjpeg", "png") if c in av.codecs_available]
+    fine = {"h264", "libx264"} <= av.codecs_available
+    return Check("clips", fine, f"PyAV {av.__version__}: {', '.join(codecs)}", "pip install av")
+
+
+_EXAMINATIONS: tuple[Callable[[], Check], ...] = (
+    _python, _packages, _opencl, _kernel, _gl, _clips, _cache, _memory, _disk, _folder,
+)  # fmt: skip
+
+
+def examine() -> list[Check]:
+    """Looks at everything, whatever the outcome of one look; most of them wait for a child."""
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(lambda look: look(), _EXAMINATIONS))

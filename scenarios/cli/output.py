@@ -1,0 +1,136 @@
+"""What commands print: documents on standard output, progress and notes on standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Annotated, Any
+
+import typer
+
+__all__ = [
+    "EVERY_S",
+    "Json",
+    "LineProgress",
+    "SilentProgress",
+    "TerminalProgress",
+    "make_progress",
+    "print_document",
+    "size_option",
+]
+
+Json = Annotated[bool, typer.Option("--json", help="one JSON document on standard output")]
+
+
+def print_document(document: Any) -> None:
+    """One JSON document and nothing else."""
+    from cosim.run.result import dumps
+
+    sys.stdout.write(dumps(document) + "\n")
+
+
+def size_option(text: str | None) -> tuple[int, int] | None:
+    """WIDTHxHEIGHT as two numbers."""
+    from cosim import InputError
+
+    if text is None:
+        return None
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise InputError("--size", "WIDTHxHEIGHT such as 400x250", repr(text), "write it like that")
+    if int(width) * int(height) > 10**9:
+        raise InputError("--size", "at most 1e9 pixels", text, "check it")
+    return int(width), int(height)
+
+
+class SilentProgress:
+    """Notes only."""
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        print(f"viform: {text}", file=sys.stderr)
+
+    def close(self) -> None: ...
+
+
+EVERY_S = 10.0
+"""Least seconds between two lines of progress in a log."""
+
+
+class LineProgress(SilentProgress):
+    """Now and then a line on standard error that is no terminal, so that a log shows life. A short
+    run says nothing."""
+
+    def __init__(self) -> None:
+        self._told = time.monotonic()
+        self._what, self._total = "", 0
+        self._first: tuple[int, float] | None = None
+
+    def start(self, what: str, total: int) -> None:
+        self._what, self._total, self._first = what, total, None
+
+    def advance(self, done: int) -> None:
+        now = time.monotonic()
+        if self._first is None:  # a run that is gone on with does not begin at 0
+            self._first = done, now
+        if now - self._told < EVERY_S or not self._total:
+            return
+        self._told = now
+        before, began = self._first
+        left = ""
+        if before < done < self._total:
+            left = f", {_lasting((self._total - done) * (now - began) / (done - before))} left"
+        self.note(f"{self._what}: {100 * done // self._total} %{left}")
+
+
+def _lasting(seconds: float) -> str:
+    """A time as a person says it: 12 s, 3 min, 5.5 h."""
+    for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
+        if seconds >= least:
+            many = seconds / unit
+            return f"{many:.0f} {name}" if many >= 10 else f"{many:.2g} {name}"
+    return f"{max(seconds, 1):.0f} s"
+
+
+class TerminalProgress(SilentProgress):
+    """A bar on standard error while it is a terminal."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self._progress.start()
+        self._task: Any = None
+
+    def start(self, what: str, total: int) -> None:
+        self._task = self._progress.add_task(what, total=total)
+
+    def advance(self, done: int) -> None:
+        self._progress.update(self._task, completed=done)
+
+    def note(self, text: str) -> None:
+        self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
+
+    def close(self) -> None:
+        self._progress.stop()
+
+
+def make_progress() -> SilentProgress:
+    """A bar on a terminal, a line now and then elsewhere."""
+    return TerminalProgress() if sys.stderr.isatty() else LineProgress()

@@ -1,0 +1,80 @@
+"""`viform paper`: every number that the source documents print, beside ours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, print_document
+
+if TYPE_CHECKING:
+    from scenarios.studies.paper import Row
+
+__all__ = ["paper"]
+
+_WORDS = {"=": "", "<": "below", "<=": "at most", ">": "above", ">=": "at least"}
+
+
+def paper(
+    documents: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[DOCUMENT ...]", help="000 to 004; all unless given"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Print every number of the source documents beside the simulation's; exit 0 when all hold."""
+    from dataclasses import asdict
+
+    from cosim import InputError
+    from scenarios.studies.paper import DOCUMENTS, paper_rows
+
+    for given in documents or []:
+        if given not in DOCUMENTS:
+            raise InputError(
+                "a document", f"one of {', '.join(DOCUMENTS)}", repr(given),
+                "leave the numbers out for all",
+            )  # fmt: skip
+    chosen = tuple(dict.fromkeys(documents or DOCUMENTS))
+    rows = list(paper_rows(chosen))
+    if json:
+        print_document({"rows": [asdict(row) for row in rows]})
+    else:
+        for name in chosen:
+            own = [row for row in rows if row.source.startswith(name)]
+            print(_table(f"{name}: {DOCUMENTS[name].title}", own))
+        print(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold")
+    if not all(row.holds for row in rows):
+        raise typer.Exit(1)
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_told(each) for each in value)
+    if isinstance(value, bool) or value is None:
+        return {None: "none", True: "yes", False: "no"}[value]
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _table(title: str, rows: list[Row]) -> str:
+    """One document for a reader: place, number, print, ours, and why they differ."""
+    cells = [
+        (
+            row.source[4:],
+            row.what,
+            "-" if row.printed is None else f"{_WORDS[row.relation]} {_told(row.printed)}".strip(),
+            f"{_told(row.computed)} {'' if row.unit == '1' else row.unit}".strip(),
+            "" if row.holds else "FAILS",
+            row.note,
+        )
+        for row in rows
+    ]
+    heads = ("place", "what", "printed", "ours", "")
+    widths = [max(len(c[n]) for c in (heads, *cells)) for n in range(4)]
+    lines = [title, "  " + "  ".join(h.ljust(w) for h, w in zip(heads, widths, strict=False))]
+    for *shown, mark, note in cells:
+        lines.append("  " + "  ".join(c.ljust(w) for c, w in zip(shown, widths, strict=True)))
+        lines[-1] = f"{lines[-1]}  {mark}".rstrip()
+        if note:
+            lines.append(f"      {note}")
+    return "\n".join([*lines, ""])

@@ -1,0 +1,244 @@
+"""`viform run`: run a scenario."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
+
+if TYPE_CHECKING:
+    from cosim.run.result import Result
+
+__all__ = ["print_result", "refuse_device", "run"]
+
+_BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
+"""Metrics that are printed below the table of a run with a display."""
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+    ] = "glass",
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None,
+    tolerance: Annotated[float | None, typer.Option(help="error allowed, relative")] = None,
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder to make [runs/SCENARIO-N]")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on in --out")] = False,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            help="waveforms of a virtual board's or an imager's first frames, .fst or .vcd"
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Run a scenario: film it, show it where it has a display, make images and a report; or bring
+    a test board up."""
+    from scenarios.assemble.loading import load
+    from scenarios.assemble.readout import refuse_leftovers
+    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
+    from scenarios.cli.entry import BEGAN
+
+    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    if isinstance(loaded, Scenario):
+        refuse_leftovers(loaded)
+    if not isinstance(loaded, BoardScenario | ImagerScenario):
+        _refuse_trace(trace)
+    if isinstance(loaded, ImagerScenario):
+        refuse_device(device)
+    if resume and out is not None:
+        from scenarios.assemble.resuming import done_before
+
+        done = done_before(name, loaded, out)
+        if done is not None:
+            _print_done(done, out, trace, json)
+            return
+    progress = make_progress()
+    table: list[str] = []
+    verdict: list[str] = []
+    try:
+        if isinstance(loaded, BoardScenario):
+            from scenarios.assemble.run_board import run_board
+
+            result, folder = run_board(
+                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
+            )  # fmt: skip
+        elif isinstance(loaded, ImagerScenario):
+            from rtl_model.imagers.run.page import write_imager_report
+            from scenarios.assemble.run_imager import run_imager
+
+            result, folder = run_imager(
+                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
+                report=write_imager_report,
+            )  # fmt: skip
+        elif isinstance(loaded, LinkScenario):
+            from link.evaluation.finished import LinkRun
+            from link.report.page import write_link_report
+            from scenarios.assemble.run_link import run_link
+
+            def report_link(run: LinkRun) -> list[str]:
+                verdict.append(f"{run.verdict.cause.value}: {run.verdict.told}")
+                if run.delivered and run.result.outcome == "failed":  # a board's loop
+                    verdict.append(run.notes[-1])
+                return write_link_report(run)
+
+            result, folder = run_link(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=report_link,
+            )  # fmt: skip
+        elif loaded.sensor.readout == "asynchronous":
+            from scenarios.assemble.run_events import run_events
+            from sensor.asynchronous.report import write_events_report
+
+            result, folder = run_events(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_events_report,
+            )  # fmt: skip
+        elif loaded.sensor.readout == "continuous":
+            from scenarios.assemble.run_continuous import run_continuous
+            from sensor.continuous.report import write_continuous_report
+
+            result, folder = run_continuous(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=write_continuous_report,
+            )  # fmt: skip
+        else:
+            from scenarios.report import write_report
+            from scenarios.run import Finished, run_scenario
+
+            def report(run: Finished) -> list[str]:
+                if run.shown is not None:
+                    from scenarios.report.glass_tables import display_lines
+
+                    table.extend(display_lines(run.shown))
+                return write_report(run)
+
+            result, folder = run_scenario(
+                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
+                report=report,
+            )  # fmt: skip
+    finally:
+        progress.close()
+    print_result(result, folder, table, verdict, json)
+    _end(result)
+
+
+def _end(result: Result) -> None:
+    if result.outcome == "failed":  # a verdict, with its document
+        raise typer.Exit(1)
+
+
+def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) -> None:
+    """Says that a run is done already, and prints what it found."""
+    from cosim import InputError
+    from cosim.run.result import viform_version
+    from scenarios.assemble.resuming import verdict_before
+
+    if trace is not None:
+        raise InputError(
+            "--trace", "given with a run that is not done yet", f"with {folder}, which is",
+            "give another --out",
+        )  # fmt: skip
+    by = "" if result.version == viform_version() else f", by version {result.version}"
+    SilentProgress().note(
+        f"already done in {folder}, on {result.device}{by}; to run it again, give another --out"
+    )
+    if json:
+        sys.stdout.write((folder / "result.json").read_text(encoding="utf-8"))
+    else:
+        print_result(result, folder, [], verdict_before(folder), json)
+    _end(result)
+
+
+def refuse_device(device: str | None) -> None:
+    """Of a command on an imager's scenario."""
+    from cosim import InputError
+
+    if device not in (None, "numba"):
+        raise InputError(
+            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
+            "leave it out: these run on this processor",
+        )  # fmt: skip
+
+
+def _refuse_trace(trace: Path | None) -> None:
+    from cosim import InputError
+
+    if trace is not None:
+        raise InputError(
+            "--trace", "given with a scenario of a virtual board or of another imager",
+            "with one of a spike camera or a link", "run bring-up, or leave it out",
+        )  # fmt: skip
+
+
+def print_result(
+    result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
+) -> None:
+    """The document, or its figures for a reader. table: lines of a display's, in their place.
+    verdict: of a link, which comes first; what it leaves unknown is named in one line."""
+    from cosim.config.amounts import amount
+
+    if json:
+        print_document(result.document())
+        return
+    for line in table:
+        print(line)
+    metrics = {
+        name: metric for name, metric in result.metrics.items() if not table or name in _BESIDE
+    }
+    wide = max([12, *(len(key) for key in metrics)])
+    if verdict:
+        print(f"{'outcome':<{wide}} {result.outcome}")
+    for n, told in enumerate(verdict):
+        print(f"{'' if n else 'verdict':<{wide}} {told}")
+    unknown = []
+    for key, metric in metrics.items():
+        if key in ("full_physics", "camera"):
+            continue
+        if verdict and metric.value is None:
+            unknown.append(key)
+            continue
+        value = "unknown" if metric.value is None else amount(metric.value, metric.unit, 4)
+        print(f"{key:<{wide}} {value}")
+    if unknown:
+        print(f"{'unknown':<{wide}} {', '.join(unknown)}")
+    for name_of, told in _checked(result):
+        print(f"{name_of:<{wide}} {told}")
+    light = amount(result.simulated_s, "s", 4)
+    print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {light} of light")
+    if not verdict:
+        print(f"{'outcome':<{wide}} {result.outcome}")
+    print(f"{'report':<{wide}} {folder / 'report.html'}")
+
+
+def _checked(result: Result) -> list[tuple[str, str]]:
+    """Error, what full physics would have taken, what was left out: a line each."""
+    error, lines = result.error, []
+    if error.value is None:
+        lines.append(("error", "unknown"))
+    else:
+        high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
+        lines.append(("error", f"{error.value:.2g}{high} against full physics; {error.kind}"))
+    full, camera = (result.metrics.get(name) for name in ("full_physics", "camera"))
+    if full is not None and full.value is not None:
+        told = f"{full.value:.3g} s predicted for the camera"
+        if camera is not None and camera.value is not None:
+            told += f", which took {camera.value:.3g} s"
+        lines.append(("full physics", told))
+    for n, row in enumerate(result.left_out):
+        promised, measured = (
+            "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
+        )
+        how = "about" if row["kind"] == "estimate" else "at most"
+        told = f"{row['effect']}: {how} {promised} promised ({row['kind']}), {measured} measured"
+        lines.append(("" if n else "left out", told))
+    return lines if result.left_out else [*lines, ("left out", "nothing")]

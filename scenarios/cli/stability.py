@@ -1,0 +1,60 @@
+"""`viform stability`: the stiff and extreme cases."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["stability"]
+
+
+def stability(
+    cases: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CASE ...]", help="numbers of cases; all unless given"),
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare the extreme cases with references of their own; exit 0 when all hold."""
+    from dataclasses import asdict
+
+    from cosim import InputError
+    from scenarios.assemble.prepare import choose_device
+    from scenarios.studies.stability import CASES
+
+    known = {str(number): case for number, case in CASES.items()}
+    for given in cases or []:
+        if given not in known:
+            raise InputError(
+                "a case",
+                f"one of {', '.join(known)}",
+                repr(given),
+                "leave the numbers out to run all",
+            )
+    chosen = [known[given] for given in dict.fromkeys(cases or known)]
+    target, rows = choose_device(device), []
+    for n, case in enumerate(chosen, 1):
+        text = f"viform: {n}/{len(chosen)} case {case.number}, {case.name}:"
+        print(text, end=" ", file=sys.stderr, flush=True)
+        row = case.measure(target)
+        rows.append(row)
+        print(f"{'holds' if row.holds else 'FAILS'}, {row.seconds:.1f} s", file=sys.stderr)
+    if json:
+        print_document({"rows": [asdict(row) for row in rows]})
+    else:
+        width = max(len(row.name) for row in rows)
+        print(f"{'case':>4} {'':<{width}}  {'':<5} {'value':>9} {'limit':>9} unit")
+        for row in rows:
+            value = "none" if row.value is None else f"{row.value:.3g}"
+            limit = "" if row.limit is None else f"{row.limit:.3g}"
+            mark = "holds" if row.holds else "FAILS"
+            print(f"{row.case:>4} {row.name:<{width}}  {mark} {value:>9} {limit:>9} {row.unit}")
+    if not all(row.holds for row in rows):
+        raise typer.Exit(1)

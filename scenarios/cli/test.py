@@ -1,0 +1,92 @@
+"""`viform test`: the checks of this project: ruff, mypy, pytest."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import typer
+
+from scenarios.cli.output import Json, print_document
+
+__all__ = ["test"]
+
+# Files stay whole, so that what a file's tests share is made once, and keep the order that
+# tests/conftest.py gives them.
+_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile", "--no-loadscope-reorder"]
+_STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
+
+
+def _counts(junit: Path) -> dict[str, int]:
+    """Tests passed, failed and skipped, from pytest's own record."""
+    if not junit.exists():
+        return {"passed": 0, "failed": 0, "skipped": 0}
+    suites = list(ElementTree.parse(junit).getroot().iter("testsuite"))
+
+    def total(name: str) -> int:
+        return sum(int(suite.get(name, 0)) for suite in suites)
+
+    failed, skipped = total("failures") + total("errors"), total("skipped")
+    return {"passed": total("tests") - failed - skipped, "failed": failed, "skipped": skipped}
+
+
+def _begin(
+    root: Path, folder: Path, running: ExitStack
+) -> dict[str, tuple[subprocess.Popen[bytes], Path]]:
+    """Starts the checks of the source: each one's process, ended with `running`, and where it
+    writes."""
+    begun = {}
+    for name, words in _STATIC.items():
+        said = folder / name
+        with said.open("wb") as sink:
+            process = subprocess.Popen(
+                [sys.executable, "-m", *words], cwd=root, stdout=sink, stderr=subprocess.STDOUT
+            )
+        running.callback(process.wait)
+        running.callback(process.kill)
+        begun[name] = process, said
+    return begun
+
+
+def test(context: typer.Context, json: Json = False) -> None:
+    """Run the tests; arguments after `test` go to pytest, and then it alone is run.
+
+    `viform test -m slow` runs the long proofs.
+    """
+    from cosim import InputError
+
+    root = Path(__file__).resolve().parents[2]
+    if not (root / "tests").is_dir():
+        raise InputError(
+            "viform test", "run from a clone", "from an installed copy", "clone the project"
+        )
+    extra = list(context.args)
+    began = time.perf_counter()
+    # With --json standard output belongs to the document.
+    sink: Any = sys.stderr if json else None
+    checks: dict[str, bool] = {}
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as running:
+        junit = Path(folder) / "junit.xml"
+        # Beside pytest: each of these keeps one core busy, and what it says is shown at the end.
+        static = {} if extra else _begin(root, Path(folder), running)
+        words = [sys.executable, "-m", "pytest", f"--junitxml={junit}", *(extra or _SPREAD)]
+        print(f"viform: {', '.join([*static, 'pytest'])}", file=sys.stderr, flush=True)
+        checks["pytest"] = subprocess.run(words, cwd=root, stdout=sink).returncode == 0
+        for name, (process, said) in static.items():
+            checks[name] = process.wait() == 0
+            text = said.read_text(errors="replace").rstrip()
+            print(f"viform: {name}\n{text}", file=sys.stderr if json else sys.stdout, flush=True)
+        counts = _counts(junit)
+    if json:
+        print_document({**counts, "checks": checks, "seconds": time.perf_counter() - began})
+    broken = [name for name, fine in checks.items() if not fine]
+    if broken:
+        print(f"viform: failed: {', '.join(broken)}", file=sys.stderr)
+        raise typer.Exit(1)

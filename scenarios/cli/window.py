@@ -1,0 +1,67 @@
+"""A scenario's display, shown while the scene is filmed: scene, lens, camera, renderer, window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from cosim import InputError
+from cosim.report.png import for_display
+from cosim.run.progress import Progress
+from cosim.stage import blocks
+from display import CameraPlane, Window, fit_words, make_renderer, panel_views
+from display.observe.showing import panel_of
+from display.section import DisplaySection
+from scenarios.assemble.filming import WiderStage
+from scenarios.assemble.prepare import prepare_camera, scene_source
+from scenarios.assemble.scenario import Scenario
+from sensor import SpikeCamera
+
+__all__ = ["FRAME", "show_live"]
+
+FRAME = 256
+"""Cycles whose mean light is one picture in the window."""
+BATCH = 64
+"""Planes to a span."""
+
+
+def show_live(
+    scenario: Scenario, device: str | None, progress: Progress,
+    opened: Callable[[str, tuple[int, int]], Window],
+) -> int:  # fmt: skip
+    """Shows the whole run; the number of pictures shown until its end, or until the window was
+    closed. opened: makes the window, of a title and (height, width).
+
+    Everything of the scenario is simulated, nothing is left out for a tolerance.
+    """
+    if scenario.sensor.readout != "synchronous":
+        raise InputError(
+            "sensor.readout", "synchronous for viform live", scenario.sensor.readout,
+            "leave it out: the display is driven by the latch clock",
+        )  # fmt: skip
+    section = scenario.display or DisplaySection()
+    setting, cycles, _, lens, white_rate, found = prepare_camera(scenario, device)
+    panel = panel_of(section, setting, white_rate)
+    source = scene_source(scenario, setting, cycles)
+    scene, relay = WiderStage(source, setting.reach), lens.relay(setting.chip.pitch)
+    camera = SpikeCamera(setting, found)
+    fit = fit_words(section.fit, (setting.chip.height, setting.chip.width), panel.shape)
+    window, shown = opened(scenario.title, panel.shape), 0
+    renderer = None
+    try:
+        renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)
+        progress.start(f"{cycles} cycles on {renderer.name}", cycles)
+        for block in blocks(cycles, FRAME):
+            spikes = camera.step(relay(scene.step(None, block)), block)
+            begin, end = (panel.start(n) for n in (block.start, block.stop))
+            eye = CameraPlane(((begin + end) // 2,), end - begin)
+            views = panel_views(eye, panel, block.start, block.cycles, BATCH)
+            renderer.step(fit(spikes.words), block.cycles, views)
+            if not window.show(for_display(renderer.take(0))):
+                break
+            shown += 1
+            progress.advance(block.stop)
+    finally:
+        if renderer is not None:
+            renderer.close()
+        window.close()
+    return shown

@@ -1,6 +1,0 @@
-"""One scene before all imagers, the spike camera among them, measured side by side."""
-
-from scenarios.compare.run import run_compare
-from scenarios.compare.setting import Comparison, load_comparison
-
-__all__ = ["Comparison", "load_comparison", "run_compare"]

@@ -1,1 +1,0 @@
-"""Runs of the other imagers: what they look at, what they keep, what is left of their frames."""

@@ -1,6 +1,0 @@
-"""Every number that the five source documents print, beside what the simulation's code gives."""
-
-from scenarios.paper.document import DOCUMENTS, paper_rows
-from scenarios.paper.row import Row
-
-__all__ = ["DOCUMENTS", "Row", "paper_rows"]

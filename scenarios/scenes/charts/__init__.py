@@ -1,0 +1,1 @@
+"""Test charts and patches of known light."""

@@ -1,0 +1,85 @@
+"""A test chart or a picture that stands still, under light that changes by a course of knots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Light, Piece, Plane, seconds_to_ps
+from scenarios.scenes.charts.target_art import PAPER, draw
+from scenarios.scenes.sections import TargetScene
+from scenarios.scenes.source import spread_points
+from sensor.imagers import Course
+
+__all__ = ["TargetSource", "target_course", "target_plane"]
+
+_FOREVER = 2**62
+
+
+def target_plane(scene: TargetScene, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Reflectance of the chart or picture on so many rows and columns, (H, W) in [0, 1]."""
+    if scene.path is not None:
+        from scenarios.scenes.clips.clip import Clip
+
+        frame = Clip(Path(scene.path), shape).frame(0)
+        plane = np.asarray(frame, np.float64)
+    else:
+        plane = draw(scene.chart, shape)
+    if scene.contrast == 1.0:
+        return plane
+    return np.asarray(PAPER + (plane - PAPER) * scene.contrast)
+
+
+def target_course(scene: TargetScene) -> Course:
+    """How the light changes."""
+    return Course(tuple((seconds_to_ps(time), factor) for time, factor in scene.course))
+
+
+@dataclass
+class TargetSource:
+    """The chart as a source of `Light`, for whoever asks by blocks."""
+
+    scene: TargetScene
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        self.notes = [f"a chart that stands still, its light with {len(self.scene.course)} knots"]
+        self.degraded: list[str] = []
+        self._course = target_course(self.scene)
+        self._plane = target_plane(self.scene, self.shape)
+
+    @cached_property
+    def light(self) -> Light:
+        """All of it, in one piece between two knots."""
+        lux = self._plane * self.scene.illuminance
+
+        def plane(factor: float) -> Plane:
+            return (lux * factor).astype(np.float32)
+
+        knots = self._course.knots
+        pieces = []
+        if knots[0][0] > 0:
+            first = plane(knots[0][1])
+            pieces.append(Piece(0, knots[0][0], first, first))
+        for (t0, f0), (t1, f1) in pairwise(knots):
+            if t1 > t0:
+                start = plane(f0)
+                pieces.append(Piece(t0, t1, start, start if f0 == f1 else plane(f1)))
+        last = plane(knots[-1][1])
+        pieces.append(Piece(knots[-1][0], _FOREVER, last, last))
+        return Light(tuple(pieces))
+
+    def step(self, given: None, block: Block) -> Light:
+        return self.light
+
+    def truth(self, ps: int) -> Plane:
+        """White is the chart's white under the course's factor of 1."""
+        return (self._plane * self._course.at(ps)).astype(np.float32)
+
+    def points(self) -> list[tuple[int, int, str]]:
+        return spread_points(self.shape)

@@ -1,0 +1,234 @@
+"""Clips and images as frames of linear light: anything that PyAV opens.
+
+A frame is decoded to RGB, turned upright, made linear by its own transfer curve, reduced to
+luminance (Rec. ITU-R BT.709), scaled to cover the sensor and cropped at the centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError, Plane
+from scenarios.scenes.clips.timeline import Timeline
+
+__all__ = ["Clip"]
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
+
+# Transfer characteristics by their code point (ITU-T H.273, table 3) -> exponent of the display.
+# Clips are seen through a display, so BT.709 and unmarked ones are taken through the sRGB curve.
+_POWER = {4: 2.2, 5: 2.8, 8: 1.0}
+_AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
+
+_FAR = 8
+"""Frames ahead from which on it is worth to look for a key frame."""
+# Code values of white. FFmpeg's 16-bit RGB is exact from RGB and grey, but from YUV it has white
+# at 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is right to a code.
+_WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
+
+
+def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
+    """Linear light of each code value up to the full scale, white = 1."""
+    v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
+    if code in _POWER:
+        return (v ** _POWER[code]).astype(np.float32)
+    # IEC 61966-2-1, sRGB to linear
+    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
+
+
+class Clip:
+    """Frames of a clip or image on a (height, width) grid, by number, in any order.
+
+    frame(n) is (H, W) float32 in [0, 1]. rate: frames a second (0 for a still image). count: frames
+    known so far; `ended` tells that it is all of them. timeline: when frames are shown, None where
+    the file does not tell. Far ahead and backwards, decoding begins at the last key frame before;
+    without a timeline at the file's beginning. What is passed over is decoded and no more.
+    """
+
+    def __init__(self, path: Path, shape: tuple[int, int]) -> None:
+        self._path, self._shape = path, shape
+        self.notes: list[str] = []
+        self._iterator: Iterator[Any] | None = None
+        self._next = 0
+        self._latest: tuple[int, Any] | None = None
+        self._kept: dict[int, Plane] = {}
+        self._curves: dict[tuple[int, int], npt.NDArray[np.float32]] = {}
+        self.ended = False
+        self.rate = Fraction(0)
+        self.count = 0
+        self.timeline: Timeline | None = None
+        self._first_stamps: list[int | None] = []
+        self._start()
+        if self.frame(0) is None:
+            raise self._bad("no picture in it")
+        if self.frame(1) is None:
+            self.rate = Fraction(0)
+        elif (timeline := Timeline.opened(path, self.rate)) is not None:
+            told = [timeline.stamp(0), timeline.stamp(1)]
+            if None not in told and told == self._first_stamps:
+                self.timeline = timeline
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def _bad(self, given: str) -> InputError:
+        return InputError(
+            "scene.path", "a clip or image that can be decoded", f"{self._path} ({given})",
+            "check the file, or leave scene.path out for the built-in scene",
+        )  # fmt: skip
+
+    def _start(self) -> None:
+        import av
+
+        try:
+            if not self._path.is_file():
+                raise self._bad("not a file" if self._path.exists() else "no such file")
+            container = av.open(str(self._path))
+            if not container.streams.video or container.format.name == "tty":  # text as a film
+                container.close()
+                raise self._bad("no picture in it")
+            stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
+            self._aspect = float(stream.sample_aspect_ratio or 1)
+            self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
+        except (av.FFmpegError, OSError, ValueError) as exc:
+            raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+        self._iterator, self._next, self.ended = container.decode(stream), 0, False
+        self._container, self._stream = container, stream
+
+    def _decode(self) -> bool:
+        """Decodes the next frame; False after the last."""
+        import av
+
+        assert self._iterator is not None
+        try:
+            frame = next(self._iterator)
+        except (StopIteration, av.EOFError):
+            self.ended = True
+            return False
+        except (av.FFmpegError, OSError, ValueError) as exc:
+            if self._next == 0:
+                raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+            self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
+            self.ended = True
+            return False
+        if self.timeline is None:
+            self._check_time(frame)
+            self._first_stamps = [*self._first_stamps, frame.pts][:2]
+        self._latest = (self._next, frame)
+        self._next += 1
+        self.count = max(self.count, self._next)
+        return True
+
+    def _check_time(self, frame: Any) -> None:
+        """Notes a frame that is not where an even rate puts it; the first two are decoded before
+        the timeline is looked at."""
+        if frame.time is None or not self.rate:
+            return
+        if self._next == 0:
+            self._zero = frame.time
+        elif (
+            self._next > 1 and abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5
+        ):
+            self._note(f"{self._path.name}: frames are not evenly spaced; taken as if they were")
+
+    def _plane(self) -> Plane:
+        """The latest frame as linear light; a few are kept."""
+        assert self._latest is not None
+        number, frame = self._latest
+        if number not in self._kept:
+            self._kept = {n: p for n, p in self._kept.items() if number - 2 <= n < number}
+            self._kept[number] = self._linear(frame)
+        return self._kept[number]
+
+    def _linear(self, frame: Any) -> Plane:
+        import cv2
+
+        code = int(frame.color_trc or 2)
+        if code not in _POWER and code not in _AS_SRGB:
+            self._note(f"transfer characteristics {code} (H.273) are taken as sRGB")
+        parts = frame.format.components
+        deep = max(part.bits for part in parts) > 8
+        grey_or_rgb = len(parts) < 3 or frame.format.is_rgb
+        white = (_WHITE_16 if grey_or_rgb else _WHITE_16_FROM_YUV) if deep else _WHITE_8
+        if (code, white) not in self._curves:
+            self._curves[code, white] = _curve(code, white)
+        rgb = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
+        luminance: npt.NDArray[np.float32] = self._curves[code, white][rgb] @ _LUMINANCE
+        if any(part.is_alpha for part in parts):
+            self._note(f"{self._path.name}: what is transparent is taken as black")
+            luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
+        turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
+        height, width = luminance.shape
+        wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width
+        if turns:
+            luminance = np.rot90(luminance, turns)
+        if turns % 2:
+            height, wide = wide, height
+        rows, columns = self._shape
+        scale = max(rows / height, columns / wide)
+        size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
+        shrinks = size[0] < luminance.shape[1] and size[1] < luminance.shape[0]
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=how)
+        top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
+        cropped = scaled[top : top + rows, left : left + columns]
+        return np.ascontiguousarray(np.clip(cropped, 0, 1), dtype=np.float32)
+
+    def frame(self, n: int) -> Plane | None:
+        """Frame n, or None where the clip has ended before it."""
+        if n in self._kept:
+            return self._kept[n]
+        if n < self._next - 1 or n > self._next + _FAR:
+            self._begin_before(n)
+        while self._next <= n:
+            if self.ended or not self._decode():
+                return None
+        return self._plane()
+
+    def _begin_before(self, n: int) -> None:
+        """Makes the next frame decoded one from which n is soon reached."""
+        key = None if self.timeline is None else self.timeline.key_before(n)
+        if key is not None and self._seek(key, n):
+            return
+        if n < self._next - 1:
+            self._start()
+
+    def _seek(self, key: int, n: int) -> bool:
+        """Goes to the key frame with this stamp; False where nothing is gained by it. A file that
+        does not lead there is decoded from its beginning."""
+        import av
+
+        assert self.timeline is not None
+        begins = self.timeline.number_of(key)
+        if begins is None or (self._next - 1 <= n and begins <= self._next):
+            return False  # nothing to gain
+        self._start()
+        try:
+            self._container.seek(key, stream=self._stream, backward=True)
+            self._iterator = self._container.decode(self._stream)
+            for frame in self._iterator:
+                number = None if frame.pts is None else self.timeline.number_of(frame.pts)
+                if number is None or number > begins:
+                    break
+                if number == begins:
+                    self._latest, self._next = (begins, frame), begins + 1
+                    self.count = max(self.count, self._next)
+                    return True
+        except (av.FFmpegError, OSError, ValueError):
+            pass
+        self._start()
+        return True
+
+    def last(self) -> Plane:
+        """The last frame decoded; the clip's last where it has ended."""
+        return self._plane()

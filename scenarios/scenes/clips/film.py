@@ -1,0 +1,157 @@
+"""A clip as a scene: its frames at their instants, light running linearly from one to the next.
+
+Frames that are not evenly spaced have the instants that the clip's container tells. The clip does
+not say what happened between its frames; linear interpolation is this scene's own definition of the
+truth, and its notes say so. A clip too short for the run holds its last frame.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.source import spread_points
+
+__all__ = ["FilmSource"]
+
+_FOREVER = 2**62
+
+
+class FilmSource:
+    """path: the clip. start: seconds into it. rate: frames a second, or None for the clip's own."""
+
+    def __init__(
+        self,
+        path: Path,
+        shape: tuple[int, int],
+        illuminance: float,
+        clock: Clock,
+        cycles: int,
+        start: float = 0.0,
+        rate: float | None = None,
+    ) -> None:
+        self.shape = shape
+        self._clip = Clip(path, shape)
+        self._lux = np.float32(illuminance)
+        self._clock = clock
+        self._start = seconds_to_ps(start)
+        self._stop = clock.edge(cycles)
+        own = self._clip.rate
+        self._rate = Fraction(repr(rate)) if rate is not None and own else own
+        self._timeline = self._clip.timeline if rate is None else None
+        self._planes: dict[int, Plane] = {}
+        self._pieces: dict[int, Piece] = {}
+        self._held = False
+        self.degraded: list[str] = []
+        self.notes = self._clip.notes
+        if not own:
+            idle = [f"scene.{k}" for k, v in (("start", start), ("frame_rate", rate)) if v]
+            said = f", to which {' and '.join(idle)} make no difference" if idle else ""
+            self.notes.append(f"{path.name} is a still image{said}")
+        else:
+            said = f"{path.name}: {float(self._rate):g} frames/s"
+            if self._uneven():  # whose mean the container does not always tell
+                said = f"{path.name}: frames not evenly spaced: each is shown at its own time"
+            if self._rate != own:
+                said += f" by scene.frame_rate (the clip says {float(own):g})"
+            self.notes.append(f"{said}, light interpolated linearly in time between frames")
+        first = self._frame_number(0)
+        if first and self._clip.frame(first) is None:
+            length = self._clip.count / float(self._rate)
+            by = "" if self._rate == own else f" at {float(self._rate):g} frames/s"
+            raise InputError(
+                "scene.start", f"within the clip's {length:.3g} s{by}", f"{start:g} s",
+                "start earlier",
+            )  # fmt: skip
+
+    def _uneven(self) -> bool:
+        """Whether frames that the run may show have times of their own, as far as the clip's
+        packets tell; a rate that is given overrides them."""
+        if self._timeline is None:
+            return False
+        self._timeline.number_at(self._start + self._stop)
+        return self._timeline.uneven
+
+    def _frame_number(self, ps: int) -> int:
+        """The frame on display at instant `ps` of the run."""
+        if not self._rate:
+            return 0
+        if self._timeline is not None:
+            return self._timeline.number_at(ps + self._start)
+        return Clock(self._rate.numerator, self._rate.denominator).cycle_at(ps + self._start)
+
+    def _edge(self, n: int) -> int:
+        """Instant of frame n in the run."""
+        if self._timeline is not None:
+            return self._timeline.edge(n) - self._start
+        return Clock(self._rate.numerator, self._rate.denominator).edge(n) - self._start
+
+    def _lit(self, n: int) -> Plane | None:
+        """Exitance of frame n in lux."""
+        if n not in self._planes:
+            frame = self._clip.frame(n)
+            if frame is None:
+                return None
+            self._planes = {k: p for k, p in self._planes.items() if k >= n - 1}
+            self._planes[n] = frame * self._lux
+        return self._planes[n]
+
+    def _piece(self, n: int) -> Piece:
+        """Light from frame n to frame n + 1; from the last one on for ever."""
+        if n not in self._pieces:
+            first = self._lit(n)
+            if first is None:  # the clip has ended before: only after going on from a checkpoint
+                return self._piece(self._clip.count - 1)
+            begin = self._edge(n) if self._rate else -self._start
+            last = self._lit(n + 1) if self._rate else None
+            if last is None:
+                self._note_end(begin)
+                last, stop = first, _FOREVER
+            else:
+                stop = self._edge(n + 1)
+            self._pieces = {k: p for k, p in self._pieces.items() if k >= n - 1}
+            self._pieces[n] = Piece(begin, stop, first, last)
+        return self._pieces[n]
+
+    def _note_end(self, begin: int) -> None:
+        if self._rate and self._stop > begin and not self._held:
+            self._held = True
+            if begin <= 0:
+                self.degraded.append(
+                    "the run begins on the clip's last frame, which is held throughout; lower "
+                    "scene.start"
+                )
+                return
+            self.degraded.append(
+                f"the clip ends {begin / PS * 1e3:.4g} ms into the run: its last frame is "
+                "held; shorten duration or lower scene.frame_rate"
+            )
+
+    def step(self, given: None, block: Block) -> Light:
+        start, stop = self._clock.edge(block.start), self._clock.edge(block.stop)
+        pieces = [self._piece(self._frame_number(start))]
+        n = self._frame_number(start)
+        while pieces[-1].stop < stop:
+            n += 1
+            pieces.append(self._piece(n))
+        return Light(tuple(pieces))
+
+    def truth(self, ps: int) -> Plane:
+        if not self._rate:
+            return self._clip.last()
+        n = self._frame_number(ps)
+        first = self._clip.frame(n)
+        if first is None:
+            return self._clip.last()
+        last = self._clip.frame(n + 1)
+        if last is None:
+            return first
+        edge = self._edge(n)
+        return first + (last - first) * np.float32((ps - edge) / (self._edge(n + 1) - edge))
+
+    def points(self) -> list[tuple[int, int, str]]:
+        return spread_points(self.shape)

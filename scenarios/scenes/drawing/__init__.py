@@ -1,0 +1,1 @@
+"""What analytic scenes are drawn with."""

@@ -1,0 +1,224 @@
+"""Rounded solids of analytic scenes: round cones joined smoothly, lit as what they would be in
+space, and the soft shadows they cast. Conventions as in `shapes`.
+
+Only the search for distances is compiled (numba, some seconds at the first use on a machine, then
+from its cache): it is what does not vectorise, since far cones are skipped tile by tile. Light and
+patterns are numpy on the pixels found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import njit, vectorize
+
+from scenarios.scenes.drawing.shapes import (
+    PLAIN,
+    Array,
+    Cam,
+    Surface,
+    Win,
+    cover,
+    cover_solid,
+    diffuse,
+    highlight,
+    pattern,
+    wrinkles,
+)
+
+__all__ = ["capsules", "paint_body", "paint_shadow", "polyline"]
+
+TILE = 8
+"""Pixels a side of the tiles, fixed to the whole picture, in which far cones are skipped."""
+
+
+def capsules(rows: Any) -> Array:
+    """Table of round cones for the painters, (n, 9) float64, from rows (ax, ay, bx, by, ra, rb):
+    the two ends' centres and radii in metres. A row whose one end holds the other is a disc.
+
+    Columns: start x, y, unit vector x, y, length, radius at the start, at the end, sine and cosine
+    of the angle by which the cone narrows.
+    """
+    r = np.asarray(rows, dtype=np.float64).reshape(-1, 6)
+    along = r[:, 2:4] - r[:, 0:2]
+    length = np.hypot(along[:, 0], along[:, 1])
+    ra, rb = r[:, 4], r[:, 5]
+    disc = length <= np.abs(ra - rb) + 1e-9
+    start = np.where((disc & (rb > ra))[:, None], r[:, 2:4], r[:, 0:2])
+    ra = np.where(disc, np.maximum(ra, rb), ra)
+    rb = np.where(disc, ra, rb)
+    safe = np.where(disc, 1.0, length)
+    sine = (ra - rb) / safe
+    unit = np.where(disc[:, None], (1.0, 0.0), along / safe[:, None])
+    length = np.where(disc, 0.0, length)
+    return np.column_stack([start, unit, length, ra, rb, sine, np.sqrt(1.0 - sine * sine)])
+
+
+def polyline(
+    points: Sequence[tuple[float, float]], first: float, middle: float, last: float
+) -> list[tuple[float, ...]]:
+    """Rows of cones along points (metres), their radius running from `first` over `middle`, half
+    the points on, to `last`."""
+    n = len(points) - 1
+    radii = np.interp(np.linspace(0, 2, n + 1), (0, 1, 2), (first, middle, last)).tolist()
+    return [(*points[m], *points[m + 1], radii[m], radii[m + 1]) for m in range(n)]
+
+
+@njit(cache=True, error_model="numpy")
+def _distance(x, y, cone):  # type: ignore[no-untyped-def]  # compiled for float64
+    """Signed distance to a round cone, exact (after I. Quilez, "2D distance functions")."""
+    ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
+    px, py = x - ax, y - ay
+    s, q = px * ux + py * uy, abs(py * ux - px * uy)
+    k = cosine * s - sine * q
+    if k <= 0.0:
+        return math.sqrt(px * px + py * py) - ra
+    if k < cosine * length:
+        return cosine * q + sine * s - ra
+    s -= length
+    return math.sqrt(s * s + q * q) - rb
+
+
+@njit(cache=True, error_model="numpy")
+def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
+    """Lean of the normal of a round cone's solid where its distance is d, and its radius there."""
+    ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
+    px, py = x - ax, y - ay
+    s, n = px * ux + py * uy, py * ux - px * uy
+    k, end = cosine * s - sine * abs(n), cosine * length
+    if k <= 0.0:
+        return px / ra, py / ra, ra
+    if k >= end:
+        return (px - length * ux) / rb, (py - length * uy) / rb, rb
+    r = ra + (rb - ra) * k / end
+    side = cosine if n > 0.0 else -cosine
+    lean = max(1.0 + d / r, 0.0)
+    return (sine * ux - side * uy) * lean, (sine * uy + side * ux) * lean, r
+
+
+@njit(cache=True, error_model="numpy")
+def _search(parts, win, cam, blend, reach, across, place, found):  # type: ignore[no-untyped-def]
+    """Pixels of the window nearer than `reach` metres to the union of the cones, joined smoothly
+    over `blend` metres (polynomial smooth minimum, I. Quilez).
+
+    Fills place (n,) with their indices into the image, `across` pixels wide, and found (6, n) with
+    x, y, distance, lean x, lean y and radius; gives their count. In a tile, a cone farther from its
+    centre than the nearest one by the tile's own reach both ways and two blends cannot touch what
+    the nearest ones make of the union, and is skipped. A cone is handed on as numbers: as a row of
+    the table its references are counted for each pixel, which takes twice as long as the geometry.
+    """
+    y0, y1, x0, x1, dy, dx = win
+    pixel, cy, cx = cam
+    near, chosen = np.empty(parts.shape[0]), np.empty(parts.shape[0], np.int64)
+    half = 0.7072 * TILE * pixel
+    n = 0
+    for top in range(y0 // TILE * TILE, y1, TILE):
+        for left in range(x0 // TILE * TILE, x1, TILE):
+            x, y = (left + 0.5 * TILE - cx) * pixel, (top + 0.5 * TILE - cy) * pixel
+            low = 1e30
+            for m in range(parts.shape[0]):
+                cone = (
+                    parts[m, 0], parts[m, 1], parts[m, 2], parts[m, 3], parts[m, 4],
+                    parts[m, 5], parts[m, 6], parts[m, 7], parts[m, 8],
+                )  # fmt: skip
+                near[m] = _distance(x, y, cone)
+                low = min(low, near[m])
+            if low - half - blend > reach:
+                continue
+            count = 0
+            for m in range(parts.shape[0]):
+                if near[m] <= low + 2 * (half + blend):
+                    chosen[count] = m
+                    count += 1
+            for i in range(max(top, y0), min(top + TILE, y1)):
+                for j in range(max(left, x0), min(left + TILE, x1)):
+                    x, y = (j + 0.5 - cx) * pixel, (i + 0.5 - cy) * pixel
+                    d, tx, ty, r = 1e30, 0.0, 0.0, 0.0
+                    for m in range(count):
+                        k = chosen[m]
+                        cone = (
+                            parts[k, 0], parts[k, 1], parts[k, 2], parts[k, 3], parts[k, 4],
+                            parts[k, 5], parts[k, 6], parts[k, 7], parts[k, 8],
+                        )  # fmt: skip
+                        d2 = _distance(x, y, cone)
+                        if d2 >= d + blend:
+                            continue
+                        tx2, ty2, r2 = _solid(x, y, cone, d2)
+                        if d2 <= d - blend:
+                            d, tx, ty, r = d2, tx2, ty2, r2
+                            continue
+                        h = max(blend - abs(d - d2), 0.0) / blend
+                        w = 0.5 * h * h if d < d2 else 1.0 - 0.5 * h * h  # weight of the second
+                        d = min(d, d2) - 0.25 * h * h * blend
+                        tx, ty, r = tx + w * (tx2 - tx), ty + w * (ty2 - ty), r + w * (r2 - r)
+                    if d < reach:
+                        place[n] = (i - dy) * across + j - dx
+                        found[0, n], found[1, n], found[2, n] = x, y, d
+                        found[3, n], found[4, n], found[5, n] = tx, ty, r
+                        n += 1
+    return n
+
+
+def _find(
+    image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float
+) -> tuple[Any, Any, Array]:
+    """The image as one row of pixels, and what `_search` finds: indices into it, and rows x, y,
+    distance, lean x, lean y, radius."""
+    size = (win[1] - win[0]) * (win[3] - win[2])
+    place, found = np.empty(size, np.int64), np.empty((6, size))
+    n = _search(parts, win, cam, blend, reach, image.shape[1], place, found)
+    return image.reshape(-1, copy=False), place[:n], found[:, :n]
+
+
+@vectorize(cache=True)
+def _dim(d, r, wide, depth):  # type: ignore[no-untyped-def]  # a ufunc
+    """Factor of a shadow where the distance to its outline is d and the solid's radius r."""
+    a = min(max(0.5 - 0.5 * d / wide, 0.0), 1.0)
+    r = min(r / wide, 1.0)
+    return 1.0 - depth * min(a * a * (3 - 2 * a) * 4 * r / (1 + r) ** 2, 1.0)
+
+
+def paint_body(
+    image: Any, win: Win, cam: Cam, parts: Array, blend: float, s: Surface, bumps: Array
+) -> None:
+    """Lay a rounded body of cones over the image, lit as a solid.
+
+    bumps: (m, 5) float64, relief under the same skin: x, y, radius x, radius y, height (metres);
+    it turns the normal and leaves the outline as it is.
+    """
+    pixel = cam[0]
+    flat, place, (x, y, d, tx, ty, r) = _find(image, win, cam, parts, blend, 0.5 * pixel)
+    part = cover_solid(d / pixel, r / pixel)
+    tx, ty = tx * s.round, ty * s.round
+    for bx, by, sx, sy, height in bumps:
+        ex, ey = (x - bx) / sx, (y - by) / sy
+        g = height * np.exp(-0.5 * (ex * ex + ey * ey))
+        tx, ty = tx + g * ex / sx, ty + g * ey / sy
+    cos, sin = math.cos(s.turn), math.sin(s.turn)
+    u, v = cos * (x - s.x) + sin * (y - s.y), cos * (y - s.y) - sin * (x - s.x)
+    if s.seam > -1e6:
+        part = part * cover((s.seam - u) / pixel)
+    if s.folds > 0.0:
+        du, dv = wrinkles(s, u, v)
+        # Cloth that wrinkles pulls its pattern along.
+        u, v = u + 0.30 * s.fold_size * du, v + 0.30 * s.fold_size * dv
+        tx, ty = tx + cos * du - sin * dv, ty + sin * du + cos * dv
+    tone = s.albedo * diffuse(tx, ty)
+    if s.pattern != PLAIN:
+        tone = tone * pattern(s, u, v, pixel)
+    spot = highlight(tx, ty, s.shine, s.gloss)
+    under = flat[place]
+    flat[place] = under + part * (np.clip(tone + spot, 0.0, 1.0) - under)
+
+
+def paint_shadow(
+    image: Any, win: Win, cam: Cam, parts: Array, blend: float, soft: float, depth: float
+) -> None:
+    """Multiply by 1 - depth inside the cones' union, with an edge `soft` metres wide to each side
+    (and never less than half a pixel). A thin thing's shadow is fainter, nearly as its width."""
+    wide = math.hypot(soft, 0.5 * cam[0])
+    flat, place, (_, _, d, _, _, r) = _find(image, win, cam, parts, blend, wide)
+    flat[place] *= _dim(d, r, wide, depth)

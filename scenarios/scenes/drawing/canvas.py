@@ -1,0 +1,305 @@
+"""Layers of an analytic scene, painted once where still and at every instant where moving.
+
+A still layer is an affine map of what lies under it (covering: value + (1 - part) under; shading:
+factor times under), so it is kept as two pictures, what it adds and what it lets through. They
+come out of painting it over black and over white; the painters need no second form for it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Box, Plane
+from scenarios.scenes.drawing import bodies, shapes
+from scenarios.scenes.drawing.shapes import Surface
+
+__all__ = [
+    "Canvas", "Drawn", "Item", "Layer", "View", "blob", "body", "check_instant",
+    "check_number", "check_shape", "ellipse", "polygon", "shadow",
+]  # fmt: skip
+
+NOTHING: Box = (0, 0, 0, 0)
+SMALLEST, LARGEST = 8, 2000
+BAND = 1 << 14
+"""Pixels painted at a time: what numpy works on then stays in the processor's cache."""
+NO_BUMPS = np.zeros((0, 5))
+NO_BUMPS.setflags(write=False)
+
+
+def check_shape(shape: tuple[int, int]) -> None:
+    """Raise ValueError unless shape is (height, width), each 8 to 2000 pixels."""
+    whole = len(shape) == 2 and all(isinstance(n, (int, np.integer)) for n in shape)
+    if not whole or not all(SMALLEST <= n <= LARGEST for n in shape):
+        raise ValueError(
+            f"shape must be (height, width), each {SMALLEST} to {LARGEST} pixels, not {shape}"
+        )
+
+
+def check_number(name: str, value: float, low: float, high: float, unit: str = "") -> None:
+    """Raise ValueError unless value is a number from low to high."""
+    if not low <= value <= high:
+        unit = f" {unit}" if unit else ""
+        raise ValueError(f"{name} must be {low:g} to {high:g}{unit}, not {value}")
+
+
+def check_instant(t: float) -> float:
+    """t in seconds as a float; ValueError unless finite."""
+    if not math.isfinite(t):
+        raise ValueError(f"t must be finite seconds, not {t}")
+    return float(t)
+
+
+@dataclass(frozen=True)
+class View:
+    """The picture plane on the sensor grid: (height, width) pixels, of which the shorter side sees
+    `field` metres; the origin lies in the middle."""
+
+    shape: tuple[int, int]
+    field: float
+
+    @property
+    def pixel(self) -> float:
+        """Metres per pixel."""
+        return self.field / min(self.shape)
+
+    @property
+    def cam(self) -> tuple[float, float, float]:
+        """What painters take: metres per pixel, row and column coordinate of the origin."""
+        return self.pixel, 0.5 * self.shape[0], 0.5 * self.shape[1]
+
+    @property
+    def whole(self) -> Box:
+        return 0, self.shape[0], 0, self.shape[1]
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Row and column coordinate of a point in metres; pixel (i, j) spans i to i + 1."""
+        return 0.5 * self.shape[0] + y / self.pixel, 0.5 * self.shape[1] + x / self.pixel
+
+    def point(self, x: float, y: float) -> tuple[int, int]:
+        """The pixel that holds a point, or the nearest one within the picture."""
+        row, column = self.at(x, y)
+        h, w = self.shape
+        return min(max(int(row), 0), h - 1), min(max(int(column), 0), w - 1)
+
+    def box(self, extent: tuple[float, float, float, float], grow: float = 0.0) -> Box:
+        """Pixels touched by metres (x0, y0, x1, y1), grown by `grow` pixels, within the picture."""
+        top, left = self.at(extent[0], extent[1])
+        low, right = self.at(extent[2], extent[3])
+        h, w = self.shape
+        y0, y1 = max(math.floor(top - grow), 0), min(math.ceil(low + grow), h)
+        x0, x1 = max(math.floor(left - grow), 0), min(math.ceil(right + grow), w)
+        return (y0, y1, x0, x1) if y0 < y1 and x0 < x1 else NOTHING
+
+
+def both(a: Box, b: Box) -> Box:
+    """Where two boxes overlap."""
+    y0, y1, x0, x1 = max(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), min(a[3], b[3])
+    return (y0, y1, x0, x1) if y0 < y1 and x0 < x1 else NOTHING
+
+
+def around(a: Box, b: Box) -> Box:
+    """The smallest box that holds two."""
+    if a == NOTHING or b == NOTHING:
+        return b if a == NOTHING else a
+    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """One shape: the metres (x0, y0, x1, y1) it may touch, and its painter(image, win, cam, ...)
+    with what that takes."""
+
+    extent: tuple[float, float, float, float]
+    paint: Callable[..., None]
+    rest: tuple[Any, ...]
+
+    def draw(self, image: Plane, box: Box, view: View) -> None:
+        """Paint into `image`, which shows `box` of the picture. One pixel of margin holds the
+        edge's coverage."""
+        y0, y1, x0, x1 = both(view.box(self.extent, 1.0), box)
+        rows = max(BAND // max(x1 - x0, 1), 1)
+        for a in range(y0, y1, rows):
+            b = min(a + rows, y1)
+            self.paint(image, (a, b, x0, x1, box[0], box[2]), view.cam, *self.rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Items in painting order: `still` ones, or those of an instant t (seconds).
+
+    speed: upper bound, metres per second, of any of its points. reach: metres (x0, y0, x1, y1)
+    that it never leaves, where known.
+    """
+
+    still: tuple[Item, ...] = ()
+    items: Callable[[float], Sequence[Item]] | None = None
+    speed: float = 0.0
+    reach: tuple[float, float, float, float] | None = None
+
+
+@dataclass(eq=False)
+class Canvas:
+    """A view and its layers, lowest first; the first one is still and covers everything."""
+
+    view: View
+    layers: tuple[Layer, ...]
+    _kept: list[tuple[Box, Plane, Plane]] = field(init=False)
+    _items: list[Callable[[float], Sequence[Item]] | None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._kept = []
+        # Who asks what moved from one instant to the next then asks for the picture at the latter.
+        self._items = [layer.items and lru_cache(maxsize=16)(layer.items) for layer in self.layers]
+        for layer in self.layers:
+            box = NOTHING
+            for item in layer.still:
+                box = around(box, self.view.box(item.extent, 1.0))
+            size = (box[1] - box[0], box[3] - box[2])
+            adds, passes = np.zeros(size, np.float32), np.ones(size, np.float32)
+            for item in layer.still:
+                item.draw(adds, box, self.view)
+                item.draw(passes, box, self.view)
+            passes -= adds
+            self._kept.append((box, adds, passes))
+
+    def patch(self, t: float, box: Box) -> Plane:
+        """Reflectance at t within a box, (y1 - y0, x1 - x0) float32, 0 to 1: the same values as
+        the whole picture has there. ValueError for a box that is not within the picture."""
+        t = check_instant(t)
+        y0, y1, x0, x1 = box
+        if box != both(box, self.view.whole):
+            raise ValueError(f"box must lie within {self.view.whole}, not {box}")
+        image = self._kept[0][1][y0:y1, x0:x1].copy()
+        for items, (where, adds, passes) in zip(self._items[1:], self._kept[1:], strict=True):
+            if items is not None:
+                for item in items(t):
+                    item.draw(image, box, self.view)
+                continue
+            a, b, c, d = both(where, box)
+            part = image[a - y0 : b - y0, c - x0 : d - x0]
+            cut = slice(a - where[0], b - where[0]), slice(c - where[2], d - where[2])
+            part *= passes[cut]
+            part += adds[cut]
+        return np.clip(image, 0.0, 1.0, out=image)
+
+    def direct(self, t: float) -> Plane:
+        """The whole picture at t with nothing kept from before: every item in its order."""
+        image = np.zeros(self.view.shape, np.float32)
+        for layer in self.layers:
+            for item in layer.items(t) if layer.items else layer.still:
+                item.draw(image, self.view.whole, self.view)
+        return np.clip(image, 0.0, 1.0, out=image)
+
+    def moving(self, start: float, stop: float) -> Box:
+        """A box outside of which nothing changes from start to stop (seconds); empty, (0, 0, 0, 0),
+        where nothing does at all. ValueError where stop comes before start.
+
+        The layers are looked at in 2 to 9 instants. Between two of these no point goes further
+        from the nearer one than half the step at the layer's greatest speed.
+        """
+        start, stop = check_instant(start), check_instant(stop)
+        if stop < start:
+            raise ValueError(f"stop must be at or after start {start}, not {stop}")
+        if stop == start:
+            return NOTHING
+        total = NOTHING
+        for layer, items in zip(self.layers, self._items, strict=True):
+            if items is None or layer.speed == 0.0:
+                continue
+            limit = self.view.box(layer.reach, 1.0) if layer.reach else self.view.whole
+            travel = layer.speed * (stop - start) / self.view.pixel
+            steps = min(max(math.ceil(travel / 4), 1), 8)
+            grow = 1.0 + 0.5 * travel / steps
+            box = limit if grow > max(self.view.shape) else NOTHING
+            for m in range(steps + 1 if box == NOTHING else 0):
+                t = stop if m == steps else start + (stop - start) * m / steps
+                for item in items(t):
+                    box = around(box, self.view.box(item.extent, grow))
+            total = around(total, both(box, limit))
+        return total
+
+
+def _extent(parts: npt.NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
+    """Metres that capsules touch, and a margin."""
+    ends = parts[:, 0:2] + parts[:, 2:4] * parts[:, 4:5]
+    low = np.minimum(parts[:, 0:2] - parts[:, 5:6], ends - parts[:, 6:7]).min(axis=0) - margin
+    high = np.maximum(parts[:, 0:2] + parts[:, 5:6], ends + parts[:, 6:7]).max(axis=0) + margin
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _oval(x: float, y: float, a: float, b: float, turn: float) -> tuple[float, float, float, float]:
+    """Metres that an ellipse touches."""
+    cos, sin = math.cos(turn), math.sin(turn)
+    w, h = math.hypot(a * cos, b * sin), math.hypot(a * sin, b * cos)
+    return x - w, y - h, x + w, y + h
+
+
+def body(rows: Any, surface: Surface, blend: float = 1e-6, bumps: Any = NO_BUMPS) -> Item:
+    """A lit solid of round cones, rows (ax, ay, bx, by, ra, rb), joined over `blend` metres."""
+    parts = bodies.capsules(rows)
+    bumps = np.asarray(bumps, np.float64).reshape(-1, 5)
+    # The union swells by a quarter of the blend where two parts meet; several may meet.
+    return Item(_extent(parts, blend), bodies.paint_body, (parts, blend, surface, bumps))
+
+
+def shadow(rows: Any, soft: float, depth: float, blend: float = 1e-6) -> Item:
+    """The soft shadow of such a solid, where it falls."""
+    parts = bodies.capsules(rows)
+    return Item(_extent(parts, blend + soft), bodies.paint_shadow, (parts, blend, soft, depth))
+
+
+def ellipse(
+    x: float, y: float, a: float, b: float, tone: float, turn: float = 0.0, ring: float = 0.0,
+    lit: float = 0.0, shine: float = 0.0,
+) -> Item:  # fmt: skip
+    """An ellipse, or with ring > 0 a wire of that half width along it."""
+    rest = tuple(map(float, (x, y, a, b, turn, ring, tone, lit, shine)))
+    return Item(_oval(x, y, a + ring, b + ring, turn), shapes.paint_ellipse, rest)
+
+
+def polygon(
+    corners: Any, tone: float, radius: float = 0.0, across: float = 0.0, down: float = 0.0,
+    grain: Surface | None = None,
+) -> Item:  # fmt: skip
+    """A flat convex polygon, corners (x, y) clockwise as seen."""
+    points = np.ascontiguousarray(corners, dtype=np.float64)
+    low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
+    rest = (points, float(radius), float(tone), float(across), float(down), grain or Surface(1.0))
+    extent = float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    return Item(extent, shapes.paint_polygon, rest)
+
+
+def blob(x: float, y: float, a: float, b: float, gain: float, turn: float = 0.0) -> Item:
+    """A soft shadow (gain < 0) or glow; a and b are standard deviations."""
+    r = shapes.BLOB_REACH
+    rest = tuple(map(float, (x, y, a, b, turn, gain)))
+    return Item(_oval(x, y, r * a, r * b, turn), shapes.paint_blob, rest)
+
+
+class Drawn(ABC):
+    """A scene that is drawn on a canvas: what every such scene answers in the same way."""
+
+    @abstractmethod
+    def canvas(self) -> Canvas:
+        """The scene's canvas, one for all scenes that are equal."""
+
+    def reflectance(self, t: float) -> Plane:
+        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
+        canvas = self.canvas()
+        return canvas.patch(t, canvas.view.whole)
+
+    def patch(self, t: float, box: Box) -> Plane:
+        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
+        return self.canvas().patch(t, box)
+
+    def moving(self, start: float, stop: float) -> Box:
+        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
+        return self.canvas().moving(start, stop)

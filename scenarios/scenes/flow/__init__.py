@@ -1,0 +1,1 @@
+"""The start of a hypersonic wind tunnel, seen through a schlieren bench."""

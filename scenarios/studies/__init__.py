@@ -1,0 +1,1 @@
+"""Studies over many runs: benchmarks, comparisons, the papers' numbers, stability."""

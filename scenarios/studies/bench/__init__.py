@@ -1,0 +1,1 @@
+"""Throughput against real time and against this machine's ceiling."""

@@ -1,0 +1,86 @@
+"""Throughput of the display's renderer, beside one plane a draw in the same process.
+
+The stream has the rates of the sensor benchmark's picture, the panel is seen by a fixed eye (by a
+pursuing one in display.pursuit), and every timed call ends with its image on the host.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+from cosim.compute.opencl import Device
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least_of
+from cosim.spikes.viform import WORD
+from display import FixedEye, PlaneByPlane, PursuingEye, Renderer, SpikePanel, panel_views
+from sensor import CHIPS
+
+__all__ = ["display_rows"]
+
+CYCLES = 512
+"""Planes of a timed call."""
+PLAIN_CYCLES = 16
+BATCH = 64
+"""Planes to a span for the still eye."""
+PURSUED = 8
+"""Planes to a span for the pursuing eye: 0.8 pixels of its way."""
+SPEED = 4000.0
+"""Pixels a second that it moves."""
+Kind = Literal["impulse", "hold", "causal", "pursuit"]
+KINDS: tuple[Kind, ...] = ("impulse", "hold", "causal", "pursuit")
+
+
+def _words(cycles: int, shape: tuple[int, int]) -> npt.NDArray[np.uint32]:
+    """Words of a picture without edges, every pixel spiking evenly at its rate."""
+    rate = np.linspace(DARK, BRIGHT, shape[0] * shape[1], dtype=np.float32).reshape(shape)
+    phase = np.random.default_rng(1).random(shape, dtype=np.float32)
+    words = np.zeros((-(-cycles // WORD), *shape), np.uint32)
+    for cycle in range(cycles):
+        phase += rate
+        fired = phase >= 1
+        phase -= fired
+        words[cycle // WORD] |= fired.astype(np.uint32) << np.uint32(cycle % WORD)
+    return words
+
+
+def _planes_a_second(
+    kind: Kind, words: npt.NDArray[np.uint32], shape: tuple[int, int]
+) -> tuple[float, float]:
+    """Ours and the plain way's."""
+    clock, moves = Clock.from_hz(REAL_TIME), kind == "pursuit"
+    panel = SpikePanel(shape, clock, BRIGHT, "impulse" if kind == "pursuit" else kind)
+    batch, end = PURSUED if moves else BATCH, clock.edge(CYCLES)
+    eye = FixedEye((end // 2,), panel.luminance, 0, end)
+    observer = PursuingEye(eye, (0.0, SPEED)) if moves else eye
+    views = panel_views(observer, panel, 0, CYCLES, batch)
+    bits = [(words[0] >> np.uint32(n)) & np.uint32(1) for n in range(PLAIN_CYCLES)]
+    planes = np.stack(bits).astype(np.uint8)
+    ours, plain = Renderer(panel, batch, 1), PlaneByPlane(kind, shape)
+
+    def show() -> npt.NDArray[np.float64]:
+        ours.step(words, CYCLES, views)
+        return ours.take(0)
+
+    try:
+        spent = least_of([show, lambda: plain.show(planes, SPEED / REAL_TIME)], REPEATS)
+    finally:
+        ours.close()
+        plain.close()
+    return CYCLES / spent[0], PLAIN_CYCLES / spent[1]
+
+
+def display_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+    """The rows `display.*`, at the size of SpikeTwo. ceiling: pixel-cycles a second."""
+    shape = CHIPS["spiketwo"].height, CHIPS["spiketwo"].width
+    words, rows = _words(CYCLES, shape), []
+    for kind in KINDS:
+        value, plain = _planes_a_second(kind, words, shape)
+        share = value * shape[0] * shape[1] / ceiling if ceiling else None
+        rows.append(
+            Row(f"display.{kind}", "exact", value, "planes/s", value / REAL_TIME, share,
+                value / plain)
+        )  # fmt: skip
+    return rows

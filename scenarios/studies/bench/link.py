@@ -1,0 +1,112 @@
+"""Throughput of the link's modem: bytes to panel words, and spikes to verified bytes.
+
+Spikes are those of a panel held before the camera without noise: what is timed does not depend on
+them. A call sends one group and receives one, all of it: codewords, line code and panel words on
+one side; detection, line code, codewords and frames' checks on the other. The plain way has the
+same coding and detects in numpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.opencl import Device
+from cosim.run.timing import REAL_TIME, Row, least_of
+from cosim.spikes.viform import WORD, words_for
+
+__all__ = ["link_rows"]
+
+SIZES: Final = (256, 480, 960)
+"""Panel pixels to a side, cells being 2 x 2 of them and a symbol two ticks."""
+TURNS: Final = 3
+_CELL, _TICKS = 2, 2
+_SCALE, _MARGIN = 0.995, 45
+"""Camera pixels to a panel's pixel, and around its image."""
+_FIRST: Final = 8
+"""Tick of first light."""
+_GROUPS: Final = 4
+"""Groups of the file at least, so that no call sends what the one before sent."""
+
+Words = npt.NDArray[np.uint32]
+
+
+def _spikes(
+    pixels: Callable[[int], npt.NDArray[np.bool_]], symbols: int, place: npt.NDArray[np.float64],
+    shape: tuple[int, int],
+) -> Words:  # fmt: skip
+    """A spike in every tick in which the nearest panel pixel is on."""
+    y, x = np.indices(shape)
+    back = np.linalg.inv(place)
+    u, v, w = np.tensordot(back, np.stack([x, y, np.ones(shape)]), 1)
+    column, row = np.rint(u / w).astype(np.intp), np.rint(v / w).astype(np.intp)
+    words = np.zeros((words_for(_FIRST + symbols * _TICKS + 1), *shape), np.uint32)
+    for n in range(symbols):
+        shown = pixels(n)
+        inside = (row >= 0) & (row < shown.shape[0]) & (column >= 0) & (column < shown.shape[1])
+        lit = np.where(inside, shown[row * inside, column * inside], False)
+        for tick in range(_FIRST + n * _TICKS, _FIRST + (n + 1) * _TICKS):
+            words[tick // WORD] |= lit.astype(np.uint32) << np.uint32(tick % WORD)
+    return words
+
+
+def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
+    """Cells, file bits of a group, simulated seconds of one, the two ways' calls, which return how
+    many frames came right, and camera pixel-cycles of a group."""
+    from link.coding import Blocks, Inbox, decode_line
+    from link.detect import Joint, plain_soft
+    from link.layout import TRAINING
+    from link.mode import Mode
+    from link.sending import Transmission
+    from link.timing import Registration, Timing
+
+    mode = Mode(size, size, _CELL, _TICKS, "8b10b", 32)
+    data = np.random.Generator(np.random.Philox(key=1))
+    empty = Transmission(mode, b"", "bench")
+    form, group = Blocks(empty.layout), empty.layout.group
+    whole = form.frames * form.symbol_bytes
+    sent = Transmission(mode, data.bytes(_GROUPS * whole), "bench")
+    side = round(size * _SCALE) + _MARGIN
+    off = (side - size * _SCALE) / 2
+    place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])
+    symbols = TRAINING + form.groups * group
+    words = _spikes(sent.pixels, symbols + 2, place, (side, side))
+    detector = Joint(
+        sent.layout, Registration(place, np.zeros((0, 3)), 0.3),
+        Timing(float(_FIRST), float(_TICKS), 0.0, side),
+    )  # fmt: skip
+    detector.learn(words, 0, sent.bits(0, TRAINING), 0)
+    turn = 0
+
+    def call(plain: bool) -> int:
+        nonlocal turn
+        turn = (turn + 1) % (sent.groups // form.groups)
+        first = (TRAINING + turn * form.groups * group) * _TICKS
+        sent.words(first, form.groups * group * _TICKS)
+        given = words, 0, TRAINING, form.groups * group
+        soft = plain_soft(detector, *given) if plain else detector.soft(*given)
+        values, quality = decode_line(mode.line, soft)
+        inbox = Inbox(sent.layout)
+        return sum(inbox.put(n, values[n], quality[n]) for n in range(form.groups))
+
+    ticks = form.groups * group * _TICKS
+    calls = [lambda: call(False), lambda: call(True)]
+    return sent.layout.cells, 8 * whole, ticks / REAL_TIME, calls, side * side * ticks
+
+
+def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+    """The rows `link.modem`, by how many cells the panel has. ceiling: pixel-cycles a second."""
+    rows = []
+    for size in SIZES:
+        cells, bits, seconds, calls, pixels = _modem(size)
+        ours, plain = least_of(list(calls), TURNS)
+        rows.append(
+            Row(
+                "link.modem", f"joint, {cells} cells", bits / ours, "bit/s", seconds / ours,
+                pixels / ours / ceiling if ceiling else None, plain / ours,
+            )
+        )  # fmt: skip
+    return rows

@@ -1,0 +1,39 @@
+"""Throughput of the chip's row scan: words of pixels to raw bytes with markers, of what the chip
+puts out in a second at 40 kHz."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from cosim.compute.opencl import Device
+from cosim.files.raw_layout import FRAME_BYTES, RAW_SIZE
+from cosim.run.timing import Row, least_of
+from cosim.spikes.viform import WORD
+from rtl_model.readout import BIT_RATE, Readout, plain_readout
+
+__all__ = ["readout_row"]
+
+_WORDS: Final = 8
+"""Of a call: 32 MB of spikes, more than a cache holds."""
+_PLAIN_CYCLES: Final = 8
+_TURNS: Final = 5
+
+
+def readout_row(device: Device, ceiling: float | None) -> Row:
+    """The row `sensor.readout`. ceiling: pixel-cycles a second. The plain way is numpy's unpacking
+    and packing of bits, of the same bytes."""
+    random = np.random.default_rng(1)
+    words = random.integers(0, 1 << 32, (_WORDS, *RAW_SIZE[::-1]), dtype=np.uint32)
+    cycles = _WORDS * WORD
+    readout = Readout(device)
+    raw = readout.read(words, cycles)
+    spent, plain_spent = least_of(
+        [lambda: readout.read(words, cycles, raw), lambda: plain_readout(words[:1], _PLAIN_CYCLES)],
+        _TURNS,
+    )
+    value = cycles * FRAME_BYTES * 8 / spent
+    share = cycles * RAW_SIZE[0] * RAW_SIZE[1] / spent / ceiling if ceiling else None
+    plain = _PLAIN_CYCLES * FRAME_BYTES * 8 / plain_spent
+    return Row("sensor.readout", "exact", value, "bit/s", value / BIT_RATE, share, value / plain)

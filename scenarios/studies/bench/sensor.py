@@ -1,0 +1,229 @@
+"""Throughput against real time, against this machine's measured ceiling, against the plain way.
+
+Everything of a row is measured in one process: one discarded call, then the least of repeated
+calls. The plain way is what a numpy user writes, at its best: float32, in place.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS, Clock
+from cosim.compute.opencl import Device
+from cosim.errors import InputError
+from cosim.light.light import Light, Piece
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
+from cosim.spikes.viform import words_for
+from display import GL_INSTALL, probe_gl
+from scenarios.studies.bench.display import display_rows
+from scenarios.studies.bench.link import link_rows
+from scenarios.studies.bench.readout import readout_row
+from sensor import CHIPS, EFFECTS, make_pixels
+from sensor.latched.effects import SHOT_NOISE
+from sensor.latched.exposure import Exposure
+from sensor.latched.fast import FastPixels
+from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.model import ExactModel, Span
+
+__all__ = ["PARTS", "Row", "bench"]
+
+CYCLES = 512
+PLAIN_CYCLES = 8
+THRESHOLD = 1000.0
+MEAN = 0.034
+"""Spikes a cycle of a drawn scene."""
+BLOCK = 64
+"""Cycles of a call on such a scene."""
+BOX = (400, 500)
+"""Rows and columns that change in it."""
+
+
+def _ceiling(device: Device, n: int) -> float:
+    """Pixel-cycles a second of the least work there is for a spike bit."""
+    source = (files("sensor.latched.pixel") / "ceiling.cl").read_text()
+    kernel = device.kernel(source, "ceiling", ("-cl-std=CL1.2",))
+    padded, n_words = -(-n // 16) * 16, words_for(CYCLES)
+    phase, add = (
+        device.upload(np.arange(padded, dtype=np.uint32) * k) for k in (2654435761, 40503)
+    )
+    words = device.upload(np.zeros((n_words, padded), np.uint32))
+
+    def call() -> None:
+        kernel(device.queue, (padded // 16,), None, phase, add, words, np.uint32(n_words))
+        device.finish()
+
+    return n * CYCLES / least(call)
+
+
+def _rates(n: int) -> npt.NDArray[np.float64]:
+    """A picture without edges: every brightness from dark to bright, neighbours alike."""
+    return np.linspace(DARK, BRIGHT, n)
+
+
+def _exact(device: Device | None, n: int, *, noise: bool, ramp: bool) -> float:
+    """Pixel-cycles a second of the exact tier, words brought back to the host."""
+    effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
+    pixels = make_pixels(ExactModel(THRESHOLD, 1, effects), np.arange(n, dtype=np.uint32), device)
+    charge = to_fixed(_rates(n) * THRESHOLD)
+    slope = charge // (2 * CYCLES) if ramp else None
+    spans = [Span(0, CYCLES, charge, slope)]
+    return n * CYCLES / least(lambda: pixels.expose(spans, CYCLES))
+
+
+def _plain(n: int, *, noise: bool, ramp: bool) -> float:
+    """Pixel-cycles a second of the same in numpy: float32 charge, a flag array a cycle."""
+    mean = (_rates(n) * THRESHOLD).astype(np.float32)
+    slope = mean / (2 * CYCLES)
+    charge, fired = np.zeros(n, np.float32), np.empty((PLAIN_CYCLES, n), np.bool_)
+    random = np.random.default_rng(1)
+
+    def call() -> None:
+        add = mean.copy()
+        for cycle in range(PLAIN_CYCLES):
+            np.add(charge, random.poisson(add) if noise else add, out=charge, casting="unsafe")
+            np.greater_equal(charge, THRESHOLD, out=fired[cycle])
+            np.subtract(charge, THRESHOLD, out=charge, where=fired[cycle])
+            if ramp:
+                np.add(add, slope, out=add)
+
+    return n * PLAIN_CYCLES / least(call, 3)
+
+
+Call = Callable[[Light, int, int], Any]
+"""Exposes cycles `start` to `start + cycles` to light, words brought back to the host."""
+
+
+def _tiers(device: Device, noise: bool) -> dict[str, Call]:
+    """Both tiers of the chip's pixels, from light itself."""
+    chip, clock = CHIPS["spiketwo"], Clock.from_hz(REAL_TIME)
+    effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
+    model = ExactModel(THRESHOLD, 1, effects)
+    numbers = np.arange(chip.width * chip.height, dtype=np.uint32)
+    gain = THRESHOLD * REAL_TIME  # a unit of light is a threshold a cycle
+    exposure, exact = Exposure(clock, gain), make_pixels(model, numbers, device)
+    fast = FastPixels(model, (chip.height, chip.width), numbers, device, clock, gain)
+    return {
+        "exact": lambda light, start, cycles: exact.expose(
+            exposure.spans(light, start, cycles), cycles
+        ),
+        "fast": fast.expose,
+    }
+
+
+def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
+    """Pixel-cycles a second of calls one after another, each of light not met before."""
+    start = -cycles
+
+    def next_call() -> None:
+        nonlocal start
+        start += cycles
+        call(light, start, cycles)
+
+    return n * cycles / least(next_call, REPEATS)
+
+
+def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
+    """A picture of two waves, from dark to twice the mean."""
+    y, x = np.meshgrid(*(np.linspace(0, 2 * np.pi, n) for n in shape), indexing="ij")
+    return (mean * (1 + np.sin(2 * x + y) * np.cos(y))).astype(np.float32)
+
+
+def _scenes(shape: tuple[int, int]) -> dict[str, Light]:
+    """Light at the mean rate of a drawn scene: random and smooth, and a piece every two cycles that
+    changes a box of it."""
+    random = np.random.default_rng(1).uniform(0, 2 * MEAN, shape).astype(np.float32)
+    smooth, calls = _smooth(shape, MEAN), REPEATS + 1
+    (h, w), tick = BOX, PS / REAL_TIME
+    box = (shape[0] - h) // 2, (shape[0] + h) // 2, (shape[1] - w) // 2, (shape[1] + w) // 2
+    inside = slice(*box[:2]), slice(*box[2:])
+    planes = [smooth]
+    for n in range(BLOCK // 2):
+        planes.append(smooth.copy())
+        planes[-1][inside] = np.roll(smooth, 8 * n, axis=1)[inside]
+    edges = [round(2 * n * tick) for n in range(calls * BLOCK // 2 + 1)]
+    levels = [planes[n % len(planes)] for n in range(len(edges))]
+    moving = [
+        Piece(*ends, *level, box)
+        for ends, level in zip(itertools.pairwise(edges), itertools.pairwise(levels), strict=True)
+    ]
+    return {
+        "sensor.noise-random": Light((Piece(0, PS, random, random),)),
+        "sensor.noise-smooth": Light((Piece(0, PS, smooth, smooth),)),
+        "sensor.noise-box": Light(tuple(moving)),
+    }
+
+
+def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
+    chip = CHIPS["spiketwo"]
+    shape, n = (chip.height, chip.width), chip.width * chip.height
+    rows = []
+
+    def row(name: str, tier: str, value: float, plain: float | None = None) -> None:
+        rows.append(
+            Row(
+                name, tier, value, "pixel-cycles/s", value / (n * REAL_TIME),
+                value / ceiling if ceiling else None, value / plain if plain else None,
+            )
+        )  # fmt: skip
+
+    for name, noise, ramp in (
+        ("static", False, False),
+        ("ramp", False, True),
+        ("noise", True, False),
+    ):
+        plain = _plain(n, noise=noise, ramp=ramp)
+        row(f"sensor.{name}", "exact", _exact(device, n, noise=noise, ramp=ramp), plain)
+        if device is not None:
+            first = _rates(n).reshape(shape).astype(np.float32)
+            last = first * np.float32(1 + (REPEATS + 1) / 2) if ramp else first
+            stop = round((REPEATS + 1) * CYCLES * PS / REAL_TIME)
+            light = Light((Piece(0, stop, first, last),))
+            fast = _rate(_tiers(device, noise)["fast"], light, n, CYCLES)
+            row(f"sensor.{name}", "fast", fast, plain)
+    if device is not None:
+        for name, light in _scenes(shape).items():
+            for tier, call in _tiers(device, True).items():
+                row(name, tier, _rate(call, light, n, BLOCK))
+        rows.append(readout_row(device, ceiling))
+    return rows
+
+
+PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows}
+"""Parts that have a benchmark."""
+
+
+def _need_gl() -> None:
+    there, said = probe_gl()
+    if not there:
+        raise InputError(
+            "GL through EGL", "there for bench display", f"missing: {said}",
+            f"install it ({GL_INSTALL}) or measure another part, such as viform bench sensor",
+        )  # fmt: skip
+
+
+def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
+    """The document of `viform bench --json`; the ceiling is null without an OpenCL device.
+
+    Raises InputError before anything is measured where `parts` need a GL that is not there.
+    """
+    if "display" in parts:
+        _need_gl()
+    chip = CHIPS["spiketwo"]
+    ceiling = _ceiling(device, chip.width * chip.height) if device is not None else None
+    rows = [row for part in parts for row in PARTS[part](device, ceiling)]
+    return {
+        "device": device.name if device is not None else "numba on this processor",
+        "ceiling": {
+            "value": ceiling,
+            "unit": "pixel-cycles/s",
+            "what": "one 32-bit addition and the packing of its carry a pixel-cycle",
+        },
+        "rows": [asdict(row) for row in rows],
+    }

@@ -1,0 +1,185 @@
+"""What the bench of the code measures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim import SpikeStream, Viform
+from cosim.compute.opencl import Device
+from cosim.spikes.viform import count_spikes
+from scenarios.scenes import Source
+from scenarios.studies.codes.scenes import (
+    CYCLES,
+    SCENES,
+    SHAPE,
+    WHITE,
+    camera,
+    film,
+    open_scene,
+    truth,
+)
+from sensor import EFFECTS, make_pixels, tfi, tfp
+from sensor.codec import Code, entropy_bounds, event_rate, recode
+from sensor.codec.size import REFINE, coded_size, zstd_size
+from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.model import ExactModel, Span
+from sensor.reconstruct.fidelity import psnr, to_white
+
+__all__ = ["KS", "SizeRow", "SteadyRow", "bench_code", "steady"]
+
+THRESHOLDS = (100.0, 1000.0, 30_000.0)
+KS = (1.0, 2.0, 3.0, 5.0)
+INSTANTS = (320, 1280, 2240)
+WINDOW = 41
+MEANS = (4.3, 20.3)
+"""Mean widths of steady light in ticks, neither whole nor simple fractions."""
+STEADY_PIXELS, STEADY_CYCLES = 256, 131_072
+
+
+@dataclass(frozen=True)
+class SizeRow:
+    """One stream. Sizes in bits a pixel and cycle. zstd: of the three layouts at level 3, and
+    of the best of them at 19.
+    events: every spike as (i, j, t), sorted by time. repeat, line: bits alone; *_zstd: with zstd 3
+    where it helps. statistical: by name; psnr: dB of TFP and TFI of what each leaves."""
+
+    scene: str
+    threshold: float
+    shot_noise: bool
+    spike_rate: float
+    zstd: dict[str, float]
+    events: float
+    repeat: float
+    repeat_zstd: float
+    line: float
+    line_zstd: float
+    sent: dict[str, float]
+    statistical: dict[str, float]
+    psnr: dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class SteadyRow:
+    """Steady light. Bits are a spike. floor, ceiling: the entropy of latched widths lies between.
+    predicted, measured: share of spikes that statistical sends, by k, but for
+    two a pixel at the start. level_error: relative RMS
+    error of a pixel's mean rate after k = 3, plain and with refinement, beside the stream's own."""
+
+    mean: float
+    threshold: float
+    floor: float
+    ceiling: float
+    zstd: float
+    repeat: float
+    line: float
+    predicted: dict[str, float]
+    measured: dict[str, float]
+    level_error: dict[str, float]
+
+
+def _codes(threshold: float) -> dict[str, Code]:
+    """The statistical codes that are compared, by name."""
+    made = {f"k{k:g}": Code("statistical", k, threshold) for k in KS}
+    return made | {f"k{k:g}r": Code("statistical", k, threshold, refine=REFINE) for k in (3.0, 5.0)}
+
+
+def event_bits(stream: SpikeStream, spikes: int) -> float:
+    """Bits of every spike as fixed fields sorted by time: a place each, and a mark a cycle."""
+    places = math.ceil(math.log2(stream.shape[0] * stream.shape[1] + 1))
+    return (spikes + stream.cycles) * places / (stream.cycles * stream.shape[0] * stream.shape[1])
+
+
+def _fidelity(stream: SpikeStream, source: Source) -> dict[str, float]:
+    """Mean PSNR over the instants."""
+    found: dict[str, list[float]] = {"tfp": [], "tfi": []}
+    for cycle in INSTANTS:
+        light = truth(source, cycle)
+        found["tfp"].append(psnr(to_white(tfp(stream, cycle, WINDOW), WHITE), light))
+        found["tfi"].append(psnr(to_white(tfi(stream, cycle), WHITE), light))
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def _size_row(scene: str, threshold: float, shot: bool, device: Device | None) -> SizeRow:
+    setting = camera(threshold, shot)
+    stream = film(open_scene(scene, setting), setting, device)
+    source = open_scene(scene, setting)
+    spikes = int(np.bitwise_count(stream.words).sum(dtype=np.int64))
+    zstd = {f"{name}_3": size for name, size in zstd_size(stream, 3).items()}
+    best = min(zstd, key=lambda name: zstd[name]).removesuffix("_3")
+    zstd["best_19"] = zstd_size(stream, 19, (best,))[best]
+    sizes, sent = {}, {}
+    for name in ("repeat", "line"):
+        code = Code("repeat") if name == "repeat" else Code("line")
+        sizes[name], events = coded_size(stream, code, None)
+        sizes[f"{name}_zstd"], _ = coded_size(stream, code)
+        sent[name] = events / max(spikes, 1)
+    statistical, quality = {}, {"stream": _fidelity(stream, source)}
+    for name, code in _codes(threshold).items():
+        statistical[name], events = coded_size(stream, code)
+        sent[name] = events / max(spikes, 1)
+        quality[name] = _fidelity(recode(stream, code), source)
+    return SizeRow(
+        scene, threshold, shot, spikes / (CYCLES * SHAPE[0] * SHAPE[1]), zstd,
+        event_bits(stream, spikes), sizes["repeat"], sizes["repeat_zstd"], sizes["line"],
+        sizes["line_zstd"], sent, statistical, quality,
+    )  # fmt: skip
+
+
+def steady(mean: float, threshold: float, device: Device | None) -> SteadyRow:
+    """Pixels under steady light of `mean` ticks a spike, with shot noise."""
+    model = ExactModel(threshold, 1, tuple(EFFECTS.values()))
+    numbers = np.arange(STEADY_PIXELS, dtype=np.uint32)
+    charge = np.broadcast_to(to_fixed(np.array([threshold / mean])), numbers.shape).copy()
+    words = make_pixels(model, numbers, device).expose(
+        [Span(0, STEADY_CYCLES, charge)], STEADY_CYCLES
+    )
+    stream = Viform(words.reshape(len(words), 1, -1), STEADY_CYCLES, camera(1.0, True).clock)
+    spikes = int(np.bitwise_count(words).sum(dtype=np.int64))
+    cycles = STEADY_CYCLES * STEADY_PIXELS
+    floor, ceiling = entropy_bounds(mean, threshold)
+    predicted, measured, errors = {}, {}, {"stream": _level_error(stream, mean)}
+    for name, code in _codes(threshold).items():
+        _, events = coded_size(stream, code, None)
+        # Not counted: the first of each pixel, whose interval began before the stream, and what
+        # follows it.
+        measured[name] = max(events - 2 * STEADY_PIXELS, 0) / spikes
+        if not code.refine:
+            predicted[name] = event_rate(mean, threshold, code.k)
+        errors[name] = _level_error(recode(stream, code), mean)
+    best = zstd_size(stream, 19, ("pixel",))["pixel"]
+    sizes = {
+        code.name: coded_size(stream, code)[0] * cycles / spikes
+        for code in (Code("repeat"), Code("line"))
+    }
+    return SteadyRow(
+        mean, threshold, floor, ceiling, best * cycles / spikes, sizes["repeat"], sizes["line"],
+        predicted, measured, errors,
+    )  # fmt: skip
+
+
+def _level_error(stream: SpikeStream, mean: float) -> float:
+    """Relative RMS error of the rate that pixels show over the whole stream."""
+    rate = count_spikes(stream, 0, stream.cycles) / stream.cycles
+    return float(np.sqrt(np.mean((rate * mean - 1) ** 2)))
+
+
+def bench_code(device: Device | None) -> dict[str, Any]:
+    """The document of `viform bench code --json`."""
+    sizes = [
+        _size_row(scene, threshold, shot, device)
+        for scene in SCENES
+        for threshold, shot in [*((q, True) for q in THRESHOLDS), (THRESHOLDS[-1], False)]
+    ]
+    rows = [steady(mean, q, device) for mean in MEANS for q in THRESHOLDS]
+    return {
+        "device": device.name if device is not None else "numba on this processor",
+        "shape": list(SHAPE),
+        "cycles": CYCLES,
+        "scenes": SCENES,
+        "sizes": [asdict(row) for row in sizes],
+        "steady": [asdict(row) for row in rows],
+    }

@@ -1,0 +1,96 @@
+"""The scenes of the bench, from still to everything moving, small but with their whole course.
+
+The share of pixels whose light changes in a given time does not depend on how finely a scene is
+drawn: on a grid n times coarser edges are n times more of the pixels and move n times slower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from cosim import Box, Clock, Plane, Viform
+from cosim.compute.opencl import Device
+from cosim.stage import blocks
+from scenarios.scenes import Source, make_source
+from scenarios.scenes.sections import FilmScene, SceneSection, StarScene, StepScene, WaveScene
+from scenarios.scenes.source import AnalyticSource
+from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
+from sensor.latched.effects import SHOT_NOISE
+
+__all__ = ["CLOCK", "CYCLES", "SCENES", "SHAPE", "WHITE", "camera", "film", "open_scene", "truth"]
+
+SHAPE = (96, 128)
+CYCLES = 2560
+CLOCK = Clock(40_000)
+WHITE = 0.6
+"""Spikes a cycle of white."""
+SCENES = {
+    "step": "still: grey bars, after their step",
+    "workbench": "a fan, a disc and a ball on a still bench",
+    "wave": "a person waves an arm",
+    "star": "a turning star in a still chart",
+    "pan": "everything moves: a texture that pans",
+}
+
+
+class Pan:
+    """A texture of gratings in three directions that pans at `speed` pixels a second."""
+
+    def __init__(self, shape: tuple[int, int], speed: float = 800.0) -> None:
+        self.shape, self._speed = shape, speed
+        self._y, self._x = (g.astype(np.float32) for g in np.mgrid[: shape[0], : shape[1]])
+
+    def reflectance(self, t: float) -> Plane:
+        x = self._x + np.float32(self._speed * t)
+        waves = sum(np.sin(2 * np.pi * (x * u + self._y * v)) for u, v in _GRATINGS)
+        return np.asarray(0.5 + 0.48 / len(_GRATINGS) * waves, np.float32)
+
+    def speed(self) -> float:
+        return self._speed
+
+    def moving(self, start: float, stop: float) -> Box:
+        return (0, self.shape[0], 0, self.shape[1])
+
+    def points(self) -> list[tuple[int, int, str]]:
+        return [(0, 0, "a corner")]
+
+
+_GRATINGS = ((1 / 31, 1 / 47), (1 / 17, -1 / 53), (1 / 71, 1 / 11))
+"""Cycles a pixel across and down; all have a part along the pan, so that every pixel changes."""
+
+
+def camera(threshold: float, shot: bool) -> CameraSetting:
+    """The bench's chip: SpikeTwo's pixel on a small grid."""
+    chip = replace(CHIPS["spiketwo"], width=SHAPE[1], height=SHAPE[0])
+    effects = tuple(e for e in EFFECTS.values() if shot or e is not SHOT_NOISE)
+    return CameraSetting(chip, CLOCK, threshold, 1, effects=effects)
+
+
+def open_scene(name: str, setting: CameraSetting) -> Source:
+    """A scene under the light that lets white fire at WHITE."""
+    lux = WHITE / setting.rate(1.0)
+    light = {"illuminance": f"{lux!r} lux"}
+    if name == "pan":
+        return AnalyticSource(Pan(SHAPE), lux, CLOCK)
+    sections: dict[str, Callable[[], SceneSection]] = {
+        "step": lambda: StepScene.model_validate({"kind": "step", "at": "0 s", **light}),
+        "workbench": lambda: FilmScene.model_validate(light),
+        "wave": lambda: WaveScene.model_validate({"kind": "wave", **light}),
+        "star": lambda: StarScene.model_validate({"kind": "star", **light}),
+    }
+    return make_source(sections[name](), SHAPE, CLOCK, CYCLES)
+
+
+def film(source: Source, setting: CameraSetting, device: Device | None) -> Viform:
+    """The whole stream of a scene."""
+    lens_free = SpikeCamera(setting, device)
+    parts = [lens_free.step(source.step(None, block), block).words for block in blocks(CYCLES)]
+    return Viform(np.concatenate(parts), CYCLES, CLOCK)
+
+
+def truth(source: Source, cycle: int) -> Plane:
+    """Reflectance in the middle of a cycle."""
+    return source.truth(CLOCK.middle(cycle))

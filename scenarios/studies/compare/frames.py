@@ -1,0 +1,190 @@
+"""A frame imager of a comparison: filmed, and its figures taken from its frames."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS
+from cosim.frames import Frame
+from rtl_model.imagers.run.kinds import machine_of
+from rtl_model.imagers.run.view import View
+from rtl_model.imagers.sections import AdaptiveSection, EbapsSection
+from scenarios.assemble.scenario import ImagerScenario
+from scenarios.studies.compare.measure import noise, still_blur
+from scenarios.studies.compare.motion import Motion
+from scenarios.studies.compare.ranges import black_and_slope, one_frame, with_controls
+from scenarios.studies.compare.row import Camera, Figure
+from scenarios.studies.compare.run_in import Placed, RunIn, Seen, film_at, middle
+from scenarios.studies.compare.setting import SHAPE
+from sensor.imagers import Exposed
+from sensor.imagers.ebaps import COLUMNS, ROWS
+from sensor.imagers.emccd import without_smear
+from sensor.reconstruct.fidelity import psnr
+
+__all__ = ["film_frames"]
+
+_TITLES: Final = {
+    "adaptive-exposure": "adaptive-exposure CMOS", "ebaps": "EBAPS", "emccd": "EMCCD",
+}  # fmt: skip
+
+
+def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: float) -> Camera:
+    """One imager. view: of the scene on `SHAPE`. motion: the scene around the instant. white: lux
+    on the plane of reflectance 1."""
+    begin = time.perf_counter()
+    truth, instant = motion.truth, motion.instant
+    kind = scenario.imager.kind
+    machine = machine_of(scenario)
+    imager = machine.make()
+    light = RunIn(view.scenery)
+    corner = (0, 0)
+    placed: Any = light
+    if machine.shape != SHAPE:
+        corner = ((machine.shape[0] - SHAPE[0]) // 2, (machine.shape[1] - SHAPE[1]) // 2)
+        placed = Placed(light, machine.shape, corner)
+    kept = frozenset(imager.pixels.effects)
+    seen = film_at(imager, placed, light, instant, scenario.seed, kept)
+    show = _Shown(scenario, seen, corner, white)
+    image = show.estimate(seen.frame)
+    corrected = show.without_smear(seen.frame, imager)
+    # The still frames are of the scene's first instant.
+    first, now = truth(0), truth(instant)
+    quiet = np.ones(SHAPE, bool)
+    still = motion.moving() is None
+    values = show.values(seen.frame)
+    full = (1 << seen.frame.bits) - 1
+    rate = PS / seen.period
+    bits, pixels = show.sent()
+    ready = (seen.frame.ready - middle(seen.frame)) / PS
+    skew = float(show.instants[-1] - show.instants[0]) / PS
+    clipped = float((values >= show.ceiling(full)).mean())
+    figures = {
+        "dynamic_range": Figure(one_frame(show.pixels, show.seconds), "dB"),
+        "dynamic_range_controls": Figure(with_controls(kind, show.pixels), "dB"),
+        "blur": Figure(
+            None
+            if clipped > 0.5
+            else still_blur(image, now)
+            if still
+            else motion.blur(image, show.instants),
+            "pixels",
+        ),
+        "noise": Figure(noise([show.estimate(f) for f in seen.still], first, quiet), "1"),
+        "data_rate": Figure(bits * rate, "bit/s"),
+        "data_rate_pixel": Figure(bits * rate / pixels, "bit/s/pixel"),
+        "latency": Figure(ready * 1e3, "ms"),
+        "psnr": Figure(psnr(np.clip(image, 0, 1), now.astype(np.float32)), "dB"),
+        "psnr_smear_corrected": Figure(
+            None if corrected is None else psnr(corrected, now.astype(np.float32)), "dB"
+        ),
+        "skew": Figure(skew * 1e3, "ms"),
+        "exposure": Figure(show.seconds * 1e3, "ms"),
+        "saturated": Figure(clipped, "1"),
+        "off": Figure((middle(seen.frame) - seen.offset - instant) * 1e-9, "ms"),
+    }
+    notes = [] if seen.rested else ["its exposure hunts and never rests"]
+    notes += ["nothing moves: blur of what stands still"] if still else []
+    notes += [show.note()]
+    return Camera(
+        kind, _TITLES[kind], show.setting(), "; ".join(n for n in notes if n),
+        np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
+    )  # fmt: skip
+
+
+class _Shown:
+    """Reads an imager's frames. corner: of the scene on its plane."""
+
+    def __init__(
+        self, scenario: ImagerScenario, seen: Seen, corner: tuple[int, int], white: float
+    ) -> None:
+        self.section = scenario.imager
+        frame, state = seen.frame, seen.frame.state
+        self.seconds = frame.exposure / PS
+        self._top, self._left = corner
+        self._white, self._rate = white, PS / seen.period
+        self._first = 0
+        machine = machine_of(scenario)
+        pixels: Any = machine.make().pixels
+        if not isinstance(self.section, AdaptiveSection | EbapsSection):
+            # Rows of a frame are the window's: image rows from the first one, dark rows above.
+            self._first = 8 + int(state["first_row"])
+        self.pixels = pixels
+        rows = self._rows(frame)
+        self.instants = (frame.begin[rows] + frame.end[rows]) // 2 - seen.offset
+        black = self._dark(scenario.seed)
+        subtracted = isinstance(self.section, EbapsSection) and self.section.darks
+        self._black = float(getattr(self.section, "pedestal", 0)) if subtracted else black
+        self._taken = black if subtracted else 0.0
+
+    def _dark(self, seed: int) -> float:
+        """Mean of a frame of this exposure without light: what a user would take off."""
+        high, wide = self.pixels.shape
+        none = Exposed(
+            np.zeros((high, wide)), np.full(high, self.seconds), np.zeros(high), 0, 2**20
+        )
+        values = self.pixels.convert(none, seed, frozenset(self.pixels.effects))
+        part = values[self._top : self._top + SHAPE[0], self._left : self._left + SHAPE[1]]
+        return float(part.mean())
+
+    def _rows(self, frame: Frame) -> slice:
+        start = self._top - self._first
+        return slice(start, start + SHAPE[0])
+
+    def values(self, frame: Frame) -> npt.NDArray[np.float64]:
+        """DN of the scene's part of a frame."""
+        part = frame.values[self._rows(frame), self._left : self._left + SHAPE[1]]
+        return part.astype(np.float64)
+
+    def ceiling(self, full: int) -> float:
+        """DN from which a value counts as saturated: what the darks took is missing."""
+        return full - self._taken - 0.02 * full
+
+    def estimate(self, frame: Frame) -> npt.NDArray[np.float64]:
+        """Reflectance by the pixels' closed form, not clipped."""
+        return (self.values(frame) - self._black) / self._white_step(frame)
+
+    def _white_step(self, frame: Frame) -> float:
+        """DN of white above black."""
+        seconds = frame.exposure / PS
+        return black_and_slope(self.pixels, seconds)[1] * self._white * seconds
+
+    def without_smear(self, frame: Frame, imager: Any) -> npt.NDArray[np.float64] | None:
+        """Reflectance in [0, 1] with the smear of frame transfer taken off by columns, over all
+        rows that the frame has (around the scene it is dark); None of an imager that has none."""
+        if isinstance(self.section, AdaptiveSection | EbapsSection):
+            return None
+        signal = frame.values.astype(np.float64) - self._black
+        share = imager.timing.row_shift / (frame.exposure / PS)
+        part = without_smear(signal, share)[self._rows(frame), self._left : self._left + SHAPE[1]]
+        return np.clip(part / self._white_step(frame), 0, 1)
+
+    def sent(self) -> tuple[float, float]:
+        """Bits of a frame that leave the imager, and its pixels: all of its array's."""
+        if isinstance(self.section, EbapsSection):
+            pixels = ROWS * COLUMNS
+        elif isinstance(self.section, AdaptiveSection):
+            pixels = self.section.rows * self.section.columns
+        else:
+            pixels = self.section.rows * 512
+        return pixels * self.pixels.bits, pixels
+
+    def setting(self) -> str:
+        """In words."""
+        text = f"{self._rate:.3g} frames/s, exposure {self.seconds * 1e3:.4g} ms"
+        if isinstance(self.section, EbapsSection):
+            return f"{text}, {self.section.high_voltage + 0.0:.0f} V"
+        if isinstance(self.section, AdaptiveSection):
+            return f"{text}, chosen by itself"
+        return f"{text}, gain {self.pixels.gain:.3g}"
+
+    def note(self) -> str:
+        """What of the imager is not on the picture."""
+        if isinstance(self.section, EbapsSection):
+            return "corner of an array of 1280 x 1024, whose data rate is given"
+        if isinstance(self.section, AdaptiveSection):
+            return ""
+        return "middle of its 512 x 512, dark around"

@@ -1,0 +1,114 @@
+"""The page and the picture of a comparison."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.files.whole import whole
+from cosim.report.figures import INK, pyplot
+from cosim.report.parts import plot, table, write_page
+from cosim.report.png import for_display
+from scenarios.assemble.loading import to_toml
+from scenarios.studies.compare.row import FIGURES, Camera, Figure
+from scenarios.studies.compare.setting import Comparison
+
+__all__ = ["HEADS", "PICTURE", "told", "write_compare_report", "write_picture"]
+
+PICTURE: Final = "side-by-side.png"
+HEADS: Final = {
+    "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
+    "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
+    "data_rate_pixel": "of a pixel", "latency": "latency", "psnr": "PSNR",
+    "psnr_smear_corrected": "PSNR, smear taken off",
+    "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
+    "off": "off the instant",
+}  # fmt: skip
+_STEPS: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+
+
+def told(name: str, figure: Figure) -> str:
+    """A figure for a reader."""
+    value = figure.value
+    if value is None:
+        return "-"
+    if figure.unit.startswith("bit/s"):
+        scale, prefix = next((s for s in _STEPS if abs(value) >= s[0]), _STEPS[-1])
+        return f"{value / scale:.3g} {prefix}{figure.unit}"
+    if name in ("noise", "saturated"):
+        return f"{100 * value:.2g} %"
+    if figure.unit == "dB":
+        return f"{value:.1f} dB"
+    return f"{value:.3g} {figure.unit}"
+
+
+def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
+    """The same instant by every camera, and the truth."""
+    plt = pyplot()
+    height, width = truth.shape
+    panels = [("truth", "", truth)]
+    panels += [(c.title, c.setting, c.image) for c in cameras]
+    panels += [
+        (c.title, "smear of frame transfer taken off by columns", c.corrected)
+        for c in cameras if c.corrected is not None
+    ]  # fmt: skip
+    columns = 3
+    rows = -(-len(panels) // columns)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(4.4 * columns, (4.4 * height / width + 0.62) * rows), squeeze=False
+    )
+    for ax in axes.flat:
+        ax.axis("off")
+    for (title, setting, image), ax in zip(panels, axes.flat, strict=False):
+        shown = for_display(np.clip(image, 0, 1))
+        ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+        ax.set_title(f"{title}\n", fontsize=11, color=INK)
+        ax.text(0.5, 1.02, setting, transform=ax.transAxes, ha="center", fontsize=7.5, color=INK)
+    figure.tight_layout(pad=0.4, w_pad=0.6)
+    with whole(path) as part:
+        figure.savefig(part, dpi=110, format="png")
+    plt.close(figure)
+
+
+def write_compare_report(
+    folder: Path, what: Comparison, document: dict[str, Any], cameras: list[Camera]
+) -> None:
+    """report.html: one file."""
+    head = ["camera", *(HEADS[name] for name in FIGURES)]
+    rows = [[c.title, *(told(n, c.figures[n]) for n in FIGURES)] for c in cameras]
+    notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
+    own = table(
+        ["camera", "setting", "note", "filmed in"],
+        [[c.title, c.setting, c.note, f"{c.seconds:.1f} s" if c.seconds else ""] for c in cameras],
+    )
+    title = f"{what.name}: the same instant by every camera"
+    write_page(folder, title, "".join([
+        f"<h1>{html.escape(title)}</h1>",
+        f'<p class="soft">{document["duration_s"] * 1e3:g} ms of the scene, the instant '
+        f'{document["instant_ms"]:.1f} ms, seed {document["seed"]}, viform '
+        f'{document["version"]}.</p><ul>{notes}</ul>',
+        plot(folder / PICTURE, "the same instant by every camera"),
+        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED, "<h2>Cameras</h2>", own,
+        f"<h2>The spike camera's scenario</h2><pre>{html.escape(to_toml(what.spike))}</pre>",
+    ]))  # fmt: skip
+
+
+_EXPLAINED: Final = (
+    "<p><b>Dynamic range</b>: light at which a pixel's values end over light whose signal is as "
+    "large as the noise in the dark, 20 lg; of one image at its setting, and over everything that "
+    "exposure, gain and high voltage (of the spike camera: widths up to what dark current fills) "
+    "reach. <b>Edge</b>: 10 to 90 % width of an edge that moves as fast as the mean: 0.8 of its "
+    "way in the span of the scene whose mean the image is, found by least squares, each row at its "
+    "own instant; where nothing moves, under the Gaussian that makes of the truth what was filmed. "
+    "<b>Noise</b>: spread from image to image where nothing moves, over the signal, at a "
+    "reflectance of 0.3 to 0.7. <b>Data rate</b>: what leaves the imager, all of its pixels. "
+    "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
+    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; of the EMCCD a "
+    "second one, after the standard correction of frame transfer: what every other row of a column "
+    "adds on the way, row shift over exposure of its signal, is taken off. A dash: not to be "
+    "measured in this scene.</p>"
+)

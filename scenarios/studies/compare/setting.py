@@ -1,0 +1,148 @@
+"""What a comparison films: from a scenario's name, its file or a kind of scene, and the user's
+--set, to one scene, one lens and a section for each camera."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, get_args
+
+from cosim import InputError
+from rtl_model.imagers.sections import AdaptiveSection, EbapsSection, EmccdSection
+from scenarios.assemble.camera import choose_lens
+from scenarios.assemble.loading import assign, load, shipped, to_toml
+from scenarios.assemble.messages import validate
+from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+from scenarios.scenes.sections import SceneSection
+from sensor import CHIPS
+
+__all__ = ["CHIP", "IMAGERS", "SHAPE", "Comparison", "load_comparison"]
+
+CHIP: Final = "spikeone"
+SHAPE: Final = (CHIPS[CHIP].height, CHIPS[CHIP].width)
+"""Pixels of the scene in every camera: all of a SpikeOne, whose 40 kHz two cores film in seconds.
+Others show it on as many of theirs, pixel by pixel the same light."""
+IMAGERS: Final = ("adaptive-exposure", "ebaps", "emccd")
+DURATION: Final = "64 ms"
+ILLUMINANCE: Final = "700 lux"
+"""On a scene that is named by its kind alone."""
+_NIGHT: Final = 1.4
+"""f-number where the spike camera finds none for its white: of the EBAPS document, assumed."""
+_KINDS: Final = tuple(
+    get_args(part.model_fields["kind"].annotation)[0]
+    for part in get_args(get_args(SceneSection)[0])
+)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """name: of the scene. spike: the spike camera's scenario, whose lens is everyone's. imagers:
+    each one's scenario as the user set it. given: keys that the user set, by section."""
+
+    name: str
+    spike: Scenario
+    imagers: dict[str, ImagerScenario]
+    given: dict[str, frozenset[str]]
+    notes: tuple[str, ...]
+
+
+def _scene(name: str) -> tuple[str, dict[str, Any]]:
+    """Short name and raw data that hold [scene], and [lens] where one is given."""
+    if name not in shipped() and name in _KINDS:
+        return name, {"scene": {"kind": name, "illuminance": ILLUMINANCE}}
+    try:
+        short, loaded = load(name)
+    except InputError as exc:
+        if exc.what == "the scenario" and exc.mend == "see `viform list`":
+            known = ", ".join([*shipped(), *(k for k in _KINDS if k not in shipped())])
+            raise InputError(
+                "the scene", f"one of {known} or a TOML file", repr(name), "see `viform list`"
+            ) from None
+        raise
+    if not isinstance(loaded, Scenario | ImagerScenario):
+        raise InputError(
+            "the scene", "that of a scenario with a [scene]",
+            "a link" if isinstance(loaded, LinkScenario) else "a board", "see `viform list`",
+        )  # fmt: skip
+    data = tomllib.loads(to_toml(loaded))
+    kept = {"scene": data["scene"]}
+    lens = data.get("lens") or data.get("sensor", {}).get("lens") or {}
+    kept["lens"] = {
+        k: v for k, v in lens.items() if k in ("f_number", "transmission", "magnification")
+    }
+    return short, kept
+
+
+def load_comparison(
+    name: str, assignments: Sequence[str] = (), seed: int | None = None
+) -> Comparison:
+    """Raises InputError for a scene that is none, keys that do not exist, values out of range."""
+    short, data = _scene(name)
+    defaults: dict[str, Any] = {"duration": DURATION, "seed": 1, "lens": {}, "spike": {}}
+    data = defaults | data
+    data |= {kind: {} for kind in IMAGERS}
+    for assignment in assignments:
+        assign(data, assignment)
+    if seed is not None:
+        data["seed"] = seed
+    known = ("scene", "lens", "duration", "seed", "spike", *IMAGERS)
+    for key, value in data.items():
+        if key not in known:
+            raise InputError("--set", f"a key of {', '.join(known)}", key, "check its name")
+        if key not in ("duration", "seed") and not isinstance(value, dict):
+            raise InputError(f"--set {key}", "a section's key", "the section itself", "name a key")
+    lens: dict[str, Any] = dict(data["lens"])
+    notes: list[str] = []
+    common = {"title": f"{short}: all imagers", **{k: data[k] for k in ("duration", "seed")}}
+    sensor = {"chip": CHIP, "preset": "silicon", "threshold": "1000 e"} | data["spike"]
+    if sensor["chip"] != CHIP or sensor.get("readout", "synchronous") != "synchronous":
+        raise InputError(
+            "spike", f"a synchronous {CHIP} in a comparison", f"{data['spike']}", "leave it out"
+        )
+    spike = _spike(common, data["scene"], sensor, lens)
+    if "f_number" not in lens:
+        lens["f_number"] = _chosen(spike, notes)
+        spike = _spike(common, data["scene"], sensor, lens)
+    imagers = {}
+    for kind in IMAGERS:
+        section = dict(_SHARED[kind]) | data[kind]
+        made = validate(
+            common | {"scene": data["scene"], "lens": lens, "imager": {"kind": kind, **section}}
+        )
+        assert isinstance(made, ImagerScenario)
+        imagers[kind] = made
+    given = {kind: frozenset(data[kind]) for kind in IMAGERS}
+    return Comparison(short, spike, imagers, given, tuple(notes))
+
+
+_SHARED: Final[dict[str, dict[str, Any]]] = {
+    "adaptive-exposure": {"rows": SHAPE[0], "columns": SHAPE[1]},
+    "ebaps": {"rows": SHAPE[0], "columns": SHAPE[1]},
+    "emccd": {},
+}
+_SECTIONS: Final = (AdaptiveSection, EbapsSection, EmccdSection)
+
+
+def _spike(
+    common: dict[str, Any], scene: dict[str, Any], sensor: dict[str, Any], lens: dict[str, Any]
+) -> Scenario:
+    made = validate(common | {"scene": scene, "sensor": sensor | {"lens": lens}})
+    assert isinstance(made, Scenario)
+    return made
+
+
+def _chosen(spike: Scenario, notes: list[str]) -> float:
+    """The f-number at which white fires as the spike camera likes it, or one for the night."""
+    from scenarios.assemble.camera import camera_setting
+
+    try:
+        number = choose_lens(spike, camera_setting(spike)).f_number
+    except InputError:
+        notes.append(f"too dark or bright for the spike camera's own choice of a lens: f/{_NIGHT}")
+        return _NIGHT
+    notes.append(
+        f"f/{number:.3g}, at which white fires the spike camera at "
+        f"{spike.sensor.lens.white_rate:g} a cycle"
+    )
+    return number

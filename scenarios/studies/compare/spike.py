@@ -1,0 +1,133 @@
+"""The spike camera of a comparison: everything kept, its stream on disk, two reconstructions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from cosim import PS, Viform
+from cosim.files import Recorder, ZarrStream
+from cosim.light.lens import Lens
+from cosim.run.progress import Progress
+from cosim.spikes.viform import WORD
+from scenarios.assemble.filming import STREAM, RelayStage, WiderStage, run_recorded
+from scenarios.assemble.loading import to_toml
+from scenarios.assemble.prepare import prepare_camera, scene_source
+from scenarios.assemble.scenario import Scenario
+from scenarios.studies.compare.measure import Image, noise, still_blur
+from scenarios.studies.compare.motion import Motion
+from scenarios.studies.compare.row import Camera, Figure
+from sensor import CameraSetting, SpikeCamera, interval_rate, isi, tfp
+from sensor.dynamic_range import decibels, longest_width, spike_dynamic_range
+from sensor.reconstruct.fidelity import psnr, to_white
+
+__all__ = ["film_spikes"]
+
+STILLS: Final = 16
+"""Instants at which places that do not move are looked at for noise."""
+REACH: Final = 2 * PS // 1000
+"""Around the instant, in which the scene's motion is looked at, ps."""
+PLANES: Final = 33
+QUIET: Final = 0.01
+"""Of reflectance: what changes less over so many planes of the film stands still."""
+
+
+def film_spikes(
+    scenario: Scenario, folder: Path, instant: int, device: str | None, progress: Progress
+) -> tuple[list[Camera], Lens, Callable[[int], Image]]:
+    """TFI and TFP at the cycle that holds `instant`, ps; the lens, and the scene's truth."""
+    begin = time.perf_counter()
+    setting, cycles, _, lens, white_rate, opened = prepare_camera(scenario, device)
+    source = scene_source(scenario, setting, cycles)
+    camera = SpikeCamera(setting, opened)
+    recorder = Recorder(folder / STREAM, camera.shape, cycles, setting.clock)
+    stages: dict[str, Any] = {
+        "scene": WiderStage(source, setting.reach),
+        "lens": RelayStage(lens, setting.chip.pitch),
+        "sensor": camera,
+        "recorder": recorder,
+    }
+    run_recorded(
+        "spike camera", stages, cycles, to_toml(scenario), folder, to_toml(scenario), source.notes,
+        False, progress, keep=False,
+    )  # fmt: skip
+    (folder / "checkpoint.npz").unlink(missing_ok=True)
+    kept = ZarrStream(folder / STREAM)
+    words = kept.read_words(0, -(-kept.cycles // WORD))
+    stream = Viform(words, kept.cycles, kept.clock)
+
+    def truth(ps: int) -> Image:
+        return np.asarray(source.truth(ps), np.float64)
+
+    cycle = setting.clock.cycle_at(instant)
+    window = min(scenario.image.window, 2 * min(cycle, cycles - 1 - cycle) + 1)
+    made = _cameras(stream, setting, truth, cycle, window, white_rate, time.perf_counter() - begin)
+    return made, lens, truth
+
+
+def _cameras(
+    stream: Viform, setting: CameraSetting, truth: Callable[[int], Image], cycle: int,
+    window: int, white_rate: float, spent: float,
+) -> list[Camera]:  # fmt: skip
+    clock = setting.clock
+    instant, period = clock.middle(cycle), 1 / clock.hz
+    span = clock.edge(stream.cycles)
+    tau = isi(stream, cycle)
+    longest = stream.cycles * period
+    near = Motion(truth, instant, max(REACH, window * clock.edge(1)), clock.edge(1), span)
+    now = truth(instant)
+    still = near.moving() is None
+    planes = np.stack([truth(int(t)) for t in np.linspace(0, span, PLANES)])
+    quiet = np.asarray(np.ptp(planes, axis=0) < QUIET)
+    instants = np.full(now.shape[0], instant)
+    steps = np.linspace(window, stream.cycles - 1 - window, STILLS).astype(int)
+    median = float(np.median(tau[tau > 0])) if (tau > 0).any() else float("nan")
+    current = 0.0 if setting.pattern is None else setting.pattern.dark
+    dark = longest_width(setting.threshold, current) if current > 0 else longest
+    rate = stream.shape[0] * stream.shape[1] * clock.hz
+    looks = {
+        "tfi": (
+            lambda at: to_white(interval_rate(isi(stream, at)), white_rate),
+            spike_dynamic_range(longest, period), spike_dynamic_range(dark, period), median,
+            "1 over the interval at the instant",
+        ),
+        "tfp": (
+            lambda at: to_white(tfp(stream, at, window), white_rate),
+            decibels(window), spike_dynamic_range(dark, period), float(window),
+            f"spikes counted in {window} cycles",
+        ),
+    }  # fmt: skip
+    made = []
+    for name, (look, within, ever, width, text) in looks.items():
+        image = look(cycle)
+        figures = {
+            "dynamic_range": Figure(within, "dB"),
+            "dynamic_range_controls": Figure(ever, "dB"),
+            "blur": Figure(
+                still_blur(image, now) if still else near.blur(image, instants), "pixels"
+            ),
+            "noise": Figure(noise([look(int(at)) for at in steps], now, quiet), "1"),
+            "data_rate": Figure(rate, "bit/s"),
+            "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),
+            # Half of the light's own span, then the plane is read in the next cycle.
+            "latency": Figure((width / 2 + 1) * period * 1e3 if width == width else None, "ms"),
+            "psnr": Figure(psnr(image, now.astype(np.float32)), "dB"),
+            "psnr_smear_corrected": Figure(None, "dB"),
+            "skew": Figure(setting.row_skew * period * 1e3, "ms"),
+            "exposure": Figure(width * period * 1e3 if width == width else None, "ms"),
+            "saturated": Figure(float((image >= 1).mean()), "1"),
+            "off": Figure(0.0, "ms"),
+        }
+        made.append(Camera(
+            f"spike-{name}", f"spike camera, {name.upper()}",
+            f"{clock.hz / 1e3:g} kHz, threshold {setting.threshold:g} e, {text}",
+            "the whole chip; " + ("nothing moves: blur of what stands still; " if still else "")
+            + "range of one image: of widths within this film"
+            if name == "tfi" else "the same stream",
+            image, figures, spent if name == "tfi" else 0.0,
+        ))  # fmt: skip
+    return made

@@ -1,0 +1,103 @@
+"""The circuit of a pixel: what makes it stiff, as numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS
+from sensor.circuit.lumped import Lumped, lump
+from sensor.latched.effects.threshold_noise import ELEMENTARY_CHARGE
+
+__all__ = ["Circuit"]
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """C(V) dV/dt = I - V C0 / leak, then a comparator of one pole, then a reset switch.
+
+    V is the swing, zero when the pixel is empty and rising with charge. capacitance: farads at
+    zero swing. nonlinearity: relative change of C per volt of swing, C = C0 (1 + nonlinearity V).
+    leak: seconds in which a signal on C0 decays toward zero by e, inf for none. gain: the
+    comparator's open-loop gain A. bandwidth: its gain-bandwidth product in Hz; its time constant
+    is A / (2 pi bandwidth). trip: volts that its output must swing to count as a spike; 0 is no
+    delay. resistance: ohms of the closed reset switch; 0 empties the pixel at once. reset_time:
+    seconds that it stays closed, more than 0 where it has a resistance.
+
+    A leak as fast as the comparator is refused (the closed forms divide by their difference).
+    """
+
+    capacitance: float
+    nonlinearity: float = 0.0
+    leak: float = math.inf
+    gain: float = 1e4
+    bandwidth: float = 1e8
+    trip: float = 0.0
+    resistance: float = 0.0
+    reset_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("capacitance", "leak", "gain", "bandwidth"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name):g}")
+        for name in ("trip", "resistance", "reset_time"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name):g}")
+        for name in ("capacitance", "gain", "bandwidth", "nonlinearity"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, not {getattr(self, name):g}")
+        if self.resistance > 0 and self.reset_time == 0:
+            raise ValueError("reset_time must be above 0 where there is a resistance, not 0")
+        if self.trip > 0 and self.leak < 4 * self.pole:
+            raise ValueError(
+                f"leak must be at least 4 time constants of the comparator, {4 * self.pole:g} s, "
+                f"not {self.leak:g} s"
+            )
+
+    @property
+    def pole(self) -> float:
+        """The comparator's time constant, seconds."""
+        return self.gain / (2 * math.pi * self.bandwidth)
+
+    @property
+    def electrons(self) -> float:
+        """Electrons for a volt at zero swing."""
+        return self.capacitance / ELEMENTARY_CHARGE
+
+    def swing(self, charge: float) -> float:
+        """Volts of a charge in electrons: the root of C0 (V + nonlinearity V^2 / 2) = charge.
+
+        Raises ValueError where C has fallen to a quarter or less by then.
+        """
+        linear = charge / self.electrons
+        inside = 1 + 2 * self.nonlinearity * linear
+        if not inside >= 1 / 16:
+            raise ValueError(
+                f"nonlinearity must leave a quarter of C at {charge:g} e, "
+                f"not {self.nonlinearity:g} a volt"
+            )
+        return 2 * linear / (1 + math.sqrt(inside))
+
+    def lumped(self, threshold: float, least: float, most: float) -> Lumped:
+        """What the exact tier can carry of it for light from `least` to `most` electrons a second,
+        with a bound on the relative error of the rate that remains (lumped.py)."""
+        return lump(self, threshold, least, most)
+
+    def packed(self) -> npt.NDArray[np.float64]:
+        """For the compiled loops, time in ps: leak, nonlinearity, electrons a volt, gain, pole,
+        trip, resistance x C0, reset time."""
+        return np.array(
+            [
+                self.leak * PS,
+                self.nonlinearity,
+                self.electrons,
+                self.gain,
+                self.pole * PS,
+                self.trip,
+                self.resistance * self.capacitance * PS,
+                self.reset_time * PS,
+            ]
+        )

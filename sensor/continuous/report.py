@@ -1,0 +1,223 @@
+"""The page of a run with the continuous readout."""
+
+from __future__ import annotations
+
+import html
+import shlex
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.figures import overview_figure
+from cosim.report.parts import cards, figure, opening, plot, run_time, table, write_page
+from cosim.report.pictures import mark_pixels
+from cosim.report.png import for_display, write_png
+from scenarios.assemble.loading import to_toml
+from scenarios.assemble.run_continuous import STREAM, ContinuousRun
+from scenarios.report.machine import faults, optics
+from sensor.continuous.figures import pixels_figure, rate_figure
+from sensor.sections.continuous import ContinuousSection
+
+__all__ = ["write_continuous_report"]
+
+
+def _metric(run: ContinuousRun, name: str, digits: str) -> str:
+    value = run.result.metrics[name].value
+    if value is None or np.isnan(value):
+        return "unknown"
+    return "exact" if np.isinf(value) else format(value, digits)
+
+
+def _cards(run: ContinuousRun) -> str:
+    spent = time.perf_counter() - run.began
+    raw = run.setting.clock.hz
+    bits = run.result.metrics["bit_rate"].value or 0.0
+    return cards([
+        ("first", "unknown", "error against full physics: not measured yet"),
+        ("first", f"{spent:.1f} s",
+         f"run time, for {run.result.simulated_s * 1e3:.4g} ms of light"),
+        ("first", str(len(run.result.left_out)), "effects left out"),
+        ("", f"{_metric(run, 'continuous_psnr', '.1f')} dB",
+         f"against the truth, SSIM {_metric(run, 'continuous_ssim', '.3f')}"),
+        ("", _metric(run, "report_rate", ",.1f"), "reports a pixel and second"),
+        ("", f"{bits:,.0f}", f"bits a pixel and second; spikes latched at this clock: {raw:,.0f}"),
+    ])  # fmt: skip
+
+
+def _counts(run: ContinuousRun) -> npt.NDArray[np.int64]:
+    """Reports of each pixel, (H, W)."""
+    height, width = run.reports.shape
+    return np.bincount(run.reports.pixel, minlength=height * width).reshape(height, width)
+
+
+def _where(counts: npt.NDArray[np.int64]) -> Any:
+    """Reports of each pixel as a picture: black none, white the most, logarithmic."""
+    return np.rint(255 * np.log1p(counts) / np.log1p(max(int(counts.max()), 1))).astype(np.uint8)
+
+
+def _images(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    ms = 1e3 / run.setting.clock.hz
+    middle = run.shots[len(run.shots) // 2]
+    overview_figure(
+        [
+            (f"true light at {(middle.cycle + 0.5) * ms:.2f} ms", for_display(middle.truth)),
+            ("last report of every pixel", for_display(middle.continuous)),
+            (f"reports of each pixel, to {counts.max():,}", _where(counts)),
+        ],
+        run.folder / "figures" / "overview.png",
+    )
+    parts = [
+        "<h2>Images at chosen instants</h2><p>True light in the middle of the cycle, and the last "
+        "value that every pixel has reported by its end, white of the scene = white, through the "
+        "sRGB curve. The linear pictures are in <code>images/</code>.</p>"
+    ]
+    for shot in run.shots:
+        ages = shot.age[shot.age >= 0] * ms
+        old = f"median {np.median(ages):.3g}, oldest {ages.max():.4g} ms" if ages.size else "none"
+        pictures = figure(for_display(shot.truth), "true light") + figure(
+            for_display(shot.continuous), f"last reports; their age: {old}"
+        )
+        parts.append(
+            f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
+            f'<div class="grid by2">{pictures}</div>'
+        )
+    return "".join(parts)
+
+
+def _pixels(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    figures, points = run.folder / "figures", run.light.points
+    pixels_figure(
+        run.reports, run.light, run.setting.electrons_per_lux, run.white,
+        [shot.cycle for shot in run.shots], figures / "intensities.png",
+    )  # fmt: skip
+    middle = run.shots[len(run.shots) // 2]
+    marks = mark_pixels(for_display(middle.continuous), points)
+    write_png(figures / "pixels.png", marks)
+    pair = figure(marks, f"the pixels, on the image of cycle {middle.cycle}") + figure(
+        _where(counts),
+        f"reports of each pixel: {counts.min():,} to {counts.max():,}, logarithmic",
+    )
+    return (
+        "<h2>Single pixels</h2><p>Between its reports a pixel's current is taken to stand still: "
+        "what it puts out is a piecewise constant form of its light (Huang 2022, section 3.1). The "
+        "true light is what falls on the pixel, behind lens and cross-talk, before its own gain "
+        "and dark current.</p>"
+        + plot(figures / "intensities.png", "reports of single pixels")
+        + f'<div class="grid by2" style="margin-top:10px">{pair}</div>'
+    )
+
+
+def _traffic(run: ContinuousRun) -> str:
+    reports, path = run.reports, run.folder / "figures" / "reports.png"
+    pixels = reports.shape[0] * reports.shape[1]
+    _, first = np.unique(reports.pixel, return_index=True)
+    later = np.ones(len(reports), bool)
+    later[first] = False
+    rate_figure(reports.time[later], reports.ticks, pixels, reports.clock, path)
+    rows_bits, column_bits = (max(n - 1, 1).bit_length() for n in reports.shape)
+    bits, setting = run.result.metrics["bit_rate"].value or 0.0, run.setting
+    rows = [
+        ["reports", f"{len(reports):,}"],
+        ["of them after each pixel's first", f"{int(later.sum()):,}"],
+        ["reports/s a pixel", _metric(run, "report_rate", ",.2f")],
+        ["bits of a report",
+         f"{rows_bits} row + {column_bits} column + {setting.converter.bits} value = "
+         f"{setting.report_bits}; its time is when it is sent"],
+        ["bits/s a pixel", f"{bits:,.0f}"],
+        ["spikes latched at this clock, bits/s a pixel",
+         f"{setting.clock.hz:,.0f}, {setting.clock.hz / bits:.3g} times as many"],
+    ]  # fmt: skip
+    rows += [
+        [f"{row.stage} at the instants, ms", f"{row.min_us / 1e3:.4g} min, "
+         f"{row.median_us / 1e3:.4g} median, {row.max_us / 1e3:.4g} max"]
+        for row in run.result.latency
+    ]  # fmt: skip
+    return (
+        "<h2>Reports</h2><p>Every pixel reports at the start; these first reports are left out of "
+        "the figure and counted in the table. A shared output is taken to be fast enough: reports "
+        "do not wait. A report's age is no delay: what has not changed is not reported again.</p>"
+        + plot(path, "reports over time")
+        + table(["what", "value"], rows)
+    )
+
+
+def _machine(run: ContinuousRun) -> str:
+    setting, chip, section = run.setting, run.setting.chip, run.scenario.sensor.continuous
+    assert section is not None
+    provenance, plain = chip.provenance(), ContinuousSection()
+
+    def ground(*names: str) -> str:
+        same = all(getattr(section, n) == getattr(plain, n) for n in names)
+        return "assumed: the default" if same else "scenario"
+
+    converter, share = setting.converter, setting.floor / run.white
+    full = "1e5 lux at QE 0.7, Huang 2022 section 4.3"
+    numbers = [
+        ["pixels", f"{chip.width} x {chip.height}",
+         "scenario" if section.width or section.height else provenance["width"]],
+        ["report clock", f"{setting.clock.hz / 1e3:g} kHz", "scenario"],
+        ["monitor's time constant", f"{setting.time_constant * 1e3:g} ms",
+         ground("time_constant")],
+        ["change reported, of the last report", f"{setting.contrast:.3g}", ground("contrast")],
+        ["but at least", f"{setting.floor:.3g} e/s, {share:.2g} of white",
+         "6 deviations of shot noise at any light" if section.floor is None else "scenario"],
+        ["measuring time", f"{setting.measure * 1e3:g} ms" if setting.measure else
+         "0: the filter is read", ground("measure")],
+        ["dead time after a report", f"{setting.dead_time * 1e3:g} ms", ground("dead_time")],
+        ["converter", f"{converter.bits} bits, {converter.exponent_bits} of them an exponent",
+         ground("bits", "exponent_bits")],
+        ["its full scale, smallest step", f"{converter.full_scale:.3g}, {converter.unit:.3g} e/s",
+         full if section.full_scale == plain.full_scale else "scenario"],
+        *optics(run.camera),
+        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
+         f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
+         "scenario" if run.scenario.sensor.lens.f_number else "f-number chosen"],
+        ["white on the sensor", f"{run.white:.3g} e/s, {run.white * setting.time_constant:.3g} "
+         "electrons a time constant", "computed"],
+        *faults(run.scenario.sensor),
+    ]  # fmt: skip
+    return (
+        "<h2>The machine</h2>"
+        + table(["what", "value", "from"], numbers)
+        + "<h2>What was kept and what was left out</h2><p>Nothing was left out.</p>"
+        + table(["effect"], [[name] for name in run.result.kept])
+    )
+
+
+def _again(run: ContinuousRun) -> str:
+    lines = [
+        f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
+        f'reports = numpy.load("{STREAM}")   # row, column, time (ticks), value (electrons/s)',
+    ]
+    return (
+        "<h2>Make it again</h2><p>The same bits, however the run is split.</p>"
+        f"<pre>{html.escape(chr(10).join(lines))}</pre>"
+        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+    )
+
+
+def write_continuous_report(run: ContinuousRun) -> list[str]:
+    """Writes figures and report.html into the run's folder; their names."""
+    begin = time.perf_counter()
+    (run.folder / "figures").mkdir(exist_ok=True)
+    counts, clock = _counts(run), run.setting.clock
+    shown = [_images(run, counts), _pixels(run, counts), _traffic(run), _machine(run)]
+    run.seconds["report"] = time.perf_counter() - begin
+    body = [
+        opening(
+            run.scenario.title,
+            f"{run.setting.chip.title}, continuous readout, {clock.hz / 1e3:g} kHz, "
+            f"{run.reports.ticks} cycles",
+            run.result,
+            run.notes,
+        ),
+        _cards(run),
+        *shown,
+        run_time(run.result, run.seconds),
+        _again(run),
+    ]
+    write_page(run.folder, run.scenario.title, "".join(body))
+    figures = sorted(path.name for path in (run.folder / "figures").glob("*.png"))
+    return [*(f"figures/{name}" for name in figures), "report.html"]

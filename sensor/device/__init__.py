@@ -1,0 +1,1 @@
+"""What belongs to one chip: presets, faults, fixed pattern, cross-talk."""

@@ -1,0 +1,96 @@
+"""Fixed pattern: what differs from pixel to pixel and stays, from the device seed.
+
+Light, dark current and threshold of a pixel are scaled; a scaled threshold is the inverse scale of
+all charge, so the whole pattern is one gain and one dark charge a pixel, applied before a cycle
+begins. Gains are rounded to 2^-24, so that no library's last bit can show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+
+__all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
+
+DOUBLING: Final = 6.5
+"""Kelvin in which dark current doubles: 6 to 7 for silicon near room temperature."""
+_GRAIN: Final = 1 << 24
+
+Gain = npt.NDArray[np.float64]
+
+
+def dark_current(
+    at_reference: float, celsius: float, reference: float = 25.0, doubling: float = DOUBLING
+) -> float:
+    """Dark current at a temperature: I0 2^((T - T0) / T_d), electrons a second."""
+    return float(at_reference * 2 ** ((celsius - reference) / doubling))
+
+
+@dataclass(frozen=True)
+class DevicePattern:
+    """Sizes of a device's fixed pattern; all zero is a perfect device.
+
+    prnu: standard deviation of the light's gain. dark: mean dark current, electrons a second, at
+    the run's temperature. dsnu: its standard deviation, relative to it. threshold_fpn: standard
+    deviation of the threshold, relative. hot, dead: shares of pixels. hot_current: electrons a
+    second that a hot pixel has on top. device_seed: below 2^32.
+    """
+
+    prnu: float = 0.0
+    dark: float = 0.0
+    dsnu: float = 0.0
+    threshold_fpn: float = 0.0
+    hot: float = 0.0
+    hot_current: float = 0.0
+    dead: float = 0.0
+    device_seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("prnu", "dark", "dsnu", "threshold_fpn", "hot_current"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name):g}")
+        for name in ("hot", "dead"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be a share from 0 to 1, not {getattr(self, name):g}")
+
+    def at(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
+        """The pattern of pixels by their numbers on the chip."""
+        from scipy.special import ndtri
+
+        def words(draw: int) -> list[npt.NDArray[np.float64]]:
+            four = philox4x32((pixels, 0, 0, draw), (self.device_seed, Stream.PATTERN))
+            return [(w.astype(np.float64) + 0.5) / 2.0**32 for w in four]
+
+        # What has no size is not drawn: the bits are the same.
+        spreads = (self.prnu, self.dsnu if self.dark else 0.0, self.threshold_fpn)
+        drawn = words(0)[:3] if any(spreads) else [np.zeros(pixels.shape)] * 3
+        light, dark, threshold = (
+            size * ndtri(u) if size else np.zeros(pixels.shape)
+            for size, u in zip(spreads, drawn, strict=True)
+        )
+        # A normal gain below zero would be a pixel that light empties; it is held at nothing.
+        scale = 1 / np.maximum(1 + threshold, 0.05)
+        gain = np.maximum(1 + light, 0) * scale
+        current = self.dark * np.maximum(1 + dark, 0)
+        if self.dead or self.hot:
+            hot, dead, *_ = words(1)
+            gain = np.maximum(1 + light, 0) * (dead >= self.dead) * scale
+            current = current + self.hot_current * (hot < self.hot)
+        return FixedPattern(
+            np.rint(gain * _GRAIN) / _GRAIN, np.rint(current * scale * _GRAIN) / _GRAIN
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPattern:
+    """gain: of light, (n,) float64. dark: electrons a second, (n,) float64. Both in charge scaled
+    to the nominal threshold."""
+
+    gain: Gain
+    dark: Gain

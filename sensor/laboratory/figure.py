@@ -1,0 +1,66 @@
+"""Photon transfer as a laboratory draws it: noise over signal, and response over photons."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cosim.report.figures import INK, LINE, MARK, pyplot
+from sensor.laboratory import Report
+
+__all__ = ["photon_transfer_figure"]
+
+_BLUE, _GREEN = "#2f5fa8", "#3a8f5c"
+
+
+def photon_transfer_figure(report: Report, name: str, path: Path) -> None:
+    """Draws a camera's measurement to a PNG or SVG: on the left temporal and spatial noise over
+    signal, logarithmic, with the fitted K and PRNU; on the right the response with the fitted R.
+    name: of the camera."""
+    plt = pyplot()
+    curve = report.transfer.curve()
+    signal, variance = np.array(curve["mean"]), np.array(curve["variance"])
+    spatial, photons = np.array(curve["spatial"]), np.array(curve["photons"])
+    gain, prnu, response = report["gain"], report["prnu"], report["responsivity"]
+    dark = report.transfer.dark
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4))
+    seen = (signal > 0) & (variance > 0)
+    left.loglog(signal[seen], np.sqrt(variance[seen]), "o", color=_BLUE, markersize=4,
+                label="temporal noise, dark subtracted")  # fmt: skip
+    left.loglog(signal, np.sqrt(gain.value * signal), "-", color=_BLUE, linewidth=1,
+                label=f"K = {gain.value:.4g} DN/e")  # fmt: skip
+    shown = (signal > 0) & (spatial > 0)
+    left.loglog(signal[shown], spatial[shown], "s", color=_GREEN, markersize=4,
+                label="spatial noise")  # fmt: skip
+    if prnu.value > 0:
+        left.loglog(signal, prnu.value / 100 * signal, "-", color=_GREEN, linewidth=1,
+                    label=f"PRNU = {prnu.value:.3g} %")  # fmt: skip
+    left.axhline(float(np.sqrt(dark.variance.mean())), color=INK, linewidth=1, linestyle=":",
+                 label="temporal noise in the dark")  # fmt: skip
+    left.set_xlabel("signal, DN", fontsize=9, color=INK)
+    left.set_ylabel("noise, DN", fontsize=9, color=INK)
+    right.plot(photons, signal, "o", color=_BLUE, markersize=4, label="signal")
+    end = report.transfer.saturated_photons
+    x = np.array([dark.photons, end])
+    right.plot(x, response.value * (x - dark.photons), "-", color=_BLUE, linewidth=1,
+               label=f"R = {response.value:.4g} DN/photon")  # fmt: skip
+    right.axvline(end, color=MARK, linewidth=1, label="saturation: the variance turns")
+    right.set_xlabel("photons a pixel", fontsize=9, color=INK)
+    right.set_ylabel("signal, DN", fontsize=9, color=INK)
+    for ax in (left, right):
+        ax.grid(color=LINE, linewidth=0.5)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[["left", "bottom"]].set_color(LINE)
+        ax.tick_params(colors=INK, labelsize=8.5)
+        ax.legend(fontsize=8, frameon=False)
+    efficiency, noise = report["quantum_efficiency"], report["dark_noise"]
+    figure.suptitle(
+        f"{name}: quantum efficiency {efficiency.value:.3g} [{efficiency.low:.3g}, "
+        f"{efficiency.high:.3g}], dark noise {noise.value:.3g} e, dynamic range "
+        f"{report['dynamic_range'].value:.1f} dB",
+        fontsize=10.5, color=INK,
+    )  # fmt: skip
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

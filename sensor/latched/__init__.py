@@ -1,0 +1,1 @@
+"""The latched pixel: settings, tiers, effects, and the camera as a stage."""

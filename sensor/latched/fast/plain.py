@@ -1,0 +1,158 @@
+"""The fast tier in plain numpy: the truth that its kernels are held to, bit for bit.
+
+A cycle's light is float32, one rounding an operation, and becomes an integer; all else is integer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import Clock
+from cosim.light.light import Light, Plane
+from cosim.spikes.viform import WORD, words_for
+from sensor.device.pattern import FixedPattern
+from sensor.latched.fast.course import Course
+from sensor.latched.fast.ground import LANES, Ground
+from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, drawn
+from sensor.latched.pixel.model import ExactModel
+
+__all__ = ["PlainFast"]
+
+_F = np.float32
+Array = npt.NDArray[Any]
+
+
+class PlainFast:
+    """One cycle at a time over all pixels; takes what `FastPixels` takes, but no device."""
+
+    def __init__(
+        self,
+        model: ExactModel,
+        shape: tuple[int, int],
+        numbers: npt.NDArray[np.uint32],
+        clock: Clock,
+        gain: float,
+        pattern: FixedPattern | None = None,
+        offsets: npt.NDArray[np.int64] | None = None,
+        flags: npt.NDArray[np.uint8] | None = None,
+    ) -> None:
+        self._ground = Ground(model, shape, numbers, clock, gain, pattern, offsets, flags)
+        self._numbers = self._ground.padded(numbers)
+        self._flags = np.repeat(self._ground.kept, LANES, axis=1)
+        self._charge, self._spikes = self._ground.first()
+
+    def _level(self, plane: Plane) -> Array:
+        """Thresholds a cycle under a steady plane."""
+        ground, light = self._ground, self._ground.padded(plane)
+        if ground.gains is None:
+            return np.minimum(light * _F(ground.scale), ground.brightest)
+        gain, dark = ground.gains
+        return np.minimum(np.maximum(light * gain + dark, _F(0)), ground.brightest)
+
+    def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
+        """Thresholds that each cycle brings."""
+        steady = self._level(course.steady)
+        if course.box is None:
+            for _ in range(cycles):
+                yield steady
+            return
+        y0, y1, x0, x1 = course.box
+        # Whole groups, as the kernels do.
+        box = slice(y0, y1), slice(x0 // LANES * LANES, -(-x1 // LANES) * LANES)
+        for segment in course.segments:
+            base = self._level(segment.base)[box]
+            steps = [self._level(plane)[box] - base for plane in segment.planes]
+            for weights in segment.weights:
+                rate = steady.copy()
+                rate[box] = base
+                for n, step in enumerate(steps):
+                    rate[box] += weights[:, n : n + 1] * step
+                yield rate
+
+    def _phase(self, rate: Array) -> Array:
+        """One cycle of the pixels without any flag."""
+        rate = np.maximum(rate, _F(0))
+        whole = np.floor(rate)
+        add = ((rate - whole) * _F(2.0**32) + _F(0.5)).astype(np.uint64)
+        total = self._charge.view(np.uint32).astype(np.uint64) + add
+        mine = self._flags == 0
+        self._charge[mine] = total.astype(np.uint32).view(np.int32)[mine]
+        return mine & ((total >> np.uint64(32) != 0) | (whole >= 1))
+
+    def _deficit(self, rate: Array) -> Array:
+        """One cycle of the pixels that have flags."""
+        ground, units = self._ground, self._ground.units
+        mine = self._flags != 0
+        most = _F(CAP / units.one)
+        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
+        add = np.where(mine, held, 0).astype(np.int64)
+        lost = (add.astype(_F) * ground.dead).astype(np.int64)
+        lost[(self._flags & DEAD_TIME) == 0] = 0
+        noisy = (self._flags & NOISE) != 0
+        top = np.where(noisy, units.top, units.one)
+        deficit = self._charge.astype(np.int64)
+        if ground.model.reset != "residual":
+            return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
+        # Light that reaches any threshold in a cycle: thresholds come off at the mean.
+        certain = mine & (add >= top + lost) & (deficit < add)
+        whole = units.one + lost
+        many = np.where(certain, -((deficit - add) // whole), 0)
+        self._spikes += many.astype(np.uint64)
+        deficit += many * whole - np.where(mine, add, 0)
+        fired = certain | (mine & (deficit < 0))
+        due = deficit < 0
+        while (mine & due).any():
+            due &= mine
+            self._spikes[due] += np.uint64(1)
+            threshold = np.full(due.shape, units.one, np.int64)
+            draw = due & noisy
+            if draw.any():
+                threshold[draw] = drawn(
+                    units, self._spikes[draw], self._numbers[draw], ground.model.seed
+                )
+            deficit[due] += (threshold + lost)[due]
+            due = deficit < 0
+        self._charge[mine] = deficit.astype(np.int32)[mine]
+        return fired
+
+    def _one(self, deficit: Array, lost: Array, noisy: Array, mine: Array) -> Array:
+        """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
+        ground, units = self._ground, self._ground.units
+        fired = mine & (deficit < 0)
+        self._spikes[fired] += np.uint64(1)
+        threshold = np.full(fired.shape, units.one, np.int64)
+        draw = fired & noisy
+        if draw.any():
+            k, numbers = self._spikes[draw], self._numbers[draw]
+            threshold[draw] = drawn(units, k, numbers, ground.model.seed)
+        if ground.model.reset == "hard":
+            deficit = np.where(fired, threshold + lost - 1, deficit)
+        else:
+            deficit = np.maximum(deficit + np.where(fired, threshold + lost, 0), ground.deepest)
+        self._charge[mine] = deficit.astype(np.int32)[mine]
+        return fired
+
+    def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
+        """Words (ceil(cycles / 32), H W) of cycles `start` to `start + cycles`."""
+        course = self._ground.course(light, start, cycles)
+        words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
+        for c, rate in enumerate(self._rates(course, cycles)):
+            fired = self._phase(rate) | self._deficit(rate)
+            words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
+        return np.stack([self._ground.trimmed(word) for word in words])
+
+    def fraction(self) -> npt.NDArray[np.float64]:
+        """Stored charge over the running interval's own threshold, now, (H W,)."""
+        return self._ground.fraction(self._charge, self._spikes)
+
+    def state(self) -> dict[str, Array]:
+        trim = self._ground.trimmed
+        return {"charge": trim(self._charge).copy(), "spikes": trim(self._spikes).copy()}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        self._charge = self._ground.padded(np.asarray(state["charge"], np.int32))
+        self._spikes = self._ground.padded(np.asarray(state["spikes"], np.uint64))

@@ -1,0 +1,172 @@
+"""The exact pixel in OpenCL: one specialised kernel for each set of effects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.opencl import Device
+from cosim.spikes.viform import words_for
+from sensor.latched.effects import SHOT_NOISE
+from sensor.latched.pixel.fixed_point import Charge
+from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
+from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
+
+__all__ = ["KernelPixels"]
+
+LANES: Final = 16
+"""Pixels in a work-item: a vector of 32-bit integers on a 512-bit processor."""
+_SHORT: Final = 8
+"""Cycles of the longest span that is walked through cycle by cycle, with others in one launch."""
+_PLANES: Final = 8
+"""Arrays of charges and slopes of such a launch."""
+_LOCAL: Final = 8
+"""Work-items that share a core at a time: PoCL keeps the private arrays of all, and compiles a
+kernel anew for every other number of them."""
+
+
+class KernelPixels:
+    """Sixteen pixels a work-item. pixels: their numbers, (n,) uint32, any n.
+
+    The arrays on the device are padded to whole work-items with pixels that get no light.
+    """
+
+    def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32], device: Device) -> None:
+        self._model, self._device = model, device
+        self._n = pixels.size
+        self._padded = -(-self._n // LANES) * LANES
+        self._pixels = self._upload(pixels)
+        table: Charge = np.zeros((1, 2), np.int64)
+        if model.noisy:
+            knots = model.table()
+            table = np.stack([knots, np.append(np.diff(knots), 0)], axis=1)
+        self._table = device.upload(table)
+        self._words: tuple[int, Any] = (0, None)
+        self._given: list[tuple[Charge, Any]] = []
+        self._kernels: dict[tuple[str, bool], Any] = {}
+        self.restore(model.initial(pixels))
+
+    def _upload(self, values: npt.NDArray[Any]) -> Any:
+        """A device buffer of the values, with 0 for the pixels that pad them."""
+        if values.size != self._padded:
+            values = np.pad(values, (0, self._padded - self._n))
+        return self._device.upload(values)
+
+    def _kernel(self, name: str, ramp: bool = False) -> Any:
+        """The kernel `expose`, with or without a ramp, or `walk`, for these effects."""
+        if (name, ramp) not in self._kernels:
+            self._kernels[name, ramp] = self._build(name, ramp)
+        return self._kernels[name, ramp]
+
+    def _build(self, name: str, ramp: bool) -> Any:
+        # A threshold drawn for each spike is one fragment, whatever the noise that it stands for.
+        source, noise = (files("sensor.latched.pixel") / "exact.cl").read_text(), SHOT_NOISE
+        defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
+        defines.append(f"-DPLANES={_PLANES}")
+        if self._model.noisy:
+            source = noise.fragment() + source
+            defines += [f"-D{noise.define}", f"-D{noise.define}_STREAM={noise.stream}u"]
+            defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}"]
+        if ramp:
+            defines.append("-DRAMP")
+        if self._model.reset != "residual":
+            defines.append(f"-DRESET_{self._model.reset.upper()}")
+        if self._model.dead:
+            defines.append("-DDEAD_TIME")
+        return self._device.kernel(source, name, tuple(defines))
+
+    def _buffer(self, values: Charge) -> Any:
+        """Buffer over the memory of an array that the device has been given lately, or a new one.
+        The arrays are kept as long as a kernel may read them."""
+        for array, buffer in self._given:
+            if array is values:
+                return buffer
+        whole = values.size == self._padded and values.flags.c_contiguous
+        buffer = self._device.share(values) if whole else self._upload(values)
+        self._given.append((values, buffer))
+        return buffer
+
+    def _forget(self) -> None:
+        """Lets go of all but the latest arrays, once nothing reads them."""
+        if len(self._given) > 4 * _PLANES:
+            self._device.finish()
+            self._given = self._given[-4:]
+
+    def _expose(self, span: Span, words: Any) -> None:
+        """One launch for one span."""
+        model, ramp = self._model, span.slope is not None
+        slope = span.slope if span.slope is not None else span.charge
+        groups = self._padded // LANES
+        self._kernel("expose", ramp)(
+            self._device.queue, (-(-groups // _LOCAL) * _LOCAL,), (_LOCAL,),
+            self._deficit, self._low, self._high, self._pixels,
+            self._buffer(span.charge), self._buffer(slope), self._table, words,
+            np.int64(model.q), np.int64(model.room), np.uint32(model.seed),
+            np.uint32(span.first), np.uint32(span.cycles), np.int64(span.elapsed),
+            np.int64(model.dead), np.uint32(groups),
+        )  # fmt: skip
+
+    def _walk(self, spans: list[Span], words: Any) -> None:
+        """One launch for short spans that follow each other."""
+        model, arrays = self._model, _arrays(spans)
+        places = {id(array): n for n, array in enumerate(arrays)}
+        entries = [
+            (s.first, s.cycles, places[id(s.charge)], places.get(id(s.slope), -1), s.elapsed)
+            for s in spans
+        ]
+        groups = self._padded // LANES
+        planes = [self._buffer(array) for array in arrays]
+        planes += planes[:1] * (_PLANES - len(planes))
+        self._kernel("walk")(
+            self._device.queue, (-(-groups // _LOCAL) * _LOCAL,), (_LOCAL,),
+            self._deficit, self._low, self._high, self._pixels, self._table, words,
+            np.int64(model.q), np.int64(model.room), np.uint32(model.seed), np.int64(model.dead),
+            np.uint32(groups), self._device.upload(np.array(entries, np.int64)),
+            np.uint32(len(entries)), *planes,
+        )  # fmt: skip
+
+    def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
+        n_words = words_for(cycles)
+        if self._words[0] != n_words:
+            blank = np.zeros((n_words, self._padded), np.uint32)
+            self._words = (n_words, self._device.upload(blank))
+        words = self._words[1]
+        short: list[Span] = []
+        for span in spans:
+            brief = span.cycles <= _SHORT
+            if short and (not brief or len(_arrays([*short, span])) > _PLANES):
+                self._walk(short, words)
+                short = []
+            if brief:
+                short.append(span)
+            else:
+                self._expose(span, words)
+            self._forget()
+        if short:
+            self._walk(short, words)
+        out = np.empty((n_words, self._padded), np.uint32)
+        done = self._device.download(words, out)[:, : self._n]
+        self._given = self._given[-4:]
+        return done
+
+    def state(self) -> PixelState:
+        deficit = self._device.download(self._deficit, np.empty(self._padded, np.int64))
+        low = self._device.download(self._low, np.empty(self._padded, np.uint32))
+        high = self._device.download(self._high, np.empty(self._padded, np.uint32))
+        spikes = low.astype(np.uint64) | (high.astype(np.uint64) << np.uint64(32))
+        return PixelState(deficit[: self._n].copy(), spikes[: self._n].copy())
+
+    def restore(self, state: PixelState) -> None:
+        self._deficit = self._upload(state.deficit)
+        self._low = self._upload(state.spikes.astype(np.uint32))
+        self._high = self._upload((state.spikes >> np.uint64(32)).astype(np.uint32))
+
+
+def _arrays(spans: list[Span]) -> list[Charge]:
+    """The charges and slopes of spans, each once."""
+    arrays = {id(a): a for s in spans for a in (s.charge, s.slope) if a is not None}
+    return list(arrays.values())

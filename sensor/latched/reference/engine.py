@@ -1,0 +1,145 @@
+"""The reference pixel's inner loop: from spike to spike in continuous time, whatever the clock.
+
+What a pixel is between two calls changes only at its own events and at the ends of pieces, never
+at the end of a call, so that a run gives the same bits however it is split: an interval under way
+is computed again from its anchor until it ends.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from cosim.compute.philox_compiled import word_at
+from cosim.compute.streams import Stream
+from sensor.asynchronous.interval import crossing, exposure, later
+from sensor.latched.pixel.fixed_point import LARGEST
+from sensor.latched.pixel.model import JUMP, ROOM
+from sensor.latched.reference.course import gathered, here, latch_of, piece_at
+from sensor.latched.reference.law import draw
+
+__all__ = ["expose"]
+
+_STREAM = np.uint64(Stream.SHOT_NOISE)
+_SAME = 2.0**-50
+"""Relative: charge this near a threshold has reached it, an instant this near a latch is it."""
+_INSTANT = 2.0**-20
+"""Picoseconds: what rounding adds to an instant whatever its interval."""
+_PILED = float(LARGEST)
+
+
+@njit(cache=True, error_model="numpy")
+def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
+    """An instant, moved onto a latch where it is as near to one as rounding of `span` can tell."""
+    near = tick + 1 if part > 0.5 else tick
+    c = latch_of(edges, offset, near, 0.0)
+    if c < edges.size - 1 and edges[c + 1] + offset == near:
+        away = abs(part - 1.0) if part > 0.5 else part
+        if away <= span * _SAME + _INSTANT:
+            return near, 0.0
+    return tick, part
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def expose(  # type: ignore[no-untyped-def]
+    ticks, parts, charges, goals, spikes, held, pixels, offsets, begins, ends, first, last, edges,
+    rule, dead, q, kind, sigma, table, functions, seed, words,
+):  # fmt: skip
+    """Runs every pixel over the cycles of `edges` (cycles + 1, ps) and sets their bits.
+
+    State of a pixel (n,): ticks, parts: the anchor, the instant (ps and a fraction) from which on
+    light counts. charges: electrons held there. goals: threshold of the interval under way.
+    spikes: its index. held: electrons at the last latch. first, last: (n, pieces). rule: 0
+    residual, 1 hard, 2 subtract. dead: ps. q: threshold.
+    """
+    cycles = edges.size - 1
+    for p in prange(ticks.size):
+        rate0, rate1, offset = first[p], last[p], offsets[p]
+        tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
+        pixel = np.uint64(pixels[p])
+        stop = edges[cycles] + offset
+        i, done = np.int64(-1), -1  # a constant would have `piece_at` compiled for it as well
+        if tick < begins[0] and begins[0] > 0:
+            # Light that was cut anew: what was gathered by the last latch is as good an anchor.
+            tick, part, charge = max(tick, edges[0] + offset), 0.0, held[p]
+        while True:
+            if tick > stop or (tick == stop and part > 0.0):
+                held[p] = charge
+                break
+            need = goal - charge
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            if need <= goal * _SAME:
+                at, at_part = tick, part
+            else:
+                if tick == stop:
+                    held[p] = charge
+                    break
+                left = float(end - tick) - part
+                x = crossing(rate, slope, need)
+                if x > left:
+                    if end > stop:
+                        held[p] = charge + exposure(rate, slope, float(stop - tick) - part)
+                        break
+                    charge += exposure(rate, slope, left)
+                    tick, part = end, 0.0
+                    continue
+                if x > 2.0 * (float(stop - tick) + 2.0):
+                    held[p] = charge + gathered(begins, ends, rate0, rate1, i, tick, part, stop)
+                    break
+                at, at_part = later(tick, part, x)
+                at, at_part = snapped(edges, offset, at, at_part, x)
+                if at > stop or (at == stop and at_part > 0.0):
+                    held[p] = charge + gathered(begins, ends, rate0, rate1, i, tick, part, stop)
+                    break
+            c = latch_of(edges, offset, at, at_part)
+            if rule > 0:
+                c = max(c, done + 1)
+                if c >= cycles:
+                    held[p] = charge
+                    break
+                done = c
+            words[c >> 5, p] |= np.uint32(1 << (c & 31))
+            latch = edges[c + 1] + offset
+            k += np.uint64(1)
+            fresh = q
+            if kind > 0:
+                word = np.int64(word_at(pixel, k, np.uint64(0), seed, _STREAM))
+                fresh = draw(kind, q, sigma, table, functions, word)
+            if rule > 0:
+                if rule == 2:
+                    charge += gathered(begins, ends, rate0, rate1, i, tick, part, latch) - goal
+                    charge = min(charge, fresh + _PILED)
+                else:
+                    charge = 0.0
+                goal = fresh
+                tick, part = later(latch, 0.0, dead)
+                continue
+            goal, charge = fresh, 0.0
+            if dead == 0.0:
+                tick, part = at, at_part
+                rest = gathered(begins, ends, rate0, rate1, i, tick, part, latch) - goal
+                if rest > ROOM * q:
+                    # Whole thresholds at once, as the exact tier does at this latch: the interval
+                    # under way stands for them all, and JUMP are left to be drawn.
+                    whole = max(math.floor(rest / q) - JUMP, 0.0)
+                    goal += whole * q
+                    k += np.uint64(whole)
+                continue
+            tick, part = later(at, at_part, dead)
+            # Whole intervals of the mean length, threshold / light + dead time, while the latch and
+            # the piece of light last.
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            left = float(min(latch, end) - tick) - part
+            if left > 0.0:
+                mean = rate + 0.5 * slope * left
+                if mean > 0.0:
+                    one = q / mean + dead
+                    if left > (ROOM + 1) * one:
+                        whole = math.floor(left / one) - JUMP - 1.0
+                        tick, part = later(tick, part, whole * one)
+                        k += np.uint64(whole)
+        ticks[p], parts[p], charges[p], goals[p], spikes[p] = tick, part, charge, goal, k

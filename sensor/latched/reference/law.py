@@ -1,0 +1,218 @@
+"""The exact law of an interval's threshold in float64: the quantile of the word of every tier.
+
+Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal.
+Their sum has no inverse in closed form: it is inverted to full precision at nodes of the normal
+score, where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands
+for the probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as in
+the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep their digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from sensor.latched.reference.special import address, call_one, call_two
+
+__all__ = ["Law", "draw", "draw_all", "law_error", "law_of", "mixed_law", "mixed_quantiles"]
+
+Values = npt.NDArray[np.float64]
+
+LEAST: Final = 2.0**-40
+"""Electrons: the least threshold, as in the exact tier; so no draw makes a pixel fire for ever."""
+_FIXED, _GAMMA, _NORMAL, _MIXED = 0, 1, 2, 3
+_SCORE: Final = 6.5
+"""Beyond the scores of all 32-bit words, which end at 6.34."""
+_NODES: Final = 261
+"""Scores at which the mixed law is inverted; below 10 electrons, where it bends more, 3 times as
+many."""
+_CELLS: Final = 8192
+"""Cells of the table that is read; the cubic in each leaves 1e-13 of what the nodes carry."""
+
+
+def _tails(below: Values, above: Values, small: npt.NDArray[np.bool_]) -> tuple[Values, Values]:
+    """Both tails of all from the lower one where it is small and the upper one elsewhere."""
+    lower, upper = np.empty(small.size), np.empty(small.size)
+    lower[small], upper[~small] = below, above
+    lower[~small], upper[small] = 1 - above, 1 - below
+    return lower, upper
+
+
+def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values]:
+    """(lower tail, upper tail, density) of Gamma(q, 1) + Normal(0, sigma) at x, (n,) each.
+
+    With g = exp(t) the lower tail is the integral over t of exp(q t - g) / Gamma(q) times
+    Phi((x - g) / sigma): smooth, and falling fast at either end, so that the trapezoid rule
+    converges faster than any power of its step. Where the gamma is the wider one and far from zero
+    it is the normal variate that is integrated over. All terms are positive: no cancellation.
+    """
+    from scipy.special import gammainc, gammaincc, gammaln, ndtr
+
+    lower, upper, density = np.empty(x.size), np.empty(x.size), np.empty(x.size)
+    narrow = (sigma * sigma < q) & (x - 12 * sigma > 0)
+    if narrow.any():
+        z = np.linspace(-10.5, 10.5, 106)
+        weight = np.exp(-z * z / 2)
+        weight /= weight.sum()
+        g = x[narrow, None] - sigma * z
+        # Each tail to its own digits where it is the smaller one; the other is what it leaves.
+        small = x[narrow] < q
+        lower[narrow], upper[narrow] = _tails(
+            gammainc(q, g[small]) @ weight, gammaincc(q, g[~small]) @ weight, small
+        )
+        density[narrow] = np.exp((q - 1) * np.log(g) - g - gammaln(q)) @ weight
+    if not narrow.all():
+        rest = x[~narrow]
+        most = float(rest.max()) + 12 * sigma
+        # Only a lower tail is here where the gamma is the wider one: g reaches little beyond x.
+        top = np.log(most if sigma * sigma < q else max(q + 12 * np.sqrt(q) + 80, most))
+        bottom = min((np.log(1e-20) + gammaln(q + 1)) / q, np.log(q))
+        if sigma * sigma >= q > 200:
+            bottom = max(bottom, np.log(q) - 14 / np.sqrt(q))
+        wide = min(1 / np.sqrt(q), sigma / most)
+        t = np.linspace(bottom, top, int(np.clip(3 * (top - bottom) / wide, 400, 20_000)))
+        g = np.exp(t)
+        weight = np.exp(q * t - g - gammaln(q)) * (t[1] - t[0])
+        # Below the first node the gamma is as good as zero, above the last as good as not there.
+        below = gammainc(q, g[0])
+        score = (rest[:, None] - g) / sigma
+        lower[~narrow] = ndtr(score) @ weight + below * ndtr(rest / sigma)
+        upper[~narrow] = ndtr(-score) @ weight + below * ndtr(-rest / sigma)
+        density[~narrow] = np.exp(-score * score / 2) @ weight / (sigma * np.sqrt(2 * np.pi))
+        density[~narrow] += (
+            below * np.exp(-((rest / sigma) ** 2) / 2) / (sigma * 2.5066282746310002)
+        )
+        if sigma * sigma < q:
+            upper[~narrow] = 1 - lower[~narrow]
+    return lower, upper, density
+
+
+def mixed_quantiles(q: float, sigma: float, score: Values) -> Values:
+    """Quantiles of Gamma(q) + Normal(0, sigma) at normal scores (increasing), by Newton's rule on
+    the score of the law, which is nearly straight in x."""
+    from scipy.special import ndtri
+
+    x = q + np.hypot(np.sqrt(q), sigma) * score + (score * score - 1) * q / (3 * (q + sigma**2))
+    x = np.maximum(x, -sigma * 7)
+    low, high = np.full(x.size, -sigma * 9), np.full(x.size, np.inf)
+    best = np.inf
+    for _ in range(60):
+        lower, upper, density = mixed_law(q, sigma, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = np.where(lower < upper, ndtri(lower), -ndtri(upper))
+            step = (score - z) * np.exp(-z * z / 2) / np.sqrt(2 * np.pi) / density
+        low, high = (
+            np.where(z < score, np.maximum(low, x), low),
+            np.where(z > score, np.minimum(high, x), high),
+        )
+        after = x + step
+        halved = np.where(
+            np.isfinite(high), (low + np.where(np.isfinite(high), high, 0)) / 2, x * 2
+        )
+        after = np.where(np.isfinite(after) & (after > low) & (after < high), after, halved)
+        moved = float(np.max(np.abs(after - x) / np.hypot(np.sqrt(q), sigma)))
+        x = after
+        # Newton doubles the digits a step; what no longer shrinks is the law's own last digits.
+        if moved < 1e-13 or (moved < 1e-11 and moved > best / 4):
+            break
+        best = moved
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """kind: of the law. q, sigma: electrons. table: (2, cells + 1) quantiles and their change a
+    cell, of the mixed law alone. functions: addresses of gammaincinv, gammainccinv, ndtri."""
+
+    kind: int
+    q: float
+    sigma: float
+    table: Values
+    functions: npt.NDArray[np.int64]
+
+
+@lru_cache(maxsize=8)
+def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
+    """Law of Gamma(q) with Normal(0, sigma) added; without `shot` q itself with it added."""
+    functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
+    table = np.zeros((2, 1))
+    kind = (_MIXED if sigma > 0 else _GAMMA) if shot else (_NORMAL if sigma > 0 else _FIXED)
+    if kind == _MIXED:
+        from scipy.interpolate import make_interp_spline
+
+        nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
+        spline = make_interp_spline(nodes, mixed_quantiles(q, sigma, nodes), k=7)
+        fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
+        table = np.stack([spline(fine), spline(fine, 1) * (2 * _SCORE / _CELLS)])
+    return Law(kind, q, sigma, table, functions)
+
+
+@njit(cache=True, error_model="numpy")
+def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def]
+    """Threshold in electrons of a word below 2^32."""
+    if kind == 0:
+        return max(q, 2.0**-40)
+    upper = word >= 0x80000000
+    p = ((0xFFFFFFFF - word if upper else word) + 0.5) * 2.0**-32
+    if kind == 1:
+        return max(call_two(functions[1 if upper else 0], q, p), 2.0**-40)
+    score = call_one(functions[2], p)
+    if upper:
+        score = -score
+    if kind == 2:
+        return max(q + sigma * score, 2.0**-40)
+    cells = table.shape[1] - 1
+    at = (score + 6.5) * (cells / 13.0)
+    i = min(max(int(at), 0), cells - 1)
+    u = at - i
+    a, b = table[0, i], table[0, i + 1]
+    value = a + u * (table[1, i] + u * (
+        3.0 * (b - a) - 2.0 * table[1, i] - table[1, i + 1]
+        + u * (table[1, i] + table[1, i + 1] - 2.0 * (b - a))
+    ))  # fmt: skip
+    return max(value, 2.0**-40)
+
+
+@njit(cache=True, error_model="numpy")
+def _all(kind, q, sigma, table, functions, words, out):  # type: ignore[no-untyped-def]
+    for i in range(words.size):
+        out[i] = draw(kind, q, sigma, table, functions, np.int64(words[i]))
+
+
+def draw_all(law: Law, words: npt.NDArray[np.uint32]) -> Values:
+    """Thresholds of words, (n,) electrons."""
+    out = np.empty(words.size)
+    _all(law.kind, law.q, law.sigma, law.table, law.functions, words, out)
+    return out
+
+
+def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
+    """Largest relative difference of these words' thresholds from the law itself, plus a rounding.
+
+    The mixed law is inverted for these very words; a Gamma quantile is off by the step that
+    Newton's rule would still make, (F(x) - p) / (f(x) x), F and p counted from the nearer end.
+    """
+    from scipy.special import gammainc, gammaincc, gammaln, ndtri
+
+    rounding = float(np.finfo(np.float64).eps)
+    if law.kind not in (_GAMMA, _MIXED):
+        return rounding
+    words = np.sort(words)
+    x = draw_all(law, words)
+    below = (words + 0.5) * 2.0**-32
+    above = (0xFFFFFFFF - words.astype(np.int64) + 0.5) * 2.0**-32
+    if law.kind == _MIXED:
+        score = np.where(below < above, ndtri(below), -ndtri(above))
+        unique, first = np.unique(score, return_index=True)
+        off = x[first] / mixed_quantiles(law.q, law.sigma, unique) - 1
+    else:
+        density = np.exp((law.q - 1) * np.log(x) - x - gammaln(law.q))
+        near = below < above
+        missed = np.where(near, gammainc(law.q, x) - below, above - gammaincc(law.q, x))
+        off = missed / (density * x)
+    return float(np.abs(off).max()) + rounding

@@ -1,0 +1,186 @@
+"""Reference pixels: light in, spike words out, in continuous time and float64."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS, Clock
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+from cosim.light.light import Light, Plane
+from cosim.spikes.viform import words_for
+from sensor.circuit import Circuit
+from sensor.device.pattern import FixedPattern
+from sensor.latched.effects import INITIAL_CHARGE, SHOT_NOISE
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.reference.engine import expose
+from sensor.latched.reference.law import draw_all, law_of
+from sensor.latched.reference.stiff_engine import expose_circuit
+
+__all__ = ["ReferencePixels"]
+
+Values = npt.NDArray[np.float64]
+_RULE = {"residual": 0, "hard": 1, "subtract": 2}
+_KEYS = {
+    "tick": np.int64, "part": np.float64, "charge": np.float64, "goal": np.float64,
+    "spikes": np.uint64, "held": np.float64, "phase": np.int64, "volts": np.float64,
+    "wait": np.float64, "cycle": np.int64,
+}  # fmt: skip
+
+
+class ReferencePixels:
+    """The pixel of the exact tier (sensor/latched/pixel/model.py) without its steps: the same
+    effects and the same random word for the threshold of spike k, which is its exact quantile.
+
+    A pixel under `residual` restarts itself at each crossing: its dead time begins then and not at
+    the latch, and light is lost in it exactly. `hard` and `subtract` act at the latch. A crossing
+    at the latch instant counts. Very bright pixels take whole intervals of the mean at once (see
+    engine.py); only the phase in which such a pixel leaves saturation knows of it, and with neither
+    dead time nor circuit that phase is the exact tier's own.
+
+    numbers: of the pixels, (n,) uint32. gain: electrons a second for a unit of light. pattern: of
+    these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
+    spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
+    model's dead time, which must be 0, and under `residual` alone. overshoot: electrons that it
+    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes
+    a pixel and piece of light beside the light itself: it is for patches.
+    """
+
+    def __init__(
+        self,
+        model: ExactModel,
+        numbers: npt.NDArray[np.uint32],
+        clock: Clock,
+        gain: float,
+        pattern: FixedPattern | None = None,
+        offsets: npt.NDArray[np.int64] | None = None,
+        circuit: Circuit | None = None,
+        overshoot: float = 0.0,
+    ) -> None:
+        n = numbers.size
+        self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
+        self._gain, self._pattern = gain, pattern
+        self._offsets = np.zeros(n, np.int64) if offsets is None else offsets.astype(np.int64)
+        if self._offsets.shape != (n,):
+            raise ValueError(f"offsets must be ({n},), one a pixel, not {self._offsets.shape}")
+        self._circuit = None if circuit is None else circuit.packed()
+        if circuit is not None:
+            if model.reset != "residual" or model.dead_time > 0:
+                raise ValueError(
+                    "a circuit must stand with reset 'residual' and no dead time, not "
+                    f"{model.reset!r} and {model.dead_time:g} cycle"
+                )
+            circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
+        self._overshoot = overshoot
+        shot = SHOT_NOISE in model.effects
+        self._law = law_of(model.threshold, model.threshold_noise, shot)
+        self._levels: list[tuple[Plane, Values]] = []
+        goal, charge = self._initial(shot)
+        self._state: dict[str, Any] = {
+            "tick": np.zeros(n, np.int64), "part": np.zeros(n), "charge": charge, "goal": goal,
+            "spikes": np.zeros(n, np.uint64), "held": charge.copy(),
+            "phase": np.zeros(n, np.int64), "volts": np.zeros(n), "wait": np.zeros(n),
+            "cycle": np.full(1, -1),
+        }  # fmt: skip
+
+    def _initial(self, shot: bool) -> tuple[Values, Values]:
+        """Threshold of spike 0 and the charge a run starts with, as `ExactModel.initial` has them:
+        longer intervals are met more often, and the charge is uniform below the threshold."""
+        model, numbers, law = self._model, self._numbers, self._law
+        kept = INITIAL_CHARGE in model.effects
+        if kept and model.noisy:
+            longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
+            law = law_of(longer, model.threshold_noise, shot)
+        goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
+        if not kept:
+            return goal, np.zeros(goal.size)
+        words = philox4x32((numbers, 0, 0, 0), (model.seed, INITIAL_CHARGE.stream))[0]
+        return goal, goal * (words / 2.0**32)
+
+    def _level(self, plane: Plane) -> Values:
+        """Electrons a picosecond under a steady plane, (n,), each plane computed once. What the
+        exact tier holds at LARGEST a cycle is not held here: a flash keeps its charge."""
+        for known, rates in self._levels:
+            if known is plane:
+                return rates
+        if not (plane >= 0).all():
+            raise ValueError(f"light must be 0 or more, not {float(plane.min()):g}")
+        period = float(self._clock.period)
+        electrons = plane.astype(np.float64).ravel() * (self._gain * period)
+        if self._pattern is not None:
+            electrons = electrons * self._pattern.gain + self._pattern.dark * period
+        rates = electrons / (PS * period)
+        self._levels = [*self._levels[-63:], (plane, rates)]
+        return rates
+
+    def _course(
+        self, light: Light, first: int, last: int
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Values, Values]:
+        """Begins, ends (pieces,) and rates at either, (n, pieces), of the pieces that are needed
+        between two instants."""
+        n = self._numbers.size
+        if light.shape[0] * light.shape[1] != n:
+            raise ValueError(f"light must fall on {n} pixels, not {light.shape}")
+        if light.pieces[0].start > max(first, 0) or light.pieces[-1].stop < last:
+            raise ValueError(
+                f"light must cover {max(first, 0)} to {last} ps, not "
+                f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
+            )
+        met = [p for p in light.pieces if p.stop > first and p.start < last] or [light.pieces[0]]
+        begins = np.array([p.start for p in met], np.int64)
+        ends = np.array([p.stop for p in met], np.int64)
+        rates = np.empty((2, n, len(met)))
+        for i, piece in enumerate(met):
+            rates[0, :, i] = self._level(piece.first)
+            rates[1, :, i] = self._level(piece.last)
+        return begins, ends, rates[0], rates[1]
+
+    def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
+        """Latched bits of cycles `start` to `start + cycles` of the clock: (ceil(cycles / 32), n)
+        words, bit b of word w being cycle start + 32 w + b.
+
+        light: its pixels are these, row by row; it covers these cycles, moved by every offset.
+        Calls follow each other without gaps; results do not depend on how a run is split, as long
+        as its pieces of light are the same.
+        """
+        state, clock = self._state, self._clock
+        edges = np.array([clock.edge(start + c) for c in range(cycles + 1)], np.int64)
+        if state["cycle"][0] < 0:
+            state["tick"] = edges[0] + self._offsets
+        elif state["cycle"][0] != start:
+            raise ValueError(f"cycles must go on at {state['cycle'][0]}, not at {start}")
+        n, law, model = self._numbers.size, self._law, self._model
+        words = np.zeros((words_for(cycles), n), np.uint32)
+        if n == 0 or cycles == 0:
+            return words
+        begin = int(edges[0] + self._offsets.min())
+        course = self._course(light, begin, int(edges[-1] + self._offsets.max()))
+        before = tuple(state[key] for key in ("tick", "part", "charge", "goal", "spikes", "held"))
+        given = (self._numbers, self._offsets, *course, edges)
+        drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
+        run: Any = expose if self._circuit is None else expose_circuit
+        if self._circuit is None:
+            dead = model.dead_time * float(clock.period) * PS
+            run(*before, *given, _RULE[model.reset], dead, *drawn, words)
+        else:
+            phases = (state["phase"], state["volts"], state["wait"])
+            run(*before, *phases, *given, self._circuit, *drawn, words)
+        state["cycle"] = np.full(1, start + cycles)
+        return words
+
+    def fraction(self) -> Values:
+        """Charge stored at each pixel's last latch over the threshold of the interval that is
+        running there, with what a late comparator lets it gather beyond; at most 1, (n,)."""
+        fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
+        return np.minimum(fraction, 1.0) if self._overshoot else fraction
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next cycles depend on, as copies."""
+        return {key: self._state[key].copy() for key in _KEYS}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self._state = {key: np.array(state[key], kind) for key, kind in _KEYS.items()}

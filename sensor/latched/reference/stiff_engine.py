@@ -1,0 +1,136 @@
+"""The reference pixel with its circuit: crossing, comparator, reset, each by its own closed form.
+
+As in engine.py a pixel's state changes only at its own events and at the ends of pieces of light.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from cosim.compute.philox_compiled import word_at
+from cosim.compute.streams import Stream
+from sensor.asynchronous.interval import later
+from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
+from sensor.latched.pixel.model import JUMP, ROOM
+from sensor.latched.reference.course import here, latch_of, piece_at
+from sensor.latched.reference.engine import snapped
+from sensor.latched.reference.law import draw
+
+__all__ = ["expose_circuit"]
+
+_STREAM = np.uint64(Stream.SHOT_NOISE)
+_SAME = 2.0**-50
+
+
+@njit(cache=True, error_model="numpy")
+def _stored(  # type: ignore[no-untyped-def]
+    begins, ends, first, last, i, tick, part, stop, phase, charge, volts, wait, goal, circuit
+):
+    """Charge at `stop` (ps), before any event, of the interval under way: beyond its threshold
+    while the comparator answers (its leak is of no account then), none while the switch is
+    closed."""
+    if phase == RESET:
+        return 0.0
+    if phase == DELAY:
+        while tick < stop:
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, first, last, i, tick, part)
+            until = min(end, stop) if end > tick else stop
+            left = float(until - tick) - part
+            charge += (rate + 0.5 * slope * left) * left
+            tick, part = until, 0.0
+        return charge
+    while tick < stop:
+        i = piece_at(begins, ends, i, tick)
+        rate, slope, end = here(begins, ends, first, last, i, tick, part)
+        until = min(end, stop) if end > tick else stop
+        left = float(until - tick) - part
+        _, charge, volts = within(phase, charge, volts, wait, math.inf, rate, slope, left, circuit)
+        tick, part = until, 0.0
+    return min(charge, goal)
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def expose_circuit(  # type: ignore[no-untyped-def]
+    ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, offsets, begins,
+    ends, first, last, edges, circuit, q, kind, sigma, table, functions, seed, words,
+):  # fmt: skip
+    """As engine.expose under `residual`. phases: of each pixel (stiff/phases.py). outputs: volts
+    of its comparator. waits: ps that its reset has left."""
+    cycles = edges.size - 1
+    for p in prange(ticks.size):
+        rate0, rate1, offset = first[p], last[p], offsets[p]
+        tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
+        phase, volts, wait = phases[p], outputs[p], waits[p]
+        pixel = np.uint64(pixels[p])
+        stop = edges[cycles] + offset
+        i = np.int64(-1)  # a constant would have `piece_at` compiled for it as well
+        while True:
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            left = max(float(end - tick) - part, 0.0)
+            if phase == INTEGRATE and goal - charge <= goal * _SAME:
+                t, after, output = 0.0, goal, 0.0
+            else:
+                t, after, output = within(
+                    phase, charge, volts, wait, goal, rate, slope, left, circuit
+                )
+            if t > left:
+                if end > stop or tick == stop:
+                    held[p] = _stored(
+                        begins, ends, rate0, rate1, i, tick, part, stop, phase, charge, volts,
+                        wait, goal, circuit,
+                    )  # fmt: skip
+                    break
+                tick, part, charge, volts = end, 0.0, after, output
+                wait -= left
+                continue
+            at, at_part = tick, part
+            if t > 0.0:
+                if t > 2.0 * (float(stop - tick) + 2.0):
+                    at = stop + 1
+                else:
+                    at, at_part = later(tick, part, t)
+                    at, at_part = snapped(edges, offset, at, at_part, t)
+            if at > stop or (at == stop and at_part > 0.0):
+                held[p] = _stored(
+                    begins, ends, rate0, rate1, i, tick, part, stop, phase, charge, volts, wait,
+                    goal, circuit,
+                )  # fmt: skip
+                break
+            tick, part, charge = at, at_part, after
+            if phase == INTEGRATE:
+                phase, volts = DELAY, 0.0
+                continue
+            if phase == DELAY:
+                c = latch_of(edges, offset, tick, part)
+                words[c >> 5, p] |= np.uint32(1 << (c & 31))
+                k += np.uint64(1)
+                goal = q
+                if kind > 0:
+                    word = np.int64(word_at(pixel, k, np.uint64(0), seed, _STREAM))
+                    goal = draw(kind, q, sigma, table, functions, word)
+                phase, volts, wait = RESET, 0.0, circuit[7]
+                continue
+            phase = DELAY if charge >= goal else INTEGRATE
+            wait = 0.0
+            # Whole intervals of the mean threshold at once, under the mean light of the stretch
+            # that both this cycle and the piece of light last.
+            i = piece_at(begins, ends, i, tick)
+            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            c = latch_of(edges, offset, tick, part)
+            if c >= cycles:
+                continue
+            left = float(min(edges[c + 1] + offset, end) - tick) - part
+            if (rate + 0.5 * slope * left) * left > (ROOM + 1) * (q - min(charge, q)):
+                one = steady_interval(charge, q, rate + 0.5 * slope * left, circuit)
+                if left > (ROOM + 1) * one and one > 0.0:
+                    whole = math.floor(left / one) - JUMP - 1.0
+                    words[c >> 5, p] |= np.uint32(1 << (c & 31))
+                    tick, part = later(tick, part, whole * one)
+                    k += np.uint64(whole)
+        ticks[p], parts[p], charges[p], goals[p], spikes[p] = tick, part, charge, goal, k
+        phases[p], outputs[p], waits[p] = phase, volts, wait

@@ -1,0 +1,82 @@
+"""A spike stream as a clip to look at: TFP images in slow motion."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import InputError, SpikeStream
+from cosim.files.whole import whole
+from cosim.report.png import for_display
+from sensor import tfp
+
+__all__ = ["CLIPS", "write_clip"]
+
+CLIPS = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".gif")
+"""Endings of clips."""
+_CODECS = {".webm": "libvpx-vp9", ".gif": "gif"}
+
+
+def write_clip(
+    stream: SpikeStream,
+    path: Path,
+    *,
+    window: int,
+    every: int,
+    scale: float,
+    rate: float,
+    progress: Any,
+    largest: int | None = None,
+) -> None:
+    """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
+
+    scale: the spike rate that becomes white. largest: pixels of the longer side; images are reduced
+    by a whole number to stay within it. H.264, VP9 in .webm; odd sizes lose their last line.
+    """
+    import av
+
+    for name, value, least, most in (
+        ("--every", every, 1, math.inf),
+        ("--rate", rate, 0.1, 1000),
+        ("--scale", scale, 1e-30, 1e30),
+    ):
+        if not least <= value <= most:
+            must = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
+            raise InputError(name, must, f"{value:g}", "leave it out for the default")
+    instants = range(0, stream.cycles, every)
+    reduce = -(-max(stream.shape) // largest) if largest else 1
+    height, width = (n // reduce // 2 * 2 for n in stream.shape)
+    if not height or not width:
+        size = f"{stream.shape[1]}x{stream.shape[0]}"
+        raise InputError("the stream", "at least 2x2 pixels for a clip", size, "use viform image")
+    codec = _CODECS.get(path.suffix.lower(), "libx264")
+    white = np.float32(scale)
+    progress.start(path.name, len(instants))
+    try:
+        with whole(path) as part, av.open(str(part), "w", format=_container(path)) as container:
+            speed = Fraction(repr(float(rate))).limit_denominator(1001)
+            video: Any = container.add_stream(codec, rate=speed)
+            video.width, video.height = width, height
+            video.pix_fmt = "rgb8" if codec == "gif" else "yuv420p"
+            if codec == "libx264":
+                video.options = {"crf": "20", "preset": "veryfast"}
+            for n, cycle in enumerate(instants):
+                rates = tfp(stream, cycle, window)[: height * reduce, : width * reduce]
+                if reduce > 1:
+                    rates = rates.reshape(height, reduce, width, reduce).mean(axis=(1, 3))
+                frame = av.VideoFrame.from_ndarray(for_display(rates / white), format="gray")
+                container.mux(video.encode(frame))
+                progress.advance(n + 1)
+            container.mux(video.encode(None))
+    except av.FFmpegError as exc:
+        given = f"{width}x{height} ({exc.strerror})"
+        raise InputError("the clip", f"of a size that {codec} takes", given, "use .npz") from exc
+
+
+def _container(path: Path) -> str:
+    """FFmpeg's name of the container."""
+    return {".mkv": "matroska"}.get(path.suffix.lower(), path.suffix.lower()[1:])

@@ -1,0 +1,1 @@
+"""The [sensor] section of a scenario and the sections below it."""

@@ -1,0 +1,1 @@
+"""Stiff and extreme cases of pixels, each beside a reference of its own."""
