@@ -16,9 +16,12 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
 __all__ = [
-    "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page", "Recording",
+    "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page", "Recording",
     "Run",
 ]  # fmt: skip
+
+UNKNOWN = Error(None, None, None)
+"""The error of a run that was compared with nothing."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ class Outcome:
 
     outcome: str
     simulated_s: float
-    error: Error = Error(None, None, None)
+    error: Error = UNKNOWN
     kept: list[str] = field(default_factory=list)
     left_out: list[dict[str, Any]] = field(default_factory=list)
     metrics: dict[str, Metric] = field(default_factory=dict)

@@ -48,7 +48,9 @@ def test_every_file_that_draws_names_its_stream_by_the_table():
             found += 1
             # By the table, or by that of an effect which has it from there.
             text = path.read_text()
-            assert "from cosim.compute.streams import Stream" in text or "SHOT_NOISE.stream" in text, path
+            assert (
+                "from cosim.compute.streams import Stream" in text or "SHOT_NOISE.stream" in text
+            ), path
     assert found >= 6
     assert all(isinstance(effect.stream, Stream) for effect in EFFECTS.values())
 

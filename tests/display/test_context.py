@@ -58,7 +58,7 @@ def test_a_machine_without_gl_gets_one_line_with_the_mend(
 
 def test_a_machine_without_the_libraries_gets_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     backend = {**display.render.context._BACKEND, "libegl": "libEGL-of-nobody.so.1"}
-    monkeypatch.setattr(display.context, "_BACKEND", backend)
+    monkeypatch.setattr(display.render.context, "_BACKEND", backend)
     with pytest.raises(InputError, match=r"libEGL\.so\.1, not missing \(libEGL-of-nobody"):
         display.render.context.open_context()
 
@@ -127,6 +127,6 @@ def test_the_probe_names_the_renderer_or_the_reason(
     monkeypatch: pytest.MonkeyPatch, gl: str
 ) -> None:
     assert probe_gl() == (True, gl)
-    monkeypatch.setattr(display.context, "_PROBE", "import os; os.abort()")
+    monkeypatch.setattr(display.render.context, "_PROBE", "import os; os.abort()")
     there, said = probe_gl()
     assert not there and said == "the GL driver ended its process (-6)"

@@ -34,7 +34,9 @@ SCENARIOS: dict[str, tuple[str, tuple[str, ...]]] = {
     "film": ("film", EIGHT),
     "glass": ("glass", EIGHT),
     "glass-hold": ("glass", (*EIGHT, *_sets("display.drive=hold"))),
-    "glass-impulse": ("glass", (*EIGHT, *_sets("display.drive=impulse", "display.observer=camera"))),
+    "glass-impulse": ("glass", (*EIGHT, *_sets(
+        "display.drive=impulse", "display.observer=camera"
+    ))),
     "star": ("star", EIGHT),
     "step": ("step", EIGHT),
     "wave": ("wave", (*SMALL, *_sets("duration=6 ms", AT))),

@@ -24,11 +24,11 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     there, said = probe_gl()
     if not there:
         pytest.skip(f"needs GL through EGL: {said}")
-    monkeypatch.setattr(scenarios.bench_display, "CHIPS", {"spiketwo": CHIPS["spikeone"]})
-    monkeypatch.setattr(scenarios.bench_display, "CYCLES", 128)
-    monkeypatch.setattr(scenarios.bench_display, "PLAIN_CYCLES", 2)
-    monkeypatch.setattr(scenarios.bench_display, "REPEATS", 1)
-    monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
+    monkeypatch.setattr(scenarios.studies.bench.display, "CHIPS", {"spiketwo": CHIPS["spikeone"]})
+    monkeypatch.setattr(scenarios.studies.bench.display, "CYCLES", 128)
+    monkeypatch.setattr(scenarios.studies.bench.display, "PLAIN_CYCLES", 2)
+    monkeypatch.setattr(scenarios.studies.bench.display, "REPEATS", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
 
 
 @pytest.mark.usefixtures("small")
@@ -55,7 +55,7 @@ def test_what_is_timed_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
         seen.extend(call() for call in calls)
         return least_of(calls, repeats)
 
-    monkeypatch.setattr(scenarios.bench_display, "least_of", spy)
+    monkeypatch.setattr(scenarios.studies.bench.display, "least_of", spy)
     chip = CHIPS["spikeone"]
     shape = chip.height, chip.width
     words = _words(128, shape)
@@ -83,8 +83,12 @@ def test_the_stream_spikes_at_the_rates_of_the_picture() -> None:
 def test_without_gl_nothing_is_measured_and_one_line_says_so(
     monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
 ) -> None:
-    monkeypatch.setattr(scenarios.bench, "probe_gl", lambda: (False, "the EGL vendor must be"))
-    monkeypatch.setattr(scenarios.bench, "_ceiling", lambda *a: pytest.fail("measured"))
+    monkeypatch.setattr(
+        scenarios.studies.bench.sensor, "probe_gl", lambda: (False, "the EGL vendor must be")
+    )
+    monkeypatch.setattr(
+        scenarios.studies.bench.sensor, "_ceiling", lambda *a: pytest.fail("measured")
+    )
     for arguments in (("bench",), ("bench", "display")):
         line = refused(*arguments)
         assert "GL through EGL" in line and "libegl-mesa0" in line and "bench sensor" in line

@@ -15,10 +15,10 @@ from scenarios.cli.machine import Check
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
-    monkeypatch.setattr(scenarios.bench, "PLAIN_CYCLES", 1)
-    monkeypatch.setattr(scenarios.bench, "REPEATS", 1)
-    monkeypatch.setattr(scenarios.bench, "BLOCK", 8)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "PLAIN_CYCLES", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "REPEATS", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "BLOCK", 8)
 
 
 @pytest.mark.usefixtures("quick")
@@ -60,7 +60,7 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
         words.append(call())
         return least(call, repeats)
 
-    monkeypatch.setattr(scenarios.bench, "least", spy)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "least", spy)
     bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
     assert rate == pytest.approx((bench.DARK + bench.BRIGHT) / 2, rel=0.02)
@@ -86,7 +86,7 @@ def test_doctor_names_what_is_missing_and_the_mend(
     needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = Check("opencl", False, "no device", "apt-get install something", needed)
-    monkeypatch.setattr(scenarios.doctor, "_EXAMINATIONS", (lambda: missing,))
+    monkeypatch.setattr(scenarios.cli.machine, "_EXAMINATIONS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "mend: apt-get install something" in out
@@ -94,13 +94,15 @@ def test_doctor_names_what_is_missing_and_the_mend(
 
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.doctor, "probe", list)
+    monkeypatch.setattr(scenarios.cli.machine, "probe", list)
     check = scenarios.cli.machine._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.mend
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.doctor, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    monkeypatch.setattr(
+        scenarios.cli.machine, "probe_gl", lambda: (False, "the EGL vendor must be")
+    )
     check = scenarios.cli.machine._gl()
     assert not check.ok and not check.needed
     assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend

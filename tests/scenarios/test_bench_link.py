@@ -15,9 +15,9 @@ import scenarios.studies.bench.sensor
 def test_bench_link_prints_the_documented_rows(
     monkeypatch: pytest.MonkeyPatch, viform: Callable[..., Any]
 ) -> None:
-    monkeypatch.setattr(scenarios.bench_link, "SIZES", (128, 160))
-    monkeypatch.setattr(scenarios.bench_link, "TURNS", 1)
-    monkeypatch.setattr(scenarios.bench, "CYCLES", 64)
+    monkeypatch.setattr(scenarios.studies.bench.link, "SIZES", (128, 160))
+    monkeypatch.setattr(scenarios.studies.bench.link, "TURNS", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
     answer = viform("bench", "link", "--json")
     assert answer.code == 0, answer.err
     rows = json.loads(answer.out)["rows"]

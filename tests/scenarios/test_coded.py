@@ -184,7 +184,7 @@ def test_a_run_tells_the_size_of_its_stream(step_run):
 def document(monkeypatch, device):
     """The bench over two small scenes and one steady light."""
     measure = scenarios.studies.codes.measure
-    for module in (measure, scenarios.code_bench.scenes):
+    for module in (measure, scenarios.studies.codes.scenes):
         monkeypatch.setattr(module, "SHAPE", (24, 32))
         monkeypatch.setattr(module, "CYCLES", 640)
     monkeypatch.setattr(measure, "SCENES", {"step": "still", "pan": "moving"})

@@ -69,11 +69,11 @@ def test_a_proof_is_needed_where_the_document_errs_and_only_there() -> None:
     ("module", "name", "wrong", "document"),
     [
         ("sensor.dynamic_range.spike", "photons_per_lux", lambda nm: 4.2e15, "000"),
-        ("scenarios.paper.adaptive_exposure", "lengthening", lambda value: 2, "001"),
+        ("scenarios.studies.paper.adaptive_exposure", "lengthening", lambda value: 2, "001"),
         ("sensor.imagers.cmos.setting", "ROUNDING", 2.0, "001"),
-        ("scenarios.paper.ebaps", "region_bytes", lambda: 1280 * 1024, "002"),
-        ("scenarios.paper.emccd", "frame_clocks", lambda *_: 10**5, "003"),
-        ("scenarios.paper.dynamic_range", "decibels", lambda ratio: 10.0, "004"),
+        ("scenarios.studies.paper.ebaps", "region_bytes", lambda: 1280 * 1024, "002"),
+        ("scenarios.studies.paper.emccd", "frame_clocks", lambda *_: 10**5, "003"),
+        ("scenarios.studies.paper.dynamic_range", "decibels", lambda ratio: 10.0, "004"),
     ],
 )  # fmt: skip
 def test_another_simulation_gives_other_numbers(

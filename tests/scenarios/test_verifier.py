@@ -20,8 +20,8 @@ from scenarios.report import write_report
 from sensor.latched.paired import compare, windows, worst
 
 LIES = {
-    "reset dead time": ("sensor.dead_time=2 us", "sensor.setting.dead_time_effect"),
-    "PRNU": ("sensor.pattern.prnu=0.05", "sensor.setting.pattern_effects"),
+    "reset dead time": ("sensor.dead_time=2 us", "sensor.latched.setting.dead_time_effect"),
+    "PRNU": ("sensor.pattern.prnu=0.05", "sensor.latched.setting.pattern_effects"),
 }
 """Effects with a key that turns them on and where they are made."""
 

@@ -190,13 +190,13 @@ def test_compiled_sums_are_numpys_to_the_last_bit(
     light, cycles = Light(tuple(made)), CLOCK.cycle_at(made[-1].stop) - 2
 
     def summed(large: int) -> np.ndarray:
-        monkeypatch.setattr(sensor.exposure, "_LARGE", large)
+        monkeypatch.setattr(sensor.latched.exposure, "_LARGE", large)
         return charges(Exposure(CLOCK, 3e5, pattern, offsets), light, 0, cycles)
 
     plain = summed(1 << 30)
     assert np.array_equal(summed(1), plain)
     assert (plain.max() > 1e6 * ONE) == held and len(np.unique(plain)) > 500
-    monkeypatch.setattr(sensor.exposure, "_BAND", 20)  # a few rows at a time
+    monkeypatch.setattr(sensor.latched.exposure, "_BAND", 20)  # a few rows at a time
     assert np.array_equal(summed(1 << 30), plain)
 
 
