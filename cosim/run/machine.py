@@ -16,8 +16,8 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
 __all__ = [
-    "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page", "Recording",
-    "Run",
+    "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page",
+    "Recording", "Run",
 ]  # fmt: skip
 
 UNKNOWN = Error(None, None, None)
