@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.report.parts import table
-from scenarios.run import Finished
+from scenarios.report.latched_run import LatchedRun
 from sensor import SILICON, CameraSetting
 from sensor.sections.sensor import SensorSection
 
@@ -44,7 +44,7 @@ def faults(section: SensorSection) -> list[list[str]]:
     return rows
 
 
-def machine(run: Finished) -> str:
+def machine(run: LatchedRun) -> str:
     """A table of the chip's numbers."""
     setting, scenario = run.setting, run.scenario
     chip = setting.chip
