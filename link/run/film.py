@@ -6,13 +6,13 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+from cosim.config.toml import to_toml
 from cosim.files import Recorder
 from cosim.run.chain import CHECKPOINT, STREAM, BlockChain
 from cosim.run.folder import begin_folder
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput, viform_version
 from link.run.prepare import PreparedLink
-from scenarios.assemble.loading import to_toml
 
 __all__ = ["film_link"]
 
