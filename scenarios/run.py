@@ -13,6 +13,7 @@ from pathlib import Path
 from cosim import Interrupted
 from cosim.files import ZarrStream
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from cosim.run.folder import check_room, claimed, mend, output_folder, write_images
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput, write_result
@@ -24,7 +25,6 @@ from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.prepare import Prepared, prepare
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.verifier import Finding
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots

@@ -15,6 +15,7 @@ from cosim import Block, Checkpoint, InputError, Light, run_blocks
 from cosim.files import Recorder
 from cosim.files.whole import whole
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from cosim.run.folder import begin_folder, mend, room_for
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput, dumps
@@ -22,7 +23,6 @@ from scenarios.assemble.checked import shortfall
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.prepare import Prepared, again, identity
 from scenarios.assemble.verifier import BrokenPromise, Finding
-from scenarios.scenes import Source
 
 __all__ = [
     "CHECKPOINT", "PUT_BACK", "STREAM", "Filmed", "WiderStage", "film_as_promised", "run_recorded",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, open_device
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from cosim.run.inputs import digest
 from cosim.run.result import viform_version
 from display import DisplaySetting
@@ -20,7 +21,7 @@ from scenarios.assemble.planning import Look, RunPlan, look, plan_run
 from scenarios.assemble.readout import resized
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.verifier import ARITHMETIC, Verifier
-from scenarios.scenes import Source, make_source
+from scenarios.scenes import make_source
 from sensor import CameraSetting, SpikeCamera
 
 __all__ = [

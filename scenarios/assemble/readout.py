@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import BLOCK, Block, Clock, InputError, Lens, Light
+from cosim.light.source import Source
 from cosim.run.result import Latency
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 
