@@ -6,9 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from cosim.config.quantity import Quantity, Reflectance, Section, Share
+from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share
+from sensor.sections.sensor import SensorSection
 
-__all__ = ["AimSection", "AirSection", "LinkSection", "ModemSection", "PanelSection"]
+__all__ = [
+    "AimSection", "AirSection", "LinkScenario", "LinkSection", "ModemSection", "PanelSection",
+]  # fmt: skip
 
 CELLS = (1, 2, 3, 4, 6, 8, 12, 16)
 TICKS = (1, 2, 3, 4, 6, 8, 12, 16)
@@ -163,3 +166,16 @@ class LinkSection(Section):
     aim: AimSection = AimSection()
     air: AirSection = AirSection()
     modem: ModemSection = ModemSection()
+
+
+class LinkScenario(Section):
+    """A file crosses a link: no scene but the panel's."""
+
+    title: str = Field(examples=["A file over light"])
+    duration: Duration | None = Field(
+        default=None, description="of light; as long as the file takes when absent"
+    )
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    link: LinkSection
+    sensor: SensorSection

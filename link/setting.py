@@ -14,8 +14,8 @@ from display import SpikePanel
 from link.air import Aim, AirSetting, Optics, f_number_for
 from link.air.geometry import lengths
 from link.coding import safe_name
+from link.section import LinkScenario
 from scenarios.assemble.camera import camera_setting
-from scenarios.assemble.scenario import LinkScenario
 from sensor import CameraSetting
 from sensor.sections.sensor import LensSection
 

@@ -9,12 +9,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from cosim import InputError
 from cosim.files.whole import whole
 
 __all__ = [
-    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "read_result", "viform_version",
-    "write_result",
+    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "latency_rows", "read_result",
+    "viform_version", "write_result",
 ]  # fmt: skip
 
 
@@ -65,6 +68,16 @@ class Latency:
     min_us: float
     median_us: float
     max_us: float
+
+
+def latency_rows(stage: str, times: npt.NDArray[np.int64]) -> list[Latency]:
+    """The least, median and largest of times in picoseconds as a row; no row if there are none."""
+    if not times.size:
+        return []
+    least, median, largest = (
+        float(ps) / 1e6 for ps in (times.min(), np.median(times), times.max())
+    )
+    return [Latency(stage, least, median, largest)]
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock
-from cosim.run.result import Latency
+from cosim.run.result import Latency, latency_rows
 from link.layout import TRAINING, Layout
 from link.setting import LinkSetting
-from scenarios.assemble.readout import spread
 
 __all__ = ["LIGHT", "group_delays", "link_latency"]
 
@@ -68,9 +67,13 @@ def link_latency(
         latched = min(camera.edge(at + 1), done)
         read.append(max(latched - dark, 0))
         decode.append(done - latched)
-    rows = spread("encoder", np.array([0, length // 2, length], np.int64))
-    rows += spread("panel", np.array([length, length + scan // 2, length + scan], np.int64))
-    rows += spread("air", np.array([flight], np.int64))
-    return rows + spread("readout", np.array(read, np.int64)) + spread(
-        "decoder", np.array(decode, np.int64)
-    )  # fmt: skip
+    stages = {
+        "encoder": [0, length // 2, length],
+        "panel": [length, length + scan // 2, length + scan],
+        "air": [flight],
+        "readout": read,
+        "decoder": decode,
+    }
+    return [
+        row for name, ps in stages.items() for row in latency_rows(name, np.array(ps, np.int64))
+    ]

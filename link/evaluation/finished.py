@@ -16,10 +16,10 @@ from link.evaluation.rates import Rates
 from link.evaluation.reach import CellScene, Reach
 from link.layout import Layout
 from link.mode import Mode
+from link.section import LinkScenario
 from link.setting import LinkSetting, Payload
 from link.trial.check import LinkCheck
 from link.verdict import Verdict
-from scenarios.assemble.scenario import LinkScenario
 
 __all__ = ["LinkRun", "SoftValues", "Theory"]
 

@@ -8,8 +8,8 @@ from link.evaluation.capacity import Given
 from link.evaluation.light import cell_scene
 from link.evaluation.reach import CellScene
 from link.mode import Mode
+from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
-from scenarios.assemble.scenario import LinkScenario
 
 __all__ = ["PLAIN", "given_by", "given_of"]
 

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.toml import to_toml
 from cosim.report.parts import cards, opening, plot, run_time, table, write_page
 from link.evaluation.eye import RARE
 from link.evaluation.finished import LinkRun
@@ -27,7 +28,6 @@ from link.report.figures import (
 )
 from link.report.tables import NOT_KNOWN, kept_section, machine_section
 from link.verdict import Cause
-from scenarios.assemble.loading import to_toml
 
 __all__ = ["write_link_report"]
 

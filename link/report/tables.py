@@ -9,7 +9,7 @@ from typing import Any
 from cosim.report.parts import table
 from link.evaluation.finished import LinkRun
 from link.trial.check import LinkCheck, Paired
-from scenarios.report.machine import faults, optics
+from sensor.sections.provenance import fault_rows, optics_rows
 
 __all__ = ["NOT_KNOWN", "kept_section", "machine_section", "told_error"]
 
@@ -111,7 +111,7 @@ def machine_section(run: LinkRun) -> str:
          provenance["clocks"] if camera.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{camera.threshold:g} e", "scenario"],
         ["reset rule", camera.reset, "scenario"],
-        *optics(camera),
-        *faults(run.scenario.sensor),
+        *optics_rows(camera),
+        *fault_rows(run.scenario.sensor),
     ]  # fmt: skip
     return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers)

@@ -6,12 +6,12 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+from cosim.config.toml import to_toml
 from cosim.files import Recorder
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput, viform_version
 from link.run.prepare import PreparedLink
 from scenarios.assemble.filming import CHECKPOINT, STREAM, run_recorded
-from scenarios.assemble.loading import to_toml
 
 __all__ = ["film_link"]
 

@@ -19,13 +19,12 @@ from link.evaluation.reach import LEAST_CELL
 from link.layout import TRAINING, Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.receiving.tags import LEAST_MODULE
-from link.section import ModemSection
+from link.section import LinkScenario, ModemSection
 from link.sending import Transmission
 from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from link.trial.check import LinkCheck, check_link
 from link.trial.plan import LinkPlan, plan_link
 from scenarios.assemble.prepare import choose_device
-from scenarios.assemble.scenario import LinkScenario
 from sensor import SpikeCamera
 from sensor.latched.tiers import Tier
 

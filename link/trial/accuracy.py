@@ -17,11 +17,11 @@ from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.air import Air, ber_units
 from link.run.prepare import ReadyLink, ready_link
+from link.section import LinkScenario
 from link.trial.check import KIND, compare
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LinkLook, LinkPlan, half_width, look_link
 from scenarios.assemble.accuracy import DRAWS, LADDER, Row, fit_rows, reference_error
-from scenarios.assemble.scenario import LinkScenario
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.tiers import Tier
 

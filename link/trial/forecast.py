@@ -11,10 +11,10 @@ from cosim.light.light import PlaneMap
 from cosim.run.progress import Progress
 from link.air import Air
 from link.run.prepare import ReadyLink, ready_link, tags_told
+from link.section import LinkScenario
 from link.trial.check import KIND
 from link.trial.patches import LinkPatches
 from link.trial.plan import LinkPlan, look_link
-from scenarios.assemble.scenario import LinkScenario
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 

@@ -10,8 +10,8 @@ from cosim import InputError
 from cosim.run.progress import Progress
 from cosim.run.result import Metric
 from cosim.spikes.viform import WORD, unpack_planes
+from link.section import LinkScenario
 from link.sending import Transmission
-from scenarios.assemble.scenario import LinkScenario
 
 if TYPE_CHECKING:
     from rtl_model.stand_in import BoardDisplay

@@ -9,9 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.inputs import PATHS
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
@@ -195,8 +194,3 @@ def linked(scenario: AnyScenario, command: str) -> LinkScenario:
             "name light-link, or a file with a [link]",
         )  # fmt: skip
     return scenario
-
-
-def to_toml(scenario: AnyScenario) -> str:
-    """The scenario complete with every default, as TOML that `load` reads back."""
-    return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))

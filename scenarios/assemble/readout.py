@@ -7,19 +7,15 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from cosim import BLOCK, Block, Clock, InputError, Lens, Light
 from cosim.light.source import Source
-from cosim.run.result import Latency
 from scenarios.assemble.scenario import Scenario
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 
 __all__ = [
     "AFRESH", "choose_instants", "light_steps", "make_relay", "refuse_keys", "refuse_leftovers",
-    "refuse_options", "resized", "spread", "with_section",
+    "refuse_options", "resized", "with_section",
 ]  # fmt: skip
 
 AFRESH = "run it afresh with another --out"
@@ -137,11 +133,3 @@ def light_steps(
         until = min(stop, clock.edge(cycle))
         yield light, start, until
         start = until
-
-
-def spread(stage: str, ps: npt.NDArray[np.int64]) -> list[Latency]:
-    """Least, median and most of times in picoseconds; nothing of nothing."""
-    if not ps.size:
-        return []
-    least, middle, most = (float(x) / 1e6 for x in (ps.min(), np.median(ps), ps.max()))
-    return [Latency(stage, least, middle, most)]

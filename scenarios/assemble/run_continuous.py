@@ -21,7 +21,7 @@ from cosim.light.lens import Lens
 from cosim.light.source import Source
 from cosim.run.folder import begin_folder, claimed, output_folder, write_images
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Result, Throughput, write_result
+from cosim.run.result import Metric, Result, Throughput, latency_rows, write_result
 from scenarios.assemble.camera import choose_lens
 from scenarios.assemble.continuous import continuous_camera, continuous_setting, with_defaults
 from scenarios.assemble.loading import to_toml
@@ -31,7 +31,6 @@ from scenarios.assemble.readout import (
     light_steps,
     make_relay,
     refuse_options,
-    spread,
 )
 from scenarios.assemble.scenario import Scenario
 from scenarios.scenes import make_source
@@ -208,7 +207,7 @@ def _make_result(
             "white_current": Metric(run.white, "electrons/s"),
             "f_number": Metric(run.lens.f_number, "1"),
         },
-        latency=spread("report age", report_ages(shots, clock)),
+        latency=latency_rows("report age", report_ages(shots, clock)),
         throughput=[Throughput("sensor", work / max(seconds["sensor"], 1e-9), "pixel-cycles/s")],
         files=["scenario.toml", STREAM],
     )

@@ -21,7 +21,7 @@ from cosim.light.lens import Lens
 from cosim.light.source import Source, Target
 from cosim.run.folder import begin_folder, claimed, output_folder, write_images
 from cosim.run.progress import Progress
-from cosim.run.result import Error, Metric, Result, Throughput, write_result
+from cosim.run.result import Error, Metric, Result, Throughput, latency_rows, write_result
 from scenarios.assemble.camera import choose_lens, lens_notes
 from scenarios.assemble.event_camera import (
     channel_model,
@@ -38,7 +38,6 @@ from scenarios.assemble.readout import (
     light_steps,
     make_relay,
     refuse_options,
-    spread,
 )
 from scenarios.assemble.scenario import Scenario
 from scenarios.scenes import make_source
@@ -209,8 +208,8 @@ def _make_result(
             "f_number": Metric(run.lens.f_number, "1"),
         },
         latency=[
-            *spread("first event", first_instants(sent)),
-            *(spread("channel", delay) if delay is not None else []),
+            *latency_rows("first event", first_instants(sent)),
+            *(latency_rows("channel", delay) if delay is not None else []),
         ],
         throughput=[Throughput("sensor", len(sent) / max(seconds["sensor"], 1e-9), "events/s")],
         files=["scenario.toml", STREAM],

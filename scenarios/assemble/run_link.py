@@ -18,10 +18,10 @@ from link.evaluation.judge import judge_link
 from link.run.film import film_link
 from link.run.prepare import PreparedLink, ReadyLink, prepare_link
 from link.run.receive import receive_stream
+from link.section import LinkScenario
 from link.verdict import Cause, Verdict
 from scenarios.assemble.filming import CHECKPOINT, STREAM
 from scenarios.assemble.link_loop import open_loop
-from scenarios.assemble.scenario import LinkScenario
 
 __all__ = ["RECEIVED", "VERDICT", "link_verdict", "run_link"]
 

@@ -8,7 +8,7 @@ from pydantic import Field, TypeAdapter
 
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
-from link.section import LinkSection
+from link.section import LinkScenario
 from rtl_model.bringup.section import BoardSection
 from rtl_model.imagers.sections import ImagerLens, ImagerSection
 from scenarios.scenes.sections import SceneSection
@@ -55,19 +55,6 @@ class Scenario(Section):
         default=None, description="what shows the stream; none when absent"
     )
     image: ImageSection = ImageSection()
-
-
-class LinkScenario(Section):
-    """A file crosses a link: no scene but the panel's."""
-
-    title: str = Field(examples=["A file over light"])
-    duration: Duration | None = Field(
-        default=None, description="of light; as long as the file takes when absent"
-    )
-    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
-    link: LinkSection
-    sensor: SensorSection
 
 
 class ImagerScenario(Section):

@@ -9,12 +9,11 @@ import time
 import numpy as np
 
 from cosim.config.amounts import amount
+from cosim.config.toml import to_toml
 from cosim.report.figures import overview_figure
 from cosim.report.parts import cards, figure, opening, plot, run_time, table, write_page
 from cosim.report.png import for_display
-from scenarios.assemble.loading import to_toml
 from scenarios.assemble.run_events import EventRun
-from scenarios.report.machine import optics
 from sensor.asynchronous import latched
 from sensor.asynchronous.figures import (
     delay_figure,
@@ -27,6 +26,7 @@ from sensor.asynchronous.image import rate_image
 from sensor.asynchronous.output import STREAM
 from sensor.asynchronous.recover import WITHIN
 from sensor.asynchronous.verify import KIND
+from sensor.sections.provenance import optics_rows
 
 __all__ = ["write_events_report"]
 
@@ -204,7 +204,7 @@ def _machine(run: EventRun) -> str:
          "scenario"],
         ["PRNU, threshold FPN",
          f"{device.prnu:.1%}, {device.threshold_fpn:.1%}" if device else "none", "scenario"],
-        *optics(setting),
+        *optics_rows(setting),
         ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}: {run.lens.gain:.3g} lux "
          "on the pixel for one on the scene", "scenario"],
     ]  # fmt: skip

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.toml import to_toml
 from cosim.report.figures import overview_figure
 from cosim.report.parts import cards, figure, opening, plot, run_time, table, write_page
 from cosim.report.pictures import mark_pixels
 from cosim.report.png import for_display, write_png
-from scenarios.assemble.loading import to_toml
 from scenarios.assemble.run_continuous import STREAM, ContinuousRun
-from scenarios.report.machine import faults, optics
 from sensor.continuous.figures import pixels_figure, rate_figure
 from sensor.sections.continuous import ContinuousSection
+from sensor.sections.provenance import fault_rows, optics_rows
 
 __all__ = ["write_continuous_report"]
 
@@ -170,13 +170,13 @@ def _machine(run: ContinuousRun) -> str:
          ground("bits", "exponent_bits")],
         ["its full scale, smallest step", f"{converter.full_scale:.3g}, {converter.unit:.3g} e/s",
          full if section.full_scale == plain.full_scale else "scenario"],
-        *optics(run.camera),
+        *optics_rows(run.camera),
         ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
          f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
          "scenario" if run.scenario.sensor.lens.f_number else "f-number chosen"],
         ["white on the sensor", f"{run.white:.3g} e/s, {run.white * setting.time_constant:.3g} "
          "electrons a time constant", "computed"],
-        *faults(run.scenario.sensor),
+        *fault_rows(run.scenario.sensor),
     ]  # fmt: skip
     return (
         "<h2>The machine</h2>"

@@ -12,6 +12,7 @@ from shutil import rmtree
 from typing import Any
 
 from cosim import InputError, Interrupted
+from cosim.config.toml import to_toml
 from cosim.files.whole import whole
 from cosim.run.folder import mend, room_for
 from cosim.run.inputs import sealed
@@ -25,7 +26,6 @@ from rtl_model.imagers.run.planning import Ready, ready_imager
 from rtl_model.imagers.run.store import FRAMES, FrameStore
 from rtl_model.imagers.run.tape import TAPE, Tape, Taped
 from scenarios.assemble.filming import PUT_BACK
-from scenarios.assemble.loading import to_toml
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["Filmed", "film", "film_as_promised", "watched"]

@@ -7,12 +7,12 @@ import shlex
 import time
 
 from cosim.config.amounts import amount
+from cosim.config.toml import to_toml
 from cosim.report.parts import cards, figure, opening, run_time, table, write_page
 from cosim.report.png import for_display
 from cosim.run.result import Metric
 from rtl_model.imagers.run.store import FRAMES
 from rtl_model.imagers.sections import AdaptiveSection, EbapsSection
-from scenarios.assemble.loading import to_toml
 from scenarios.assemble.run_imager import ImagerRun
 
 __all__ = ["said", "write_imager_report"]

@@ -30,8 +30,8 @@ def link_capacity(
     from cosim import InputError
     from link.evaluation.capacity import capacity_document
     from link.evaluation.given import given_of
+    from link.section import LinkScenario
     from scenarios.assemble.loading import load
-    from scenarios.assemble.scenario import LinkScenario
 
     name, loaded = load(scenario, assignments, seed=seed)
     if not isinstance(loaded, LinkScenario):

@@ -1,0 +1,42 @@
+"""Rows of a report's table of the machine: the camera's numbers and where each is from."""
+
+from __future__ import annotations
+
+from sensor import SILICON, CameraSetting
+from sensor.sections.sensor import SensorSection
+
+__all__ = ["fault_rows", "optics_rows"]
+
+
+def optics_rows(setting: CameraSetting) -> list[list[str]]:
+    """A row for each number of the pixel's optics."""
+    chip = setting.chip
+    provenance = chip.provenance()
+    return [
+        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
+        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
+        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
+        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+    ]
+
+
+def fault_rows(section: SensorSection) -> list[list[str]]:
+    """A row for each imperfection of the device: its size, and what the preset assumes it from."""
+
+    def sizes(of: SensorSection) -> dict[str, object]:
+        values = of.model_dump(mode="json")
+        return values | (values["pattern"] or {})
+
+    same = ("chip", "readout", "threshold", "threshold_level")
+    asked = sizes(section)
+    silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
+    preset = sizes(SensorSection.model_validate(silicon))
+    rows = []
+    for name, sized in SILICON.rows():
+        value = asked.get(name)
+        if value is None or not float(str(value).split()[0]):
+            continue
+        of_preset = section.preset == "silicon" and value == preset[name]
+        origin = f"{sized.provenance}: {sized.source}" if of_preset else "scenario"
+        rows.append([name.replace("_", " "), str(value), origin])
+    return rows
