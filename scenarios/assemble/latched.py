@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files import Recorder, ZarrStream
+from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.folder import write_images
 from cosim.run.inputs import digest
@@ -31,7 +32,6 @@ from scenarios.report.glass import glass_page
 from scenarios.report.glass_tables import display_lines
 from scenarios.report.latched_run import LatchedRun
 from scenarios.report.page import stream_page
-from scenarios.scenes.source import Source
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Summary
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
@@ -18,7 +19,6 @@ from display.effects import SHOWN, seen_planes
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.shown import Shown
 from scenarios.assemble.verifier import Planned, Verifier
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.effects.windows import saturated, shifted

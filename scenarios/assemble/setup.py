@@ -8,6 +8,7 @@ from typing import Any
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from display import DisplaySetting
 from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.camera import camera_setting, choose_lens
@@ -18,7 +19,6 @@ from scenarios.assemble.readout import resized
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.stages import LensStage, SceneStage
 from scenarios.scenes import make_source
-from scenarios.scenes.source import Source
 from sensor import CameraSetting
 
 __all__ = ["CameraSetup", "set_up_camera"]

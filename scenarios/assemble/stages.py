@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cosim import Block, Light
 from cosim.light.lens import Lens
-from scenarios.scenes.source import Source
+from cosim.light.source import Source
 
 __all__ = ["LensStage", "SceneStage"]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from cosim.files import ZarrStream
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
 from scenarios.assemble.glass_result import Shown
 from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes.source import Source
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
 from sensor.reconstruct.fidelity import Shot
