@@ -21,7 +21,15 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 
-__all__ = ["INSTALL", "Device", "cache_folder", "open_device", "prepare_caches", "probe"]
+__all__ = [
+    "INSTALL",
+    "Device",
+    "cache_folder",
+    "choose_device",
+    "open_device",
+    "prepare_caches",
+    "probe",
+]
 
 INSTALL = "apt-get install pocl-opencl-icd ocl-icd-libopencl1"
 """What makes an OpenCL device of the processor on Debian."""
@@ -89,6 +97,11 @@ def _no_device(
     given: str, mend: str = f"install one ({INSTALL}) or pass --device numba"
 ) -> InputError:
     return InputError("the OpenCL device", "one that this machine has", given, mend)
+
+
+def choose_device(wanted: str | None) -> Device | None:
+    """The OpenCL device asked for, None for "numba": the compiled form on the processor."""
+    return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
 def open_device(wanted: str | None = None) -> Device:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import BLOCK, Block, Clock, Light, Piece, Plane
-from scenarios.scenes.source import Sketch, Source
+from cosim.light.source import Sketch, Source
 
 __all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
 

@@ -18,10 +18,12 @@ from cosim.run.inputs import sealed
 from sensor.reconstruct.fidelity import METHODS, Imaged
 
 __all__ = [
-    "NO_ROOM", "begin_folder", "check_room", "check_trace_file", "claimed", "mend",
+    "NO_ROOM", "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed", "mend",
     "output_folder", "room_for", "write_images",
 ]  # fmt: skip
 
+PUT_BACK = "put_back.json"
+"""In a run's folder while it is not finished and effects were reinstated."""
 _GIB = 2**30
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where nothing more can be written."""

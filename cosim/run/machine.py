@@ -17,7 +17,7 @@ from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
 __all__ = [
     "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page",
-    "Recording", "Run",
+    "Recording", "Run", "Study",
 ]  # fmt: skip
 
 UNKNOWN = Error(None, None, None)
@@ -65,19 +65,6 @@ class BrokenPromise(Exception):
         self.findings = list(findings)
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A chain that has run to its end.
-
-    Attributes:
-        seconds: wall time of each stage, s.
-        throughput: speed of the stages; empty if a part of the run was done earlier.
-    """
-
-    seconds: dict[str, float]
-    throughput: list[Throughput] = field(default_factory=list)
-
-
 class Chain(Protocol):
     """The stages of a machine, from source to sink, recording into a run's folder.
 
@@ -85,19 +72,42 @@ class Chain(Protocol):
         checkpoint: file that exists while the chain is not finished, and that it resumes from.
     """
 
-    checkpoint: Path
+    @property
+    def checkpoint(self) -> Path: ...
 
-    def run(self, resume: bool, progress: Progress) -> Recording:
-        """Runs to the end. Raises Interrupted, BrokenPromise, or InputError (full disk)."""
+    def load(self) -> None:
+        """Restores the state at the checkpoint. Raises InputError for one of another run."""
+        ...
+
+    def run(self, progress: Progress) -> dict[str, float]:
+        """Runs to the end; the wall time of each stage, s. Raises Interrupted, BrokenPromise, or
+        InputError (full disk)."""
         ...
 
     def save(self) -> None:
-        """Writes the checkpoint of the chain's end, for a run that is interrupted later."""
+        """Writes the checkpoint of the chain's end, for a run that is interrupted after it."""
         ...
 
     def discard(self) -> None:
-        """Removes the checkpoint and the recording, before the run is done again."""
+        """Removes the recording and the checkpoint, before the run is done again."""
         ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A chain that has run to its end.
+
+    Attributes:
+        chain: it, with whatever it holds in memory.
+        folder: the run's folder.
+        seconds: wall time of each stage, s; judging and reporting add their own.
+        resumed: whether a part of the run was done earlier, so that speeds are unknown.
+    """
+
+    chain: Any
+    folder: Path
+    seconds: dict[str, float]
+    resumed: bool
 
 
 @dataclass(frozen=True)
@@ -111,6 +121,7 @@ class Outcome:
         verdict: lines that stand before the metrics on the terminal.
         table: lines that stand in place of most metrics on the terminal.
         simulated_s: simulated time, s.
+        views: what the machine has made of the recording for its page.
     """
 
     outcome: str
@@ -126,6 +137,7 @@ class Outcome:
     verdict: list[str] = field(default_factory=list)
     table: list[str] = field(default_factory=list)
     renderer: str | None = None
+    views: Any = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +147,7 @@ class Run:
     Attributes:
         folder: the run's folder.
         result: what `result.json` will say, so far.
-        seconds: wall time of each stage, s; a report may add its own.
+        recording, outcome: what was judged, and what was found.
         notes: all notes, in the order in which the user has seen them.
         reinstated: findings that led to another recording.
         began: time.perf_counter() at the command's start.
@@ -143,10 +155,16 @@ class Run:
 
     folder: Path
     result: Result
-    seconds: dict[str, float]
+    recording: Recording
+    outcome: Outcome
     notes: list[str]
     reinstated: list[Finding]
     began: float
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time of each stage, s."""
+        return self.recording.seconds
 
 
 @dataclass(frozen=True)
@@ -154,10 +172,12 @@ class Page:
     """A machine's part of the report; the frame around it is the same for all.
 
     Attributes:
-        title, subtitle: of the page.
+        title: of the scenario.
+        subtitle: the machine in one line.
         cards: HTML of the large figures at the top.
         sections: HTML of the sections, in their order.
-        again: HTML that says how the run is repeated; None for the section that fits any run.
+        commands: command lines that make single results again, before the one that repeats the run.
+        commands_do: one sentence on what these commands make.
         files: names of the files written for the report, in the run's folder.
     """
 
@@ -165,7 +185,8 @@ class Page:
     subtitle: str
     cards: str
     sections: list[str]
-    again: str | None = None
+    commands: list[str] = field(default_factory=list)
+    commands_do: str = ""
     files: list[str] = field(default_factory=list)
 
 
@@ -180,32 +201,51 @@ class Machine(Protocol):
         bits: upper limit of the recording's size on disk, bits.
     """
 
-    toml: str
-    notes: Sequence[str]
-    device: str
-    length: int
-    unit: str
-    bits: int
+    @property
+    def toml(self) -> str: ...
+    @property
+    def notes(self) -> Sequence[str]: ...
+    @property
+    def device(self) -> str: ...
+    @property
+    def length(self) -> int: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def bits(self) -> int: ...
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """Checks the plan on patches before anything is recorded; [] if it holds or if the check
+        """Checks the plan on patches before anything is recorded; [] if it holds, or if the check
         is done beside the recording."""
         ...
 
     def keep(self, effects: Sequence[str]) -> Machine:
-        """The same machine planned anew, with these effects kept."""
+        """The same machine planned anew, with these effects kept. It takes over what this one has
+        opened; this one must not be used any more."""
         ...
 
     def chain(self, folder: Path) -> Chain: ...
 
-    def shortfall(self) -> list[Finding]:
-        """Effects to reinstate because the whole error exceeds the tolerance, after the chain."""
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        """Effects to reinstate because the error of the recording exceeds the tolerance."""
         ...
 
-    def judge(self, folder: Path, recording: Recording, progress: Progress) -> Outcome: ...
+    def judge(self, recording: Recording, progress: Progress) -> Outcome: ...
 
     def page(self, run: Run) -> Page: ...
 
     def close(self) -> None:
         """Releases devices, ports and renderers."""
+        ...
+
+
+class Study(Protocol):
+    """A machine that is planned and measured without a run of its own."""
+
+    def forecast(self, progress: Progress) -> dict[str, Any]:
+        """The document of `viform plan`: what is kept and left out, bounds and predicted cost."""
+        ...
+
+    def ladder(self, progress: Progress) -> dict[str, Any]:
+        """The document of `viform accuracy`: error against run time at a ladder of tolerances."""
         ...

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim import PS, Plane
-from scenarios.scenes import Source
+from cosim.light.source import Source
 
 __all__ = ["pursuit_speed", "shift_between"]
 

@@ -8,10 +8,11 @@ from typing import Any
 
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
+from cosim.run.chain import CHECKPOINT, STREAM, BlockChain
+from cosim.run.folder import begin_folder
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput, viform_version
 from link.run.prepare import PreparedLink
-from scenarios.assemble.filming import CHECKPOINT, STREAM, run_recorded
 
 __all__ = ["film_link"]
 
@@ -35,10 +36,18 @@ def film_link(
     sensor = run.make_camera(air.late)
     recorder = Recorder(folder / STREAM, sensor.shape, cycles, camera.clock)
     stages: dict[str, Any] = {"air": air, "sensor": sensor, "recorder": recorder}
-    seconds = run_recorded(
-        run.name, stages, cycles, _identity(run), folder, to_toml(run.scenario), run.notes, resume,
-        progress,
+    chip = camera.chip
+    chain = BlockChain(
+        f"{run.name}: {cycles} cycles of {chip.width} x {chip.height}", stages, cycles,
+        _identity(run), folder,
     )  # fmt: skip
+    if resume:
+        chain.load()
+    begin_folder(folder, to_toml(run.scenario))
+    for note in run.notes:
+        progress.note(note)
+    seconds = chain.run(progress)
+    chain.save()
     if resume:
         return seconds, []
     pixels = camera.chip.width * camera.chip.height

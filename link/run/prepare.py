@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError, seconds_to_ps
-from cosim.compute.opencl import Device
+from cosim.compute.opencl import Device, choose_device
 from cosim.run.progress import Progress
 from link.air import Air, image_of
 from link.air.geometry import panel_corners
@@ -24,7 +24,6 @@ from link.sending import Transmission
 from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from link.trial.check import LinkCheck, check_link
 from link.trial.plan import LinkPlan, plan_link
-from scenarios.assemble.prepare import choose_device
 from sensor import SpikeCamera
 from sensor.latched.tiers import Tier
 

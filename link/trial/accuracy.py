@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from cosim import BLOCK, Block, InputError
 from cosim.compute.opencl import Device
+from cosim.plan.ladder import LADDER, Row, fit_rows
 from cosim.run.progress import Progress
 from link.air import Air, ber_units
 from link.run.prepare import ReadyLink, ready_link
@@ -21,8 +22,8 @@ from link.section import LinkScenario
 from link.trial.check import KIND, compare
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LinkLook, LinkPlan, half_width, look_link
-from scenarios.assemble.accuracy import DRAWS, LADDER, Row, fit_rows, reference_error
 from sensor import CameraSetting, SpikeCamera
+from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
 __all__ = ["accuracy_link"]

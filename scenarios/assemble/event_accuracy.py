@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import PS, InputError
-from cosim.plan.order import fit_order
+from cosim.plan.ladder import fit_order
 from cosim.run.progress import Progress
 from scenarios.assemble.event_plan import EventStart, begin_events, kept_names
 from scenarios.assemble.scenario import Scenario

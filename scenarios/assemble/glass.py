@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from cosim import Clock
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from display import STAGES, DisplaySetting, Observer, SpikePanel, eye_time, fit_words, make_renderer
 from display.observe.beside import TRUTH, BesideStage
 from display.observe.pursuit import pursuit_speed
@@ -22,7 +23,6 @@ from display.observe.tap import LightTap
 from display.section import DisplaySection
 from scenarios.assemble.probes import Probes, probe_display
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import Source
 from sensor import CameraSetting
 
 __all__ = ["SPIKE", "Glass", "follow", "make_glass"]

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Summary
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
@@ -18,14 +19,13 @@ from display.effects import SHOWN, seen_planes
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.shown import Shown
 from scenarios.assemble.verifier import Planned, Verifier
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.effects.windows import saturated, shifted
 from sensor.latched.paired import windows
 from sensor.latched.tiers import Tier
 
-__all__ = ["RunPlan", "floor_of", "look", "plan_run"]
+__all__ = ["RunPlan", "SceneSurvey", "floor_of", "plan_run", "survey_scene"]
 
 RANDOM = 4
 """Patches that are chosen by chance, from the run's seed."""
@@ -34,9 +34,15 @@ FAULT = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What was found of the scene. light: of every pixel, lux on the sensor. scene: the same a
-    tile, in photoelectrons a cycle. certain: (tiles,)."""
+class SceneSurvey:
+    """What a plan reads of a scene, before anything is simulated.
+
+    Attributes:
+        light: interval of every pixel's light, lux on the sensor.
+        grid: tiles of the plane.
+        scene: the same by tile, photoelectrons a cycle.
+        certain: (tiles,) bool, whether the interval holds for certain.
+    """
 
     light: Survey
     grid: TileGrid
@@ -63,7 +69,7 @@ class RunPlan:
     """
 
     plan: Plan
-    look: Look
+    survey: SceneSurvey
     tier: Tier
     setting: CameraSetting
     flags: npt.NDArray[np.uint8] | None
@@ -76,7 +82,7 @@ class RunPlan:
         """Tiles to check, the most telling first: the brightest, the darkest, the steepest, where
         each left-out effect has promised most, some by chance, and one of every set of effects that
         has none yet."""
-        scene, grid = self.look.scene, self.look.grid
+        scene, grid = self.survey.scene, self.survey.grid
         whole = np.flatnonzero(grid.whole)
         low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
         steep = (high - low) / np.maximum(low, max(scene.floor, 1e-300) * scene.threshold)
@@ -93,7 +99,9 @@ class RunPlan:
         self, chosen: npt.NDArray[np.intp], whole: npt.NDArray[np.intp], seed: int
     ) -> list[int]:
         """A tile by chance of each set of effects that none of `chosen` has."""
-        kept = np.stack([np.broadcast_to(k, len(self.look.grid)) for k in self.plan.kept.values()])
+        kept = np.stack(
+            [np.broadcast_to(k, len(self.survey.grid)) for k in self.plan.kept.values()]
+        )
         _, which = np.unique(kept, axis=1, return_inverse=True)
         which = which.ravel()
         rng = np.random.default_rng([seed, 1])
@@ -106,11 +114,11 @@ class RunPlan:
         """The stage that checks this plan. full: the camera with every effect."""
         shown = None
         if self.display is not None and self.full_display is not None:
-            shown = Shown(self.full_display, self.display, self.look.scene.cycles)
+            shown = Shown(self.full_display, self.display, self.survey.scene.cycles)
         return Verifier(
-            full, self.plan, self.look.grid, sorted(self.patches(seed)),
-            Planned(self.tier, self.setting, self.flags), self.spans, self.look.scene.floor, device,
-            stop_early, shown,
+            full, self.plan, self.survey.grid, sorted(self.patches(seed)),
+            Planned(self.tier, self.setting, self.flags), self.spans, self.survey.scene.floor,
+            device, stop_early, shown,
         )  # fmt: skip
 
 
@@ -121,14 +129,14 @@ def floor_of(scenario: Scenario) -> float:
     return 1 / scenario.image.window if floor is None else floor
 
 
-def look(
+def survey_scene(
     scenario: Scenario,
     setting: CameraSetting,
     source: Source,
     relay: Callable[[Light], Light],
     cycles: int,
-) -> Look:
-    """Looks at the scene. source: one of its own, since it may be run through."""
+) -> SceneSurvey:
+    """Surveys a scene. source: one of its own, since it may be run through."""
     clock: Clock = setting.clock
     light = through(survey(source, clock, cycles), relay)
     grid = TileGrid(*light.least.shape)
@@ -152,7 +160,7 @@ def look(
     certain = light.certain
     if setting.crosstalk > 0:
         certain = minimum_filter(certain, 3)
-    return Look(light, grid, scene, grid.reduce(certain, np.logical_and))
+    return SceneSurvey(light, grid, scene, grid.reduce(certain, np.logical_and))
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
@@ -171,7 +179,7 @@ def _seen_through(scene: Summary, display: DisplaySetting) -> Summary:
 
 
 def plan_run(
-    seen: Look,
+    seen: SceneSurvey,
     setting: CameraSetting,
     tolerance: float,
     instants: Sequence[int],

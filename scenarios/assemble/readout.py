@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from cosim import BLOCK, Block, Clock, InputError, Lens, Light
+from cosim.light.source import Source
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cosim import InputError, Interrupted, Viform
 from cosim.files.zarr_store import write_zarr
+from cosim.run.chain import STREAM
 from cosim.run.folder import begin_folder, claimed, mend, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, Throughput, write_result
@@ -19,7 +20,6 @@ from rtl_model.bringup.waves import check_trace, write_waves
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone, open_port, pattern
 from rtl_model.virtual import nominal_clock
-from scenarios.assemble.filming import STREAM
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.scenario import BoardScenario
 

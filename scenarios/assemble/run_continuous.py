@@ -18,6 +18,7 @@ from cosim import (
 )
 from cosim.files.intensities import write_intensities
 from cosim.light.lens import Lens
+from cosim.light.source import Source
 from cosim.run.folder import begin_folder, claimed, output_folder, write_images
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, Throughput, latency_rows, write_result
@@ -32,7 +33,7 @@ from scenarios.assemble.readout import (
     refuse_options,
 )
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import Source, make_source
+from scenarios.scenes import make_source
 from sensor import CameraSetting
 from sensor.continuous import ContinuousCamera, ContinuousSetting
 from sensor.continuous.shots import (

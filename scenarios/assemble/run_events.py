@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cosim import Events, InputError, Interrupted, seconds_to_ps
 from cosim.files import write_events
 from cosim.light.lens import Lens
+from cosim.light.source import Source, Target
 from cosim.run.folder import begin_folder, claimed, output_folder, write_images
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Result, Throughput, latency_rows, write_result
@@ -39,7 +40,7 @@ from scenarios.assemble.readout import (
     refuse_options,
 )
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import Patch, Source, make_source
+from scenarios.scenes import make_source
 from sensor import CameraSetting
 from sensor.asynchronous import EventModel, Firings
 from sensor.asynchronous.channel import Channel
@@ -95,7 +96,7 @@ class _Prepared:
     lens: Lens
     white_rate: float
     source: Source
-    patches: list[Patch]
+    targets: list[Target]
     instants: list[int]
     output: Output
     notes: list[str]
@@ -126,12 +127,12 @@ def _prepare(name: str, scenario: Scenario) -> _Prepared:
     lens = choose_lens(scenario, setting)
     white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
     source = make_source(scenario.scene, shape, setting.clock, cycles, aligned=False)
-    patches: list[Patch] = getattr(source, "patches", [])
+    targets: list[Target] = getattr(source, "targets", [])
     chosen = scenario.sensor.lens.f_number is None
     notes = lens_notes(scenario, lens, white_rate)[:1] if chosen else []  # nothing saturates
     return _Prepared(
-        name, scenario, setting, model, lens, white_rate, source, patches,
-        [] if patches else choose_instants(scenario, cycles),
+        name, scenario, setting, model, lens, white_rate, source, targets,
+        [] if targets else choose_instants(scenario, cycles),
         Output(
             None if bus is None else Channel(bus, shape),
             stop,
@@ -253,7 +254,7 @@ def run_events(
             begin = time.perf_counter()
             device_pattern, per_lux = run.setting.pattern, run.setting.electrons_per_lux
             found = recover(
-                run.patches, sent, run.output.spoke, run.model, run.stop, run.lens.gain, per_lux,
+                run.targets, sent, run.output.spoke, run.model, run.stop, run.lens.gain, per_lux,
                 0.0 if device_pattern is None else device_pattern.dark,
             )  # fmt: skip
             white = scenario.scene.illuminance * run.lens.gain * per_lux

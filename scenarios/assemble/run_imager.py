@@ -13,6 +13,7 @@ import numpy as np
 from cosim import Interrupted
 from cosim.report.png import write_png
 from cosim.run.folder import (
+    PUT_BACK,
     begin_folder,
     check_room,
     check_trace_file,
@@ -27,7 +28,6 @@ from rtl_model.imagers.run.machine import Machine
 from rtl_model.imagers.run.planning import Ready, ready_imager
 from rtl_model.imagers.run.store import FRAMES, read_frame
 from rtl_model.imagers.run.tape import TAPE
-from scenarios.assemble.filming import PUT_BACK
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.scenario import ImagerScenario
 

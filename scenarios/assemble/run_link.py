@@ -10,6 +10,7 @@ from typing import Any
 from cosim import Interrupted
 from cosim.files import ZarrStream
 from cosim.files.whole import whole
+from cosim.run.chain import CHECKPOINT, STREAM
 from cosim.run.folder import check_room, claimed, mend, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import Result, dumps, write_result
@@ -20,7 +21,6 @@ from link.run.prepare import PreparedLink, ReadyLink, prepare_link
 from link.run.receive import receive_stream
 from link.section import LinkScenario
 from link.verdict import Cause, Verdict
-from scenarios.assemble.filming import CHECKPOINT, STREAM
 from scenarios.assemble.link_loop import open_loop
 
 __all__ = ["RECEIVED", "VERDICT", "link_verdict", "run_link"]

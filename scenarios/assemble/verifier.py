@@ -7,9 +7,10 @@ effect for each that was left out, beside everything.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ from cosim import Block, Light
 from cosim.compute.opencl import Device
 from cosim.plan.planner import Plan
 from cosim.plan.tiles import TileGrid
+from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from scenarios.assemble.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
 from sensor import CameraSetting
@@ -25,7 +27,7 @@ from sensor.latched.paired import Measured, Span, Values, compare, worst
 from sensor.latched.patches import PatchCamera, PatchPlane
 from sensor.latched.tiers import Tier
 
-__all__ = ["ARITHMETIC", "BrokenPromise", "Finding", "Planned", "Verifier"]
+__all__ = ["ARITHMETIC", "Planned", "Verifier"]
 
 
 ARITHMETIC: Final = "32-bit arithmetic"
@@ -52,41 +54,17 @@ class Planned:
         return PatchCamera(self.setting, plane, self.tier, device, flags)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A promise that was not kept. effect: its name. measured: the upper limit. tile: where, None
-    where the whole error is more than the tolerance (then promised)."""
-
-    effect: str
-    promised: float
-    measured: float
-    tile: int | None
-
-    @property
-    def told(self) -> str:
-        """As a user is told."""
-        if self.tile is None:
-            return (
-                f"the whole error was up to {self.measured:.2g} where {self.promised:.2g} was "
-                f"asked for: the run is done again with {self.kept}"
-            )
-        return (
-            f"the run is done again with {self.kept}: leaving it out changed up to "
-            f"{self.measured:.2g} on tile {self.tile}, where {self.promised:.2g} was promised"
-        )
-
-    @property
-    def kept(self) -> str:
-        """What is put back, in words."""
-        return "the exact tier" if self.effect == ARITHMETIC else f"{self.effect} kept"
-
-
-class BrokenPromise(Exception):
-    """Raised as soon as a window shows it."""
-
-    def __init__(self, findings: list[Finding]) -> None:
-        super().__init__(", ".join(f.effect for f in findings))
-        self.findings = findings
+def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
+    """tile: None where the whole error exceeds the tolerance, which is `promised` then."""
+    remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
+    message = (
+        f"the whole error was up to {measured:.2g} where {promised:.2g} was asked for: the run is "
+        f"done again with {remedy}"
+        if tile is None
+        else f"the run is done again with {remedy}: leaving it out changed up to {measured:.2g} on "
+        f"tile {tile}, where {promised:.2g} was promised"
+    )
+    return Finding(effect, message, promised, measured, tile)
 
 
 class Verifier(ShownPaired):
@@ -158,7 +136,7 @@ class Verifier(ShownPaired):
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
                 tile = int(at[1])
                 found.append(
-                    Finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
+                    _finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
                 )
         return found
 
@@ -171,7 +149,9 @@ class Verifier(ShownPaired):
             over = np.where(high > promised, high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
-                found.append(Finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]])))
+                found.append(
+                    _finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]]))
+                )
         return found
 
     def _unseen(self) -> dict[str, Values]:
@@ -209,3 +189,45 @@ class Verifier(ShownPaired):
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
             for name in self._left
         } | {name: float(high.max()) for name, high in self._unseen().items()}
+
+    def shortfall(self, tier: Tier) -> list[Finding]:
+        """What to reinstate because the whole error exceeds the tolerance: the effect whose absence
+        changed most, or the fast tier itself."""
+        error, tolerance = self.error(), self._plan.tolerance
+        if tolerance == 0 or error.high <= tolerance:
+            return []
+        measured = self.measured()
+        # An effect that no patch left out has not been measured; it is reinstated all the same.
+        names = (
+            [max(measured, key=lambda n: measured[n])] if measured else list(self._plan.left_out)
+        )
+        if not names and tier == "fast":
+            names = [ARITHMETIC]
+        return [_finding(name, tolerance, error.high, None) for name in names]
+
+    def beyond(self) -> list[str]:
+        """A note if the tolerance is exceeded with everything kept."""
+        error, tolerance = self.error(), self._plan.tolerance
+        if tolerance == 0 or error.high <= tolerance:
+            return []
+        return [
+            f"the error is {error.value:.2g} (up to {error.high:.2g}) where {tolerance:g} was "
+            "asked for, with every effect kept: the exact tier comes no nearer"
+        ]
+
+    def full_physics_s(self, pixels: int, cycles: int) -> float | None:
+        """Seconds that the reference would take for so many pixels and cycles, from what it took
+        for the patches."""
+        seconds = self.ns("reference") * 1e-9 * pixels * cycles
+        return seconds if math.isfinite(seconds) else None
+
+    def left_out(self) -> list[dict[str, Any]]:
+        """Rows of `result.json`: effects that some tile left out, with bound and measurement."""
+        measured = self.measured()
+        return [
+            {
+                "effect": row.effect, "bound": row.bound, "kind": row.kind,
+                "measured": measured.get(row.effect),
+            }
+            for row in self._plan.rows if row.effect in self._plan.left_out
+        ]  # fmt: skip

@@ -60,10 +60,9 @@ def _measure(
     name: str, given: AnyScenario, device: str | None
 ) -> Callable[[Progress], dict[str, Any]]:
     """What makes the document; refuses what has no accuracy to measure."""
-    from cosim import InputError
-    from scenarios.assemble.loading import filmed
+    from scenarios.assemble.machine import assemble_study
     from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario
+    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
 
     if isinstance(given, ImagerScenario):
         from rtl_model.imagers.run.accuracy import accuracy_imager
@@ -77,21 +76,13 @@ def _measure(
         from link.trial.accuracy import accuracy_link
 
         return lambda progress: accuracy_link(given, device, progress)
-    loaded = filmed(given, "accuracy")
-    refuse_leftovers(loaded)
-    if loaded.sensor.readout == "continuous":
-        raise InputError(
-            "sensor.readout", "synchronous or asynchronous", "continuous",
-            "set one of them: the continuous readout has one tier, with nothing to leave out",
-        )  # fmt: skip
-    if loaded.sensor.readout == "asynchronous":
+    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
         from scenarios.assemble.event_accuracy import accuracy_events
 
+        refuse_leftovers(given)
         refuse_options("asynchronous", False, device)
-        return lambda progress: accuracy_events(loaded, progress)
-    from scenarios.assemble.accuracy import accuracy as accuracy_latched
-
-    return lambda progress: accuracy_latched(loaded, device, progress)
+        return lambda progress: accuracy_events(given, progress)
+    return assemble_study("accuracy", name, given, device).ladder
 
 
 def _number(value: float | None) -> str:

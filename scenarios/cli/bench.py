@@ -18,7 +18,7 @@ Study = tuple[dict[str, Any], str, Callable[[Path], object]]
 
 def _code(device: str | None) -> Study:
     """Sizes of streams."""
-    from scenarios.assemble.prepare import choose_device
+    from cosim.compute.opencl import choose_device
     from scenarios.studies.codes import bench_code, draw, markdown
 
     document = bench_code(choose_device(device))
@@ -29,7 +29,7 @@ def _continuous(device: str | None) -> Study:
     """Continuous photographing beside spikes."""
     from dataclasses import asdict
 
-    from scenarios.assemble.prepare import choose_device
+    from cosim.compute.opencl import choose_device
     from scenarios.studies.continuous import compare, markdown, traces_figure
 
     rows = compare(device=choose_device(device))
@@ -76,7 +76,7 @@ def bench(
     continuous photographing makes of the same light; the first takes minutes.
     """
     from cosim import InputError
-    from scenarios.assemble.prepare import choose_device
+    from cosim.compute.opencl import choose_device
     from scenarios.studies.bench.sensor import PARTS
     from scenarios.studies.bench.sensor import bench as measure
 

@@ -26,11 +26,10 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
-    from cosim import InputError
-    from scenarios.assemble.forecast import forecast, forecast_events
-    from scenarios.assemble.loading import filmed, load
+    from scenarios.assemble.loading import load
+    from scenarios.assemble.machine import assemble_study
     from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario
+    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
 
     name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(given, LinkScenario):
@@ -44,18 +43,18 @@ def plan(
         refuse_device(device)
         _tell(forecast_imager(name, given, machine_of(given)), json)
         return
-    loaded = filmed(given, "plan")
-    refuse_leftovers(loaded)
-    if loaded.sensor.readout == "continuous":
-        raise InputError(
-            "sensor.readout", "synchronous or asynchronous", "continuous",
-            "set one of them: the continuous readout keeps everything",
-        )  # fmt: skip
-    if loaded.sensor.readout == "asynchronous":
+    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
+        from scenarios.assemble.event_forecast import forecast_events
+
+        refuse_leftovers(given)
         refuse_options("asynchronous", False, device)
-        document = forecast_events(name, loaded)
-    else:
-        document = forecast(name, loaded, device)
+        _tell(forecast_events(name, given), json)
+        return
+    progress = make_progress()
+    try:
+        document = assemble_study("plan", name, given, device).forecast(progress)
+    finally:
+        progress.close()
     _tell(document, json)
 
 

@@ -58,9 +58,9 @@ def run(
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
-        done = done_before(name, loaded, out)
-        if done is not None:
-            _print_done(done, out, trace, json)
+        before = done_before(name, loaded, out)
+        if before is not None:
+            _print_done(before, out, trace, json)
             return
     progress = make_progress()
     table: list[str] = []
@@ -112,20 +112,15 @@ def run(
                 report=write_continuous_report,
             )  # fmt: skip
         else:
-            from scenarios.report import write_report
-            from scenarios.run import Finished, run_scenario
+            from cosim.run.machine import Options
+            from scenarios.run import run_scenario
 
-            def report(run: Finished) -> list[str]:
-                if run.shown is not None:
-                    from scenarios.report.glass_tables import display_lines
-
-                    table.extend(display_lines(run.shown))
-                return write_report(run)
-
-            result, folder = run_scenario(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=report,
+            done = run_scenario(
+                name, loaded, out, options=Options(device, resume, trace), progress=progress,
+                began=BEGAN,
             )  # fmt: skip
+            result, folder = done.result, done.folder
+            table, verdict = done.outcome.table, done.outcome.verdict
     finally:
         progress.close()
     print_result(result, folder, table, verdict, json)

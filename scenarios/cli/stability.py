@@ -26,7 +26,7 @@ def stability(
     from dataclasses import asdict
 
     from cosim import InputError
-    from scenarios.assemble.prepare import choose_device
+    from cosim.compute.opencl import choose_device
     from scenarios.studies.stability import CASES
 
     known = {str(number): case for number, case in CASES.items()}

@@ -11,9 +11,8 @@ from cosim.stage import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
 from display.observe.showing import panel_of
 from display.section import DisplaySection
-from scenarios.assemble.filming import WiderStage
-from scenarios.assemble.prepare import prepare_camera, scene_source
 from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.setup import set_up_camera
 from sensor import SpikeCamera
 
 __all__ = ["FRAME", "show_live"]
@@ -39,19 +38,19 @@ def show_live(
             "leave it out: the display is driven by the latch clock",
         )  # fmt: skip
     section = scenario.display or DisplaySection()
-    setting, cycles, _, lens, white_rate, found = prepare_camera(scenario, device)
-    panel = panel_of(section, setting, white_rate)
-    source = scene_source(scenario, setting, cycles)
-    scene, relay = WiderStage(source, setting.reach), lens.relay(setting.chip.pitch)
-    camera = SpikeCamera(setting, found)
-    fit = fit_words(section.fit, (setting.chip.height, setting.chip.width), panel.shape)
+    setup = set_up_camera(scenario, device)
+    cycles = setup.cycles
+    panel = panel_of(section, setup.setting, setup.white_rate)
+    scene, lens = setup.stages(setup.source()).values()
+    camera = SpikeCamera(setup.setting, setup.device)
+    fit = fit_words(section.fit, setup.shape, panel.shape)
     window, shown = opened(scenario.title, panel.shape), 0
     renderer = None
     try:
         renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)
         progress.start(f"{cycles} cycles on {renderer.name}", cycles)
         for block in blocks(cycles, FRAME):
-            spikes = camera.step(relay(scene.step(None, block)), block)
+            spikes = camera.step(lens.step(scene.step(None, block), block), block)
             begin, end = (panel.start(n) for n in (block.start, block.stop))
             eye = CameraPlane(((begin + end) // 2,), end - begin)
             views = panel_views(eye, panel, block.start, block.cycles, BATCH)

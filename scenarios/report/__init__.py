@@ -1,5 +1,5 @@
 """The report of a run: one HTML file, no network, pictures first."""
 
-from scenarios.report.writing import write_report
+from scenarios.report.frame import write_report
 
 __all__ = ["write_report"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import shlex
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,20 +13,20 @@ import numpy.typing as npt
 
 from cosim import Box
 from cosim.report.figures import sheet_figure
-from cosim.report.parts import cards, data, figure, opening, plot, run_time, write_page
+from cosim.report.parts import cards, data, figure, plot
 from cosim.report.pictures import busiest_box, crop, enlarge
 from cosim.report.png import for_display
+from cosim.run.machine import Page
 from display.observe.clip import RATE, chosen_tiles, write_glass_clip
 from display.observe.showing import key_of
 from scenarios.assemble.glass_result import TRUTH, Shown, title_of
-from scenarios.assemble.loading import to_toml
 from scenarios.report.glass_figures import latency_figure, wave_figure
 from scenarios.report.glass_tables import band_tables, display_table, light_table
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
+from scenarios.report.latched_run import LatchedRun
 from scenarios.report.machine import machine
-from scenarios.run import Finished
 
-__all__ = ["write_glass_report"]
+__all__ = ["glass_page"]
 
 Images = npt.NDArray[np.float32]
 _SEES = {
@@ -52,7 +51,7 @@ def _worst_box(shown: Shown, observer: str) -> Box:
     return busiest_box(away, max(64, min(truth.shape) // 4))
 
 
-def _cards(run: Finished, shown: Shown) -> str:
+def _cards(run: LatchedRun, shown: Shown) -> str:
     result = run.result
 
     def told(name: str, digits: str, unit: str = "") -> str:
@@ -89,7 +88,7 @@ def _cards(run: Finished, shown: Shown) -> str:
     return cards(rows)
 
 
-def _views(run: Finished, shown: Shown, observer: str) -> str:
+def _views(run: LatchedRun, shown: Shown, observer: str) -> str:
     """The middle instant on every display: where they differ most, and the whole."""
     views = {name: _middle(seen[observer]) for name, seen in shown.seen.items()}
     box = _worst_box(shown, observer)
@@ -114,7 +113,7 @@ def _views(run: Finished, shown: Shown, observer: str) -> str:
     )
 
 
-def _overview(run: Finished, shown: Shown) -> None:
+def _overview(run: LatchedRun, shown: Shown) -> None:
     """figures/overview.png: a row an eye, a column a display."""
     names = [TRUTH, *chosen_tiles(shown.displays, _OVERVIEW - 1)]
     rows = []
@@ -125,7 +124,7 @@ def _overview(run: Finished, shown: Shown) -> None:
     sheet_figure([title_of(shown, n) for n in names], rows, run.folder / "figures/overview.png")
 
 
-def _write_clip(run: Finished, shown: Shown) -> Path:
+def _write_clip(run: LatchedRun, shown: Shown) -> Path:
     path = run.folder / "glass.mp4"
     names = chosen_tiles(list(shown.seen))
     motion = shown.glass.motion
@@ -181,7 +180,7 @@ def _bands(shown: Shown) -> str:
     )
 
 
-def _waves(run: Finished, shown: Shown) -> str:
+def _waves(run: LatchedRun, shown: Shown) -> str:
     path = run.folder / "figures" / "waves.png"
     said = wave_figure(run, shown, path)
     return (
@@ -190,7 +189,7 @@ def _waves(run: Finished, shown: Shown) -> str:
     )  # fmt: skip
 
 
-def _delays(run: Finished, shown: Shown) -> str:
+def _delays(run: LatchedRun, shown: Shown) -> str:
     path = run.folder / "figures" / "latency.png"
     latency_figure(shown, path)
     return (
@@ -203,29 +202,18 @@ def _delays(run: Finished, shown: Shown) -> str:
     )
 
 
-def _again(run: Finished) -> str:
-    line = f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"
-    return (
-        f"<h2>Make it again</h2><pre>{html.escape(line)}</pre>"
-        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
-    )
-
-
-def _head(run: Finished, shown: Shown) -> str:
+def _subtitle(run: LatchedRun, shown: Shown) -> str:
     panel = shown.glass.panel
-    camera = (
+    return (
         f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles;"
         f" {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, {panel.drive}, "
         f"{panel.luminance:g} cd/m², drawn by {run.result.renderer}"
     )
-    return opening(run.scenario.title, camera, run.result, run.notes)
 
 
-def write_glass_report(run: Finished) -> list[str]:
-    """Writes figures, glass.mp4 and report.html into the run's folder; their names."""
+def glass_page(run: LatchedRun) -> Page:
+    """The page of a run with a display; writes its figures and glass.mp4."""
     shown: Any = run.shown
-    begin = time.perf_counter()
-    (run.folder / "figures").mkdir(exist_ok=True)
     with ThreadPoolExecutor(1) as pool:  # figures are drawn while the clip is coded
         coding = pool.submit(_write_clip, run, shown)
         _overview(run, shown)
@@ -238,12 +226,9 @@ def write_glass_report(run: Finished) -> list[str]:
             machine(run),
         ]
         body = [_table(shown), _clip(shown, coding.result()), *body]
-    run.seconds["report"] = time.perf_counter() - begin
-    page = [_head(run, shown), _cards(run, shown), *body]
-    page += [run_time(run.result, run.seconds), _again(run)]
-    write_page(run.folder, run.scenario.title, "".join(page))
-    return [
+    files = [
         "figures/overview.png", "figures/waves.png", "figures/latency.png",
         *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
-        "glass.mp4", "report.html",
+        "glass.mp4",
     ]  # fmt: skip
+    return Page(run.scenario.title, _subtitle(run, shown), _cards(run, shown), body, files=files)

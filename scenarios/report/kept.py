@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.report.figures import INK, LINE, MARK, pyplot
 from cosim.report.parts import plot, table
-from scenarios.run import Finished
+from scenarios.report.latched_run import LatchedRun
 
 __all__ = ["error_card", "full_physics_card", "kept", "left_out_card"]
 
@@ -20,7 +20,7 @@ _COLOURS: Final = (
 """Of the commonest sets of effects; the rest share the last."""
 
 
-def error_card(run: Finished) -> tuple[str, str]:
+def error_card(run: LatchedRun) -> tuple[str, str]:
     """The error with its upper limit and how it is known."""
     error = run.result.error
     if error.value is None:
@@ -32,7 +32,7 @@ def error_card(run: Finished) -> tuple[str, str]:
     )
 
 
-def full_physics_card(run: Finished) -> tuple[str, str]:
+def full_physics_card(run: LatchedRun) -> tuple[str, str]:
     """What the reference would have taken for the camera."""
     metric = run.result.metrics.get("full_physics")
     seconds = None if metric is None else metric.value
@@ -43,13 +43,13 @@ def full_physics_card(run: Finished) -> tuple[str, str]:
     return f"{seconds:.3g} s", f"full physics for every pixel, predicted from the patches{beside}"
 
 
-def left_out_card(run: Finished) -> tuple[str, str]:
+def left_out_card(run: LatchedRun) -> tuple[str, str]:
     """How many effects some tile does without."""
     names = run.plan.plan.left_out
     return str(len(names)), f"effects left out: {', '.join(names)}" if names else "effects left out"
 
 
-def _rows(run: Finished) -> list[list[str]]:
+def _rows(run: LatchedRun) -> list[list[str]]:
     shown = run.plan.full_display
     effects = [*run.setting.kept, *(shown.kept if shown is not None else ())]
     sources = {effect.name: effect.source for effect in effects}
@@ -73,11 +73,11 @@ def _rows(run: Finished) -> list[list[str]]:
     return rows
 
 
-def _told(run: Finished) -> str:
+def _told(run: LatchedRun) -> str:
     """Tolerance, tier, what was promised, what the tiles are."""
-    plan, look = run.plan.plan, run.plan.look
+    plan, survey = run.plan.plan, run.plan.survey
     promised = float(plan.total.max()) + run.plan.own
-    classes = ", ".join(f"{count} {kind}" for kind, count in look.classes.items() if count)
+    classes = ", ".join(f"{count} {kind}" for kind, count in survey.classes.items() if count)
     if plan.tolerance == 0:
         opening = f"Tolerance 0 keeps every effect; {run.plan.tier} tier."
     else:
@@ -87,14 +87,14 @@ def _told(run: Finished) -> str:
             f"{plan.tolerance / 2:g} is allowed."
         )
     return (
-        f"{opening} The plane is {len(look.grid)} tiles of 16 x 16 pixels: {classes}. "
+        f"{opening} The plane is {len(survey.grid)} tiles of 16 x 16 pixels: {classes}. "
         f"{len(run.plan.patches(run.scenario.seed))} of them were checked: filmed by the "
         "reference with everything, by the camera as planned, and without one effect at a time, "
         "all with the same random numbers."
     )
 
 
-def _put_back(run: Finished) -> str:
+def _put_back(run: LatchedRun) -> str:
     if not run.put_back:
         return ""
     rows = [
@@ -111,9 +111,9 @@ def _put_back(run: Finished) -> str:
     )
 
 
-def _map(run: Finished, path: Path) -> list[list[str]]:
+def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     """figures/plan.png: what each tile leaves out and which were checked; the legend's rows."""
-    plan, grid = run.plan.plan, run.plan.look.grid
+    plan, grid = run.plan.plan, run.plan.survey.grid
     names = list(plan.kept)
     kept = np.stack([np.broadcast_to(plan.kept[n], len(grid)) for n in names])
     sets, which, counts = np.unique(kept, axis=1, return_inverse=True, return_counts=True)
@@ -158,7 +158,7 @@ def _map(run: Finished, path: Path) -> list[list[str]]:
     return legend
 
 
-def kept(run: Finished) -> str:
+def kept(run: LatchedRun) -> str:
     """The section; writes figures/plan.png, but where a board made the spikes."""
     if run.scenario.sensor.source is not None:
         return (

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from cosim.report.parts import table
-from scenarios.run import Finished
+from scenarios.report.latched_run import LatchedRun
 from sensor.sections.provenance import fault_rows, optics_rows
 
 __all__ = ["machine"]
 
 
-def machine(run: Finished) -> str:
+def machine(run: LatchedRun) -> str:
     """A table of the chip's numbers."""
     setting, scenario = run.setting, run.scenario
     chip = setting.chip

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from cosim.report.figures import interval_figure, overview_figure, sheet_figure
-from cosim.report.parts import cards, data, figure, opening, plot, run_time, table, write_page
+from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
 from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
-from scenarios.assemble.loading import to_toml
+from cosim.run.machine import Page
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
+from scenarios.report.latched_run import LatchedRun
 from scenarios.report.machine import machine
-from scenarios.run import Finished
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
 from sensor.reconstruct.fidelity import LEAST_RATE, Shot
 
-__all__ = ["write_page_report"]
+__all__ = ["stream_page"]
 
 _WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _CLIP_FRAMES = 75
@@ -31,7 +31,7 @@ _LONG = 800
 """Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
 
 
-def _cards(run: Finished) -> str:
+def _cards(run: LatchedRun) -> str:
     result = run.result
 
     def metric(name: str, digits: str) -> str:
@@ -56,7 +56,7 @@ def _cards(run: Finished) -> str:
     return cards(rows)
 
 
-def _instants(run: Finished) -> str:
+def _instants(run: LatchedRun) -> str:
     window, ms = run.scenario.image.window, 1e3 / run.stream.clock.hz
     parts = [
         "<h2>Images at chosen instants</h2>",
@@ -74,7 +74,7 @@ def _instants(run: Finished) -> str:
     return "".join(parts)
 
 
-def _accumulation(run: Finished) -> str:
+def _accumulation(run: LatchedRun) -> str:
     fitting = [w for w in WINDOWS if w <= run.stream.cycles]
     ms = 1e3 / run.stream.clock.hz
     pictures = "".join(
@@ -105,7 +105,7 @@ class _Long:
         return f"cycles {self.first} to {self.first + self.cycles - 1} accumulated"
 
 
-def _expose_long(run: Finished, shot: Shot) -> _Long:
+def _expose_long(run: LatchedRun, shot: Shot) -> _Long:
     """A long exposure with the instant in its middle."""
     cycles = min(_LONG, run.stream.cycles)
     first = min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles)
@@ -128,7 +128,7 @@ def _long_and_instant(shot: Shot, long: _Long) -> str:
     )
 
 
-def _moving_part(run: Finished, shot: Shot, long: _Long) -> str:
+def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
     title = "<h2>The moving part</h2>"
     truths = np.stack([each.truth for each in run.shots])
     change = truths.max(axis=0) - truths.min(axis=0)
@@ -154,7 +154,7 @@ def _moving_part(run: Finished, shot: Shot, long: _Long) -> str:
     )
 
 
-def _playback(run: Finished) -> str:
+def _playback(run: LatchedRun) -> str:
     from scenarios.cli.output import SilentProgress
 
     every = max(1, run.stream.cycles // _CLIP_FRAMES)
@@ -172,7 +172,7 @@ def _playback(run: Finished) -> str:
     )
 
 
-def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
+def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     points = run.source.points()
     clock, knots = run.stream.clock, 120
     # More cycles than the figure has dots for would draw patterns that are not there.
@@ -195,7 +195,7 @@ def _intervals(run: Finished, shot: Shot, long: _Long) -> str:
     )
 
 
-def _size(run: Finished) -> str:
+def _size(run: LatchedRun) -> str:
     if run.sizes is None:
         return ""
     head = ["form", "bits a pixel and cycle", "times smaller than raw"]
@@ -203,25 +203,7 @@ def _size(run: Finished) -> str:
     return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
 
 
-def _again(run: Finished) -> str:
-    shot = run.shots[len(run.shots) // 2]
-    lines = [
-        f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
-        f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png",
-        f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
-    ]
-    where = "from the same board"
-    if run.scenario.sensor.source is None:
-        where = _WHERE[run.plan.tier]
-    return (
-        "<h2>Make it again</h2><p>The first line makes one of the linear images from the stream, "
-        "the second the whole run: the same bits " + where + ".</p>"
-        f"<pre>{html.escape(chr(10).join(lines))}</pre>"
-        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
-    )
-
-
-def _overview(run: Finished, shot: Shot, long: _Long) -> None:
+def _overview(run: LatchedRun, shot: Shot, long: _Long) -> None:
     """figures/overview.png: the truth, both estimates and a long accumulation."""
     ms = 1e3 / run.stream.clock.hz
     panels = [
@@ -233,7 +215,7 @@ def _overview(run: Finished, shot: Shot, long: _Long) -> None:
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
 
-def _sheet(run: Finished) -> None:
+def _sheet(run: LatchedRun) -> None:
     """figures/instants.png: the truth and both estimates at every instant, side by side (after
     figure 6 of Huang 2022); at most eight of them."""
     step = -(-len(run.shots) // 8)
@@ -246,10 +228,8 @@ def _sheet(run: Finished) -> None:
     sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
 
 
-def write_page_report(run: Finished) -> list[str]:
-    """Writes figures and report.html into the run's folder; their names."""
-    begin = time.perf_counter()
-    (run.folder / "figures").mkdir(exist_ok=True)
+def stream_page(run: LatchedRun) -> Page:
+    """The page of a run without a display; writes its figures and playback.mp4."""
     middle = run.shots[len(run.shots) // 2]
     long = _expose_long(run, middle)
     _overview(run, middle, long)
@@ -265,27 +245,27 @@ def write_page_report(run: Finished) -> list[str]:
         kept(run),
         machine(run),
     ]
-    run.seconds["report"] = time.perf_counter() - begin
-    body = [
-        opening(
-            run.scenario.title,
-            f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, "
-            f"{run.stream.cycles} cycles",
-            run.result,
-            run.notes,
-        ),
-        _cards(run),
-        *pictures,
-        run_time(run.result, run.seconds),
-        _again(run),
-    ]
-    write_page(run.folder, run.scenario.title, "".join(body))
-    return [
+    shot = run.shots[len(run.shots) // 2]
+    image = (
+        f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
+        f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png"
+    )
+    where = "from the same board"
+    if run.scenario.sensor.source is None:
+        where = _WHERE[run.plan.tier]
+    files = [
         "figures/overview.png",
         "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
         *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
         "playback.mp4",
-        "report.html",
     ]
+    subtitle = (
+        f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles"
+    )
+    does = (
+        "<p>The first line makes one of the linear images from the stream, the second the whole "
+        f"run: the same bits {where}.</p>"
+    )
+    return Page(run.scenario.title, subtitle, _cards(run), pictures, [image], does, files)

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from cosim import Clock, InputError
+from cosim.light.source import Source
 from scenarios.scenes.charts.sky import SkySource
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.clips.film import FilmSource
@@ -19,7 +20,7 @@ from scenarios.scenes.sections import (
     SunAndStarsScene,
     TargetScene,
 )
-from scenarios.scenes.source import AnalyticSource, Source
+from scenarios.scenes.source import AnalyticSource
 
 __all__ = ["make_source"]
 

@@ -1,48 +1,16 @@
-"""From a scene to `Light`: what leaves it towards the lens, block by block, and its true light.
-
-A source is the first stage of a run. It also answers for the truth: the reflectance seen at any
-instant, white = 1, which fidelity is measured against.
-"""
+"""Scenes in closed form, and the source that draws them block by block."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
+from cosim.light.source import Sketch
 
-__all__ = ["AnalyticScene", "AnalyticSource", "Sketch", "Source", "spread_points"]
-
-
-@dataclass(frozen=True, eq=False)
-class Sketch:
-    """A drawn scene, seen at a few instants. planes: in lux. reach: pixels that an edge may move
-    from an instant to the nearest of them. box: that holds all change. planes_per_cycle: new planes
-    of light a cycle."""
-
-    planes: list[Plane]
-    reach: float
-    box: Box
-    planes_per_cycle: float
-
-
-class Source(Protocol):
-    """Light of a scene on the sensor's pixel grid, in lux of exitance, and the truth behind it.
-
-    notes: what a user must know of how the scene was made (temporal interpolation, cropping,
-    caveats). degraded: caveats that make the result less than was asked for.
-    """
-
-    shape: tuple[int, int]
-    notes: list[str]
-    degraded: list[str]
-
-    def step(self, given: None, block: Block) -> Light: ...
-    def truth(self, ps: int) -> Plane: ...
-    def points(self) -> list[tuple[int, int, str]]: ...
+__all__ = ["AnalyticScene", "AnalyticSource", "spread_points"]
 
 
 class AnalyticScene(Protocol):

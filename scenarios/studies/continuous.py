@@ -25,8 +25,9 @@ from cosim import (
     join_intensities,
 )
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from scenarios.assemble.continuous import continuous_setting
-from scenarios.scenes import AnalyticSource, Source
+from scenarios.scenes import AnalyticSource
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.people.wave import Wave
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp

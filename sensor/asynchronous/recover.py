@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cosim.light.source import Target
 from cosim.run.result import Metric
-from scenarios.scenes import Patch
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.asynchronous.estimate import Observed, RateEstimate, estimate_rate, mean_rate
 from sensor.dynamic_range import decibels, spike_dynamic_range
@@ -28,7 +28,7 @@ class Recovered:
     still bounds it). plain: lux by the mean of Q/width, None where no pixel said anything. fired,
     read, silent: pixels by what they said first; all of them are `pixels`."""
 
-    patch: Patch
+    target: Target
     lux: float
     pixels: int
     fired: int
@@ -51,7 +51,7 @@ class Recovered:
 
 
 def recover(
-    patches: list[Patch],
+    targets: list[Target],
     firings: Firings,
     spoke: npt.NDArray[np.bool_],
     model: EventModel,
@@ -71,10 +71,10 @@ def recover(
     """
     first = firings.take(latched(firings.instant, model.tick) + 1 == firings.width)
     found = []
-    for patch in sorted(patches, key=lambda p: -p.lux):
-        mine = first.take(patch.mask.ravel()[first.pixel])
+    for target in sorted(targets, key=lambda p: -p.lux):
+        mine = first.take(target.mask.ravel()[first.pixel])
         full = mine.level == model.levels
-        mask = patch.mask.ravel()
+        mask = target.mask.ravel()
         pixels, lost = int(mask.sum()), int((mask & spoke).sum()) - len(mine)
         silent = pixels - len(mine) - lost
         seen = Observed(mine.width[full], mine.level[~full].astype(np.int64), silent, stop)
@@ -84,8 +84,8 @@ def recover(
         plain = mean_rate(model, seen)
         found.append(
             Recovered(
-                patch,
-                patch.lux * gain,
+                target,
+                target.lux * gain,
                 pixels,
                 int(full.sum()),
                 int((~full).sum()),

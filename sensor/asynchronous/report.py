@@ -100,7 +100,7 @@ def _patches(run: EventRun) -> str:
     patch_figure(run.found, dark / run.setting.electrons_per_lux, path)
     rows = [
         [
-            p.patch.name, f"{p.lux:.4g}", _number(p.estimate, ".4g"), _number(p.error, "+.2%"),
+            p.target.name, f"{p.lux:.4g}", _number(p.estimate, ".4g"), _number(p.error, "+.2%"),
             _range(p.low, p.high), _number(p.plain, ".4g"), str(p.pixels),
             str(p.fired), str(p.read), str(p.silent), "yes" if p.good else "",
         ]
@@ -149,11 +149,11 @@ def _traffic(run: EventRun) -> str:
     if run.found and run.found[0].fired and run.found[0].estimate is not None:
         top = run.found[0]
         first = latched(run.sent.instant, run.model.tick) + 1 == run.sent.width
-        mine = first & top.patch.mask.ravel()[run.sent.pixel]
+        mine = first & top.target.mask.ravel()[run.sent.pixel]
         dark = run.setting.pattern.dark if run.setting.pattern is not None else 0.0
         assert top.estimate is not None
         rate = top.estimate * run.setting.electrons_per_lux + dark
-        width_figure(run.sent.width[mine], rate, run.model, top.patch.name, figures / "widths.png")
+        width_figure(run.sent.width[mine], rate, run.model, top.target.name, figures / "widths.png")
         small += plot(figures / "widths.png", "widths of the brightest patch")
     section = run.scenario.sensor.channel
     said = "There is no shared channel: every event leaves as it fires."

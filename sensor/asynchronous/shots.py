@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Events, Plane
-from scenarios.scenes import Source
+from cosim.light.source import Source
 from sensor.asynchronous import EventModel, Firings, latched
 from sensor.asynchronous.image import rate_image
 from sensor.reconstruct.fidelity import Estimate, to_white

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Intensities, Light, Plane, last_reports
+from cosim.light.source import Source
 from cosim.run.result import Metric
-from scenarios.scenes import Source
 from sensor import CameraSetting
 from sensor.continuous import ContinuousSetting
 from sensor.reconstruct.fidelity import Estimate, to_white

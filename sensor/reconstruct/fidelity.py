@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Plane, SpikeStream
+from cosim.light.source import Source
 from cosim.light.ssim import Likeness, inside
 from cosim.run.result import Latency, Metric
-from scenarios.scenes import Source
 from sensor import interval_rate, isi, tfp
 
 __all__ = [

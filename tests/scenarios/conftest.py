@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from cosim.run.machine import Options
 from cosim.run.result import Result
 from scenarios.assemble.loading import load
 from scenarios.cli.entry import _main
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
-from scenarios.run import Finished, run_scenario
+from scenarios.run import run_scenario
 
 SMALL = ("sensor.chip=spikeone", "duration=2.5 ms", "image.at=[50]")
 """100 cycles of 400 x 250 pixels, one image."""
@@ -93,7 +94,7 @@ def make_clip() -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def film() -> Callable[..., tuple[Result, Path]]:
-    """Runs a scenario, small unless told, without a report unless told."""
+    """Runs a scenario of a latched camera, small by default."""
 
     def call(
         name: str,
@@ -102,14 +103,16 @@ def film() -> Callable[..., tuple[Result, Path]]:
         small: bool = True,
         resume: bool = False,
         device: str | None = None,
-        report: Callable[[Finished], list[str]] = lambda run: [],
+        report: Callable[..., list[str]] = lambda machine, run: [],
         progress: Any = None,
     ) -> tuple[Result, Path]:
         short, scenario = load(name, [*(SMALL if small else ()), *assignments])
-        return run_scenario(
-            short, scenario, out, resume=resume, device=device, began=time.perf_counter(),
-            progress=progress or SilentProgress(), report=report,
+        done = run_scenario(
+            short, scenario, out, options=Options(device, resume), began=time.perf_counter(),
+            progress=progress or SilentProgress(),
+            report=report,
         )  # fmt: skip
+        return done.result, done.folder
 
     return call
 

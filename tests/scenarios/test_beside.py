@@ -13,7 +13,7 @@ from display.observe.beside import TRUTH, BesideStage
 from display.observe.showing import beside_of, observers_of
 from display.observe.slow_motion import Film, SlowMotion
 from display.section import DisplaySection
-from scenarios.assemble.filming import WiderStage
+from scenarios.assemble.stages import SceneStage
 from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
 from scenarios.scenes.source import AnalyticSource
 
@@ -36,7 +36,7 @@ def stage() -> BesideStage:
 
 
 def run(made: BesideStage, size: int = 64, reach: tuple[int, int] = (0, 0)) -> BesideStage:
-    scene = WiderStage(AnalyticSource(Chart(SHAPE), 700.0, CLOCK), reach)
+    scene = SceneStage(AnalyticSource(Chart(SHAPE), 700.0, CLOCK), reach)
     for block in blocks(CYCLES, size):
         light = scene.step(None, block)
         assert made.step(light, block) is light

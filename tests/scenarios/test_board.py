@@ -11,6 +11,7 @@ import pytest
 
 from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
+from cosim.run.machine import Options
 from cosim.spikes.viform import count_spikes
 from link.run.prepare import ready_link
 from link.sending import Transmission
@@ -57,10 +58,11 @@ def test_a_run_with_a_board_at_both_ends(tmp_path: Path) -> None:
     name, scenario = load(
         "step", [*sets, "display.sink=serial:virtual", "duration=1.1 ms", "image.at=[22]"]
     )
-    result, folder = run_scenario(
-        name, scenario, tmp_path / "run", device="numba", progress=SilentProgress(),
-        began=time.perf_counter(), report=lambda run: [],
+    done = run_scenario(
+        name, scenario, tmp_path / "run", options=Options("numba"), progress=SilentProgress(),
+        began=time.perf_counter(), report=lambda machine, run: [],
     )  # fmt: skip
+    result, folder = done.result, done.folder
     metric = {key: each.value for key, each in result.metrics.items()}
     found = [metric[n] for n in ("board_bits_wrong", "sink_crc_wrong", "sink_planes")]
     assert found == [0, 0, 44]

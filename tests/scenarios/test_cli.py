@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import cosim.run.loop
+import scenarios.run
 from cosim import Interrupted
 from cosim.files import open_stream
 from scenarios.assemble.loading import load, shipped
@@ -37,7 +38,7 @@ def program(*arguments: object, **options: Any) -> subprocess.CompletedProcess[s
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs without their pictures, which take most of a small run's time."""
-    monkeypatch.setattr("scenarios.report.write_report", lambda run: [])
+    monkeypatch.setattr(scenarios.run, "REPORT", lambda machine, run: [])
 
 
 def words(folder: Path) -> np.ndarray:
@@ -306,7 +307,7 @@ def test_an_interrupted_run_goes_on_to_the_same_stream(refused, viform, film, cl
 def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp_path, monkeypatch):
     folder = tmp_path / "run"
 
-    def stop(run: Any) -> list[str]:
+    def stop(machine: Any, run: Any) -> list[str]:
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match=r"interrupted after 100 of 100 cycles; go on with"):
@@ -328,7 +329,7 @@ def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp
 def test_going_on_without_the_stream_is_refused(film, refused, tmp_path):
     folder = tmp_path / "run"
 
-    def stop(run: Any) -> list[str]:
+    def stop(machine: Any, run: Any) -> list[str]:
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):

@@ -11,6 +11,7 @@ import pytest
 
 from cosim import InputError, SpikeStream
 from cosim.files import open_stream
+from cosim.run.machine import Options
 from cosim.run.result import Result
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.camera import camera_setting
@@ -41,10 +42,11 @@ def filmed(folder: Path, *assignments: str) -> tuple[Result, SpikeStream]:
     """The same run without its report, which most of these tests have no eyes for."""
     given = [*SMALL[1::2], *assignments]
     name, scenario = load("step", given)
-    result, place = run_scenario(
-        name, scenario, folder, progress=Silent(), began=0.0, report=lambda _: []
-    )
-    return result, open_stream(place)
+    done = run_scenario(
+        name, scenario, folder, options=Options(), progress=Silent(), began=0.0,
+        report=lambda machine, run: [],
+    )  # fmt: skip
+    return done.result, open_stream(done.folder)
 
 
 def test_every_setting_is_kept_by_name_and_changes_the_stream(tmp_path: Path) -> None:

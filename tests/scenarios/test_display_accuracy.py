@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from cosim import Block
+from cosim.plan.ladder import LADDER
 from display.trial.cost import display_ns, golden_ns
-from scenarios.assemble.accuracy import LADDER, accuracy
+from scenarios.assemble.latched_ladder import accuracy
 from scenarios.assemble.loading import load
+from scenarios.assemble.setup import set_up_camera
 from scenarios.cli.output import SilentProgress
 from tests.scenarios.test_display_plan import GLASS, SPANS
 
@@ -22,7 +24,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path.write_text(GLASS)
     sets = ["duration=4.8 ms", "image.at=[128]", "display.renderer=numpy"]
     _, scenario = load(str(path), sets)
-    return accuracy(scenario, None, SilentProgress())
+    return accuracy(set_up_camera(scenario, None), SilentProgress())
 
 
 def test_a_tighter_tolerance_is_never_less_accurate(document):

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from cosim import Block, Bound
+from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.costs import SHOWN, SPAN_COST
 from scenarios.assemble.display import display_of
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.prepare import look_at, prepare_camera, scene_source
+from scenarios.assemble.setup import set_up_camera
 from scenarios.assemble.shown import TRUTH
-from scenarios.assemble.verifier import BrokenPromise, Verifier
+from scenarios.assemble.verifier import Verifier
 
 SPANS = ("planes within 8", "planes within 64")
 GLASS = """
@@ -51,10 +52,10 @@ class Made:
 
     def __init__(self, path: Path, *sets: str) -> None:
         _, self.scenario = load(str(path), list(sets))
-        self.setting, self.cycles, self.instants, self.lens, self.white, _ = prepare_camera(
-            self.scenario, "numba"
-        )
-        self.seen = look_at(self.scenario, self.setting, self.lens, self.cycles)
+        self.setup = setup = set_up_camera(self.scenario, "numba")
+        self.setting, self.cycles, self.instants = setup.setting, setup.cycles, setup.instants
+        self.lens, self.white = setup.lens, setup.white_rate
+        self.seen = setup.survey()
         shown = display_of(self.scenario, self.setting, self.white, self.instants, self.cycles)
         assert shown is not None
         self.display = shown
@@ -69,7 +70,7 @@ class Made:
         """Run to its end."""
         check = plan.verifier(self.setting, 1, None)
         source, relay = (
-            scene_source(self.scenario, self.setting, self.cycles),
+            self.setup.source(),
             self.lens.relay(self.setting.chip.pitch),
         )
         for start in range(0, self.cycles, 64):
@@ -187,7 +188,7 @@ def test_a_check_goes_on_from_its_state(glass):
     made = looked(glass)
     plan = made.plan(1e-3)
     source, relay = (
-        scene_source(made.scenario, made.setting, made.cycles),
+        made.setup.source(),
         made.lens.relay(made.setting.chip.pitch),
     )
     whole, first, second = (plan.verifier(made.setting, 1, None) for _ in range(3))

@@ -121,7 +121,7 @@ def test_a_run_with_a_false_bound_says_so_and_keeps_the_effect(tmp_path, monkeyp
     assert result.error is not None and result.error.ci is not None
     assert result.error.ci[1] <= 1e-3
     # The sun's widths vary as those of 300 electrons do.
-    sun = run.sent.exact[run.found[0].patch.mask.ravel()[run.sent.pixel]]
+    sun = run.sent.exact[run.found[0].target.mask.ravel()[run.sent.pixel]]
     assert 0.02 < sun.std() / sun.mean() < 0.08
 
 

@@ -42,9 +42,9 @@ class Shot:
     def __init__(self, film: Any, out: Path, *sets: str, page: bool = False, **how: Any) -> None:
         runs: list[Any] = []
 
-        def report(run: Any) -> list[str]:
-            runs.append(run)
-            return write_report(run) if page else []
+        def report(machine: Any, run: Any) -> list[str]:
+            runs.append(machine.judged(run))
+            return write_report(machine, run) if page else []
 
         self.result, self.folder = film("glass", out, *SETS, *sets, report=report, **how)
         self.run = runs[0]
@@ -149,7 +149,7 @@ def test_a_run_that_is_gone_on_with_sees_the_same(drawn, probed, film, tmp_path)
 
 
 def test_a_run_interrupted_in_its_report_has_its_images(drawn, probed, film, tmp_path):
-    def stop(run: Any) -> list[str]:
+    def stop(machine: Any, run: Any) -> list[str]:
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match="160 of 160"):

@@ -14,7 +14,7 @@ from cosim.light.survey import Sketched, survey
 from cosim.plan.tiles import TileGrid
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.prepare import look_at, prepare_camera
+from scenarios.assemble.setup import set_up_camera
 from scenarios.scenes import make_source
 
 SHAPE, CYCLES = (96, 160), 200
@@ -23,7 +23,7 @@ SCENES = ("step", "star", "wave", "film")
 
 def made(name: str, *assignments: str):
     _, scenario = load(name, list(assignments))
-    setting = prepare_camera(scenario, "numba")[0]
+    setting = set_up_camera(scenario, "numba").setting
     return make_source(scenario.scene, SHAPE, setting.clock, CYCLES, True), setting.clock
 
 
@@ -74,8 +74,9 @@ def planned(
     device: Device, name: str, *assignments: str, tolerance: float, tier: Any = None
 ) -> RunPlan:
     _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
-    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
-    seen = look_at(scenario, setting, lens, cycles)
+    setup = set_up_camera(scenario, None)
+    setting, instants = setup.setting, setup.instants
+    seen = setup.survey()
     return plan_run(seen, setting, tolerance, instants, device, tier=tier)
 
 
@@ -100,7 +101,7 @@ def test_scenes_keep_what_they_need(device):
     assert {"shot noise", "threshold noise"} <= set(bright.plan.left_out)
     assert bright.plan.kept["shot noise"].mean() < 0.25
     assert bright.plan.full_ns >= 3 * bright.plan.cost_ns
-    assert bright.look.classes["moving"] == 0
+    assert bright.survey.classes["moving"] == 0
     dark = planned(device, "step", *DARK, "sensor.preset=silicon", tolerance=0.05)
     assert dark.plan.kept["shot noise"].all()
     fast = planned(
@@ -108,7 +109,7 @@ def test_scenes_keep_what_they_need(device):
         tolerance=0.05,
     )  # fmt: skip
     assert fast.plan.kept["row-by-row sampling"].all()
-    assert fast.look.classes["moving"] > 0
+    assert fast.survey.classes["moving"] > 0
     assert len({p.plan.everywhere for p in (bright, dark, fast)}) == 3
 
 
@@ -127,7 +128,7 @@ def test_every_set_of_effects_is_checked_somewhere(device):
     assert len(plan.plan.sets) == 4
     tiles = plan.patches(1)
     kept = np.stack(list(plan.plan.kept.values()))
-    whole = plan.look.grid.whole
+    whole = plan.survey.grid.whole
     sets = {tuple(column) for column in kept[:, whole].T}
     assert {tuple(column) for column in kept[:, tiles].T} == sets
     assert len(tiles) == len(set(tiles)) and whole[tiles].all()
@@ -135,8 +136,9 @@ def test_every_set_of_effects_is_checked_somewhere(device):
 
 def test_a_forced_effect_stays(device):
     _, scenario = load("star", ["sensor.chip=spikeone", *BRIGHT])
-    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
-    seen = look_at(scenario, setting, lens, cycles)
+    setup = set_up_camera(scenario, None)
+    setting, instants = setup.setting, setup.instants
+    seen = setup.survey()
     forced = plan_run(seen, setting, 0.02, instants, device, forced=["threshold noise"])
     assert forced.plan.kept["threshold noise"].all()
     assert "threshold noise" in {effect.name for effect in forced.setting.kept}

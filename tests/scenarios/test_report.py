@@ -78,10 +78,10 @@ def odd(film, tmp_path_factory) -> tuple[Page, Path]:
     """41 cycles, the fewest, which end before the light jumps, so that nothing moves; in a folder
     with a blank, with markup where it may occur."""
 
-    def report(run):
+    def report(machine, run):
         run.notes.append("<b>&note")
         run.result.device = "<i>&device"
-        return write_report(run)
+        return write_report(machine, run)
 
     folder = tmp_path_factory.mktemp("odd") / "my run"
     film("step", folder, "duration=1.025 ms", "image.at=[]", report=report)

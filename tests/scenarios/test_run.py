@@ -365,7 +365,10 @@ def test_a_clip_that_ends_early_makes_a_degraded_run_that_says_so(film, make_cli
     clip = make_clip(tmp_path / "a.mkv", np.full((2, 25, 40), 200, np.uint8), rate=1000)
     runs: list[Any] = []
     result, _ = film(
-        "film", tmp_path / "run", f"scene.path={clip}", report=lambda run: runs.append(run) or []
+        "film",
+        tmp_path / "run",
+        f"scene.path={clip}",
+        report=lambda machine, run: runs.append(run) or [],
     )
     assert result.outcome == "degraded"
     assert runs[0].notes[-1] == (
@@ -383,7 +386,7 @@ def test_notes_that_come_up_while_the_clip_is_read_reach_the_report(film, make_c
     )
     runs: list[Any] = []
     film("film", tmp_path / "run", f"scene.path={clip}", "duration=6 ms",
-         report=lambda run: runs.append(run) or [])  # fmt: skip
+         report=lambda machine, run: runs.append(run) or [])  # fmt: skip
     assert any("a.mkv" in note and "not evenly spaced" in note for note in runs[0].notes)
 
 
@@ -455,7 +458,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_that_looks_whole(film, tmp_path,
 
 
 def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):
-    def fill(run: Any) -> list[str]:
+    def fill(machine: Any, run: Any) -> list[str]:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     def none_left(*_: Any, **__: Any) -> None:

@@ -112,7 +112,7 @@ def test_a_lower_level_of_the_threshold_acts(tmp_path):
     _, run = shoot(tmp_path / "run", *SMALL, "duration=100 ms", "sensor.threshold_level=8")
     assert run.setting.threshold == run.model.threshold == 150
     star = run.found[1]  # 1e4 lux: 0.7 QE on 100 square micrometres
-    exact = run.sent.exact[star.patch.mask.ravel()[run.sent.pixel]]
+    exact = run.sent.exact[star.target.mask.ravel()[run.sent.pixel]]
     rate = star.lux * run.setting.electrons_per_lux
     # Widths have a deviation of 1/sqrt(150), and every pixel's gain one of 1 %.
     assert exact[: star.fired].mean() * 1e-12 == pytest.approx(
@@ -138,15 +138,15 @@ def test_stars_stand_a_decade_apart_and_five_a_decade_where_it_is_dark():
 
 
 @pytest.mark.parametrize("shape", [(256, 256), (60, 200), (300, 90)])
-def test_patches_do_not_touch_and_hold_their_light(shape):
+def test_targets_do_not_touch_and_hold_their_light(shape):
     sky = Sky(shape, 1e5, 1e-6, 1e-7)
-    count = np.sum([p.mask for p in sky.patches], axis=0)
+    count = np.sum([p.mask for p in sky.targets], axis=0)
     assert count.max() == 1
     plane = sky.reflectance(0) * 1e5
-    for patch in sky.patches:
-        assert plane[patch.mask] == pytest.approx(patch.lux, rel=1e-6)
+    for target in sky.targets:
+        assert plane[target.mask] == pytest.approx(target.lux, rel=1e-6)
     assert plane[count == 0] == pytest.approx(1e-7, rel=1e-6)
-    assert [p.lux for p in sky.patches] == [1e5, *star_levels(1e5, 1e-6)]
+    assert [p.lux for p in sky.targets] == [1e5, *star_levels(1e5, 1e-6)]
     assert len(sky.points()) == 27
 
 
@@ -176,7 +176,7 @@ def test_the_page_is_one_file_without_a_network(whole):
     assert "<b>sky</b>" not in page and "&lt;b&gt;sky&lt;/b&gt; &amp; more" in page
     assert page.count("data:image/png;base64,") == 5
     for patch in run.found:
-        assert f"<td>{patch.patch.name}</td>" in page
+        assert f"<td>{patch.target.name}</td>" in page
     assert (
         "nan" not in page.lower().split("<h2>the machine")[0].split("what was recovered")[1][-9000:]
     )

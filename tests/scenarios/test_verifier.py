@@ -12,10 +12,11 @@ import pytest
 
 from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
+from cosim.run.machine import BrokenPromise
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import plan_run
-from scenarios.assemble.prepare import look_at, prepare_camera, scene_source
-from scenarios.assemble.verifier import BrokenPromise, Planned, Verifier
+from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.verifier import Planned, Verifier
 from scenarios.report import write_report
 from sensor.latched.paired import compare, windows, worst
 
@@ -77,7 +78,7 @@ def test_a_broken_promise_outlives_an_interruption(film, tmp_path, monkeypatch):
     key, folder = plant(monkeypatch, "PRNU"), tmp_path / "run"
     sets = ("step", folder, "scene.at=1.26 ms", key, "scene.before=0.5")
 
-    def stop(run):
+    def stop(machine, run):
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
@@ -85,9 +86,9 @@ def test_a_broken_promise_outlives_an_interruption(film, tmp_path, monkeypatch):
     assert [f["effect"] for f in json.loads((folder / "put_back.json").read_text())] == ["PRNU"]
     stream = {p: p.stat().st_mtime_ns for p in (folder / "stream.zarr").rglob("*")}
     finished = []
-    result, _ = film(*sets, resume=True, report=lambda run: finished.append(run) or [])
+    result, _ = film(*sets, resume=True, report=lambda machine, run: finished.append(run) or [])
     assert {p: p.stat().st_mtime_ns for p in (folder / "stream.zarr").rglob("*")} == stream
-    assert [f.effect for f in finished[0].put_back] == ["PRNU"]
+    assert [f.effect for f in finished[0].reinstated] == ["PRNU"]
     assert "PRNU" in result.kept and result.error.ci[1] <= result.tolerance
     assert not (folder / "put_back.json").exists()
 
@@ -98,8 +99,9 @@ def verifiers(
     """Checks of one plan on its own tiles and on these more, run to the end."""
     base = ("sensor.chip=spikeone", "duration=2.5 ms", "image.at=[50]", "sensor.dead_time=1 us")
     _, scenario = load("star", [*base, *sets])
-    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
-    seen = look_at(scenario, setting, lens, cycles)
+    setup = set_up_camera(scenario, None)
+    setting, cycles, instants, lens = setup.setting, setup.cycles, setup.instants, setup.lens
+    seen = setup.survey()
     plan = plan_run(seen, setting, tolerance, instants, device)
     assert plan.plan.left_out
     run = Planned(plan.tier, plan.setting, plan.flags)
@@ -108,7 +110,7 @@ def verifiers(
                  seen.scene.floor, device)
         for more in tiles
     ]  # fmt: skip
-    source, relay = scene_source(scenario, setting, cycles), lens.relay(setting.chip.pitch)
+    source, relay = setup.source(), lens.relay(setting.chip.pitch)
     before, after = setting.reach
     for start in range(0, cycles, 64):
         block = Block(start, min(64, cycles - start))
@@ -163,11 +165,12 @@ def test_windows_lie_within_the_run():
 def test_what_is_broken_is_raised_at_the_window_that_shows_it(device, monkeypatch, tmp_path: Path):
     key = plant(monkeypatch, "PRNU")
     _, scenario = load("step", ["sensor.chip=spikeone", "duration=5 ms", "image.at=[30,150]", key])
-    setting, cycles, instants, lens, *_ = prepare_camera(scenario, None)
-    plan = plan_run(look_at(scenario, setting, lens, cycles), setting, 1e-3, instants, device)
+    setup = set_up_camera(scenario, None)
+    setting, instants, lens = setup.setting, setup.instants, setup.lens
+    plan = plan_run(setup.survey(), setting, 1e-3, instants, device)
     assert "PRNU" in plan.plan.left_out
     verifier = plan.verifier(setting, 1, device)
-    source, relay = scene_source(scenario, setting, cycles), lens.relay(setting.chip.pitch)
+    source, relay = setup.source(), lens.relay(setting.chip.pitch)
     with pytest.raises(BrokenPromise) as caught:
         verifier.step(relay(source.step(None, Block(0, 64))), Block(0, 64))
     (finding,) = caught.value.findings

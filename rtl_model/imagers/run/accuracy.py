@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from cosim.plan.order import fit_order
+from cosim.plan.ladder import fit_order
 from cosim.run.progress import Progress
 from rtl_model.imagers.run.filming import watched
 from rtl_model.imagers.run.judges import decides

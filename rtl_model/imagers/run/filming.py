@@ -14,7 +14,7 @@ from typing import Any
 from cosim import InputError, Interrupted
 from cosim.config.toml import to_toml
 from cosim.files.whole import whole
-from cosim.run.folder import mend, room_for
+from cosim.run.folder import PUT_BACK, mend, room_for
 from cosim.run.inputs import sealed
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
@@ -25,7 +25,6 @@ from rtl_model.imagers.run.paired import Compared, PlanPatches
 from rtl_model.imagers.run.planning import Ready, ready_imager
 from rtl_model.imagers.run.store import FRAMES, FrameStore
 from rtl_model.imagers.run.tape import TAPE, Tape, Taped
-from scenarios.assemble.filming import PUT_BACK
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["Filmed", "film", "film_as_promised", "watched"]

@@ -1,6 +1,6 @@
 """The sun and stars in one view: discs of known light, decade below decade.
 
-Huang 2022 section 4.5 asks for 1e5 lux and 1e-4 lux at once. Every disc is a patch of pixels under
+Huang 2022 section 4.5 asks for 1e5 lux and 1e-4 lux at once. Every disc is a target: pixels under
 one illuminance, so what a camera makes of it can be told in per cent: the sun, a star a decade down
 to FINE lux, and five a decade below, to find where a camera gives up.
 """
@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim import Box, Clock, InputError, Plane
+from cosim.light.source import Target
 from scenarios.scenes.source import AnalyticSource
 
-__all__ = ["FINE", "JUST_BELOW", "Patch", "Sky", "SkySource", "star_levels"]
+__all__ = ["FINE", "JUST_BELOW", "Sky", "SkySource", "star_levels"]
 
 FINE = 1e-2
 """Lux from which on stars stand five a decade."""
@@ -28,15 +27,6 @@ _SUN = (0.27, 0.27, 0.17)
 """Its centre down and across, and its radius, in heights, widths and the lesser of both."""
 _MOST = 100
 """Stars at most."""
-
-
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A disc. lux: on the scene. mask: (H, W) bool."""
-
-    name: str
-    lux: float
-    mask: npt.NDArray[np.bool_]
 
 
 def star_levels(sun: float, dimmest: float) -> list[float]:
@@ -66,22 +56,22 @@ class Sky:
         row, column = np.mgrid[:height, :width] + 0.5
         centre, radius = (_SUN[0] * height, _SUN[1] * width), _SUN[2] * min(shape)
         disc = np.hypot(row - centre[0], column - centre[1]) <= radius
-        self.patches = [Patch("sun", sun, disc)]
+        self.targets = [Target("sun", sun, disc)]
         taken = disc.copy()
         places, size = _places(shape, centre, radius, len(levels))
         for (y, x), lux in zip(places, levels, strict=False):
             mask = (np.hypot(row - y, column - x) <= size) & ~taken
             if mask.any():
-                self.patches.append(Patch(f"star {len(self.patches)}", lux, mask))
+                self.targets.append(Target(f"star {len(self.targets)}", lux, mask))
                 taken |= mask
-        if len(self.patches) <= len(levels):
+        if len(self.targets) <= len(levels):
             raise InputError(
                 "the sensor", f"large enough for {len(levels)} stars", f"{width} x {height}",
                 "enlarge sensor.asynchronous.width and height, or raise scene.dimmest",
             )  # fmt: skip
         self._plane = np.full(shape, background / sun, np.float32)
-        for patch in self.patches:
-            self._plane[patch.mask] = patch.lux / sun
+        for target in self.targets:
+            self._plane[target.mask] = target.lux / sun
 
     def reflectance(self, t: float) -> Plane:
         return self._plane
@@ -94,9 +84,9 @@ class Sky:
 
     def points(self) -> list[tuple[int, int, str]]:
         found = []
-        for patch in self.patches:
-            row, column = (int(np.rint(i.mean())) for i in np.nonzero(patch.mask))
-            found.append((row, column, patch.name))
+        for target in self.targets:
+            row, column = (int(np.rint(i.mean())) for i in np.nonzero(target.mask))
+            found.append((row, column, target.name))
         return found
 
 
@@ -123,7 +113,7 @@ def _places(
 
 
 class SkySource(AnalyticSource):
-    """The sky as a source, with the patches that it is judged by."""
+    """The sky as a source, with the targets that it is judged by."""
 
     def __init__(
         self, shape: tuple[int, int], sun: float, dimmest: float, background: float, clock: Clock
@@ -134,8 +124,8 @@ class SkySource(AnalyticSource):
             )
         sky = Sky(shape, sun, dimmest, background)
         super().__init__(sky, sun, clock)
-        self.patches = sky.patches
+        self.targets = sky.targets
         self.notes = [
-            f"{len(sky.patches)} discs of steady light from {sun:g} lux to "
-            f"{sky.patches[-1].lux:.3g} lux, {background:g} lux between them"
+            f"{len(sky.targets)} discs of steady light from {sun:g} lux to "
+            f"{sky.targets[-1].lux:.3g} lux, {background:g} lux between them"
         ]

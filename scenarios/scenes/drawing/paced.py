@@ -18,7 +18,8 @@ from typing import Protocol
 import numpy as np
 
 from cosim import PS, Block, Clock, Light, Piece, Plane
-from scenarios.scenes.source import MOTION_STEP, AnalyticScene, Sketch
+from cosim.light.source import Sketch
+from scenarios.scenes.source import MOTION_STEP, AnalyticScene
 
 __all__ = ["PARTS", "PacedScene", "PacedSource"]
 

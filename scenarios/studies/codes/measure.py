@@ -10,8 +10,8 @@ import numpy as np
 
 from cosim import SpikeStream, Viform
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from cosim.spikes.viform import count_spikes
-from scenarios.scenes import Source
 from scenarios.studies.codes.scenes import (
     CYCLES,
     SCENES,

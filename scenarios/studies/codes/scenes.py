@@ -13,8 +13,9 @@ import numpy as np
 
 from cosim import Box, Clock, Plane, Viform
 from cosim.compute.opencl import Device
+from cosim.light.source import Source
 from cosim.stage import blocks
-from scenarios.scenes import Source, make_source
+from scenarios.scenes import make_source
 from scenarios.scenes.sections import FilmScene, SceneSection, StarScene, StepScene, WaveScene
 from scenarios.scenes.source import AnalyticSource
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera

@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from cosim import PS, Viform
 from cosim.files import Recorder, ZarrStream
 from cosim.light.lens import Lens
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.folder import begin_folder
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
-from scenarios.assemble.filming import STREAM, RelayStage, WiderStage, run_recorded
 from scenarios.assemble.loading import to_toml
-from scenarios.assemble.prepare import prepare_camera, scene_source
 from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.setup import set_up_camera
 from scenarios.studies.compare.measure import Image, noise, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.row import Camera, Figure
@@ -41,21 +42,18 @@ def film_spikes(
 ) -> tuple[list[Camera], Lens, Callable[[int], Image]]:
     """TFI and TFP at the cycle that holds `instant`, ps; the lens, and the scene's truth."""
     begin = time.perf_counter()
-    setting, cycles, _, lens, white_rate, opened = prepare_camera(scenario, device)
-    source = scene_source(scenario, setting, cycles)
-    camera = SpikeCamera(setting, opened)
+    setup = set_up_camera(scenario, device)
+    setting, cycles, lens, white_rate = setup.setting, setup.cycles, setup.lens, setup.white_rate
+    source, camera = setup.source(), SpikeCamera(setting, setup.device)
     recorder = Recorder(folder / STREAM, camera.shape, cycles, setting.clock)
-    stages: dict[str, Any] = {
-        "scene": WiderStage(source, setting.reach),
-        "lens": RelayStage(lens, setting.chip.pitch),
-        "sensor": camera,
-        "recorder": recorder,
-    }
-    run_recorded(
-        "spike camera", stages, cycles, to_toml(scenario), folder, to_toml(scenario), source.notes,
-        False, progress, keep=False,
-    )  # fmt: skip
-    (folder / "checkpoint.npz").unlink(missing_ok=True)
+    stages = {**setup.stages(source), "sensor": camera, "recorder": recorder}
+    toml = to_toml(scenario)
+    begin_folder(folder, toml)
+    for note in source.notes:
+        progress.note(note)
+    chain = BlockChain("spike camera", stages, cycles, toml, folder)
+    chain.run(progress)
+    chain.checkpoint.unlink(missing_ok=True)
     kept = ZarrStream(folder / STREAM)
     words = kept.read_words(0, -(-kept.cycles // WORD))
     stream = Viform(words, kept.cycles, kept.clock)

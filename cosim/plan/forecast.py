@@ -1,0 +1,81 @@
+"""The document of `viform plan`: what a run would keep and leave out, and what it would take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cosim.plan.planner import Plan
+
+__all__ = ["Speeds", "forecast_document"]
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Nanoseconds that a pixel and cycle takes; None if unknown.
+
+    Attributes:
+        planned, everything: the camera as planned, and with every effect.
+        full: full physics.
+        scene: making the light.
+    """
+
+    planned: float | None
+    everything: float | None
+    full: float | None
+    scene: float | None
+
+    def document(self, pixel_cycles: float) -> dict[str, float | None]:
+        """`predicted`, for a run of so many pixel-cycles."""
+
+        def seconds(ns: float | None) -> float | None:
+            return None if ns is None else ns * pixel_cycles * 1e-9
+
+        return {
+            "ns_per_pixel_cycle": self.planned,
+            "sensor_s": seconds(self.planned),
+            "scene_s": seconds(self.scene),
+            "everything_ns_per_pixel_cycle": self.everything,
+            "everything_s": seconds(self.everything),
+            "full_physics_ns_per_pixel_cycle": self.full,
+            "full_physics_s": seconds(self.full),
+        }
+
+
+def forecast_document(
+    name: str, plan: Plan, *, tier: str, device: str, own: float, speeds: Speeds,
+    pixel_cycles: float, kept: Sequence[str] | None = None, **others: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """The document of a plan.
+
+    Args:
+        name: of the scenario.
+        tier, device: that the run would take.
+        own: bound of the tier's own error, relative.
+        pixel_cycles: of the run.
+        kept: effects that are kept somewhere; the plan's by default.
+        others: keys of one kind of machine, which stand before `kept`.
+    """
+    kept = list(plan.everywhere if kept is None else kept)
+    return {
+        "scenario": name,
+        "tolerance": plan.tolerance,
+        "tier": tier,
+        "device": device,
+        "tiles": {},
+        "display": None,
+        **others,
+        "kept": kept,
+        "left_out": [
+            {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
+            for r in plan.rows if r.effect in plan.left_out
+        ],
+        "promised": float(plan.total.max()) + own,
+        "promised_kind": plan.kind if own == 0 else "estimate",
+        "rows": [asdict(row) for row in plan.rows],
+        "sets": [
+            {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()
+        ],
+        "predicted": speeds.document(pixel_cycles),
+    }  # fmt: skip

@@ -1,0 +1,303 @@
+"""The machine of a latched spike camera, and of the display that its stream drives."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cosim.files import Recorder, ZarrStream
+from cosim.light.source import Source
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.folder import write_images
+from cosim.run.inputs import digest
+from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from scenarios.assemble.boards import NO_ERROR, BoardCamera, Boards, open_boards
+from scenarios.assemble.camera import lens_notes
+from scenarios.assemble.glass import Glass, make_glass, short_of
+from scenarios.assemble.glass_result import Shown, finish_glass, judge_seen, write_eye_images
+from scenarios.assemble.loading import to_toml
+from scenarios.assemble.planning import RunPlan
+from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.setup import CameraSetup, set_up_camera
+from scenarios.assemble.verifier import ARITHMETIC, Verifier
+from scenarios.report.glass import glass_page
+from scenarios.report.glass_tables import display_lines
+from scenarios.report.latched_run import LatchedRun
+from scenarios.report.page import stream_page
+from sensor import SpikeCamera
+from sensor.codec.size import Sizes, measure_sizes, size_metrics
+from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
+
+__all__ = ["LatchedMachine", "assemble_latched"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Images:
+    """What is made of a stream once it is complete."""
+
+    shots: list[Shot]
+    sizes: Sizes | None
+    shown: Shown | None
+    metrics: dict[str, Metric]
+    latency: list[Latency]
+    files: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class LatchedMachine:
+    """A latched spike camera that is planned and ready to run.
+
+    Attributes:
+        name: short name of the scenario.
+        scenario: as the user gave it, boards included.
+        setup: the camera and its scene.
+        source: the scene that is run through.
+        plan: what is kept where.
+        camera: simulated, or a board in its place.
+        verifier: checks the plan beside the recording; None if a board makes the spikes.
+        glass: the display, None without one.
+        advice: what the user must know before the run, its scene aside.
+        boards: open boards of the run.
+        opened: closes them.
+    """
+
+    name: str
+    scenario: Scenario
+    setup: CameraSetup
+    source: Source
+    plan: RunPlan
+    camera: SpikeCamera | BoardCamera
+    verifier: Verifier | None
+    glass: Glass | None
+    advice: list[str]
+    boards: Boards
+    opened: ExitStack
+
+    @property
+    def toml(self) -> str:
+        return to_toml(self.scenario)
+
+    @property
+    def notes(self) -> list[str]:
+        return [*self.advice, *self.source.notes]
+
+    @property
+    def device(self) -> str:
+        return self.setup.device_name
+
+    @property
+    def length(self) -> int:
+        return self.setup.cycles
+
+    @property
+    def unit(self) -> str:
+        return "cycles"
+
+    @property
+    def pixels(self) -> int:
+        return self.camera.shape[0] * self.camera.shape[1]
+
+    @property
+    def bits(self) -> int:
+        return self.setup.cycles * self.pixels
+
+    def trial(self, progress: Progress) -> list[Finding]:
+        """None: the plan is checked beside the recording."""
+        return []
+
+    def keep(self, effects: Sequence[str]) -> LatchedMachine:
+        setup, full = self.setup, self.plan.full_display
+        plan = setup.plan(
+            self.plan.survey, self.scenario.tolerance, full,
+            forced=[name for name in effects if name != ARITHMETIC],
+            tier="exact" if ARITHMETIC in effects else None,
+        )  # fmt: skip
+        camera, verifier = _planned(plan, setup, self.boards)
+        glass = self.glass
+        if glass is not None and plan.display is not None:
+            glass.close()
+            pursuit = glass.velocity, glass.told
+            glass = make_glass(
+                setup.scenario, setup.setting, setup.cycles, setup.instants, plan.display, pursuit,
+                glass.points,
+            )  # fmt: skip
+        return replace(
+            self, plan=plan, camera=camera, verifier=verifier, source=setup.source(), glass=glass
+        )
+
+    def chain(self, folder: Path) -> BlockChain:
+        setup = self.setup
+        recorder = Recorder(folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock)
+        stages: dict[str, Any] = {
+            **setup.stages(self.source),
+            **({} if self.verifier is None else {"check": self.verifier}),
+            "sensor": self.camera,
+            "recorder": recorder,
+            **({} if self.boards.panel is None else {"sink": self.boards.panel}),
+        }
+        if self.glass is not None:
+            stages = self.glass.stages(stages)
+        height, width = self.camera.shape
+        return BlockChain(
+            f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
+            self._identity(), folder,
+            every_s=30.0 if self.glass is None else 60.0,  # a display's state is half a gigabyte
+        )  # fmt: skip
+
+    def _identity(self) -> str:
+        """Text that depends on the scenario, what is left out of it, the program's version, what
+        draws the display, and the clip's content."""
+        text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
+        text += self.plan.tier + ("" if self.glass is None else self.glass.identity())
+        for name, tiles in self.plan.plan.kept.items():
+            text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
+        path = getattr(self.scenario.scene, "path", None)
+        text += (digest(path) or "") if path is not None else ""
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        return [] if self.verifier is None else self.verifier.shortfall(self.plan.tier)
+
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        setup, seconds, verifier = self.setup, recording.seconds, self.verifier
+        images = self._views(recording) if self.glass is not None else self._images(recording)
+        throughput = self._throughput(recording)
+        beyond = [] if verifier is None else verifier.beyond()
+        faults = self.boards.faults(self.camera)
+        outcome = "degraded" if self.source.degraded or beyond else "ok"
+        full = None if verifier is None else verifier.full_physics_s(self.pixels, setup.cycles)
+        return Outcome(
+            outcome="failed" if faults else outcome,
+            simulated_s=setup.cycles / setup.setting.clock.hz,
+            renderer=None if self.glass is None else self.glass.shown.renderer.name,
+            error=Error(None, NO_ERROR, None) if verifier is None else verifier.told(),
+            kept=[] if verifier is None else list(self.plan.plan.everywhere),
+            left_out=[] if verifier is None else verifier.left_out(),
+            metrics={
+                **images.metrics,
+                "white_rate": Metric(setup.white_rate, "spikes/cycle"),
+                "f_number": Metric(setup.lens.f_number, "1"),
+                "camera": Metric(seconds["sensor"] if throughput else None, "s"),
+                "full_physics": Metric(full, "s"),
+                **({} if images.sizes is None else size_metrics(images.sizes)),
+                **self.boards.metrics(self.camera),
+            },
+            latency=images.latency,
+            throughput=throughput,
+            files=[STREAM, *images.files],
+            notes=[*self.source.degraded, *beyond, *faults],
+            table=[] if images.shown is None else display_lines(images.shown),
+            views=images,
+        )
+
+    def _throughput(self, recording: Recording) -> list[Throughput]:
+        if recording.resumed:
+            return []
+        seconds, cycles = recording.seconds, self.setup.cycles
+        bits = recording.chain.stages["recorder"].bytes_written * 8 / seconds["recorder"]
+        return [
+            Throughput("sensor", cycles * self.pixels / seconds["sensor"], "pixel-cycles/s"),
+            Throughput("recorder", bits, "bit/s"),
+            *(
+                [] if self.glass is None
+                else [Throughput("display", cycles / seconds["display"], "planes/s")]
+            ),
+        ]  # fmt: skip
+
+    def _images(self, recording: Recording) -> _Images:
+        """Images of the stream and its size, for a run without a display."""
+        begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
+        stream = ZarrStream(recording.folder / STREAM)
+        window = self.scenario.image.window
+        shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
+        files = write_images(recording.folder, shots)
+        metrics = judge(shots) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        seconds["images"] = time.perf_counter() - begin
+        begin = time.perf_counter()
+        sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)
+        seconds["sizes"] = time.perf_counter() - begin
+        return _Images(shots, sizes, None, metrics, interval_latency(stream.clock, shots), files)
+
+    def _views(self, recording: Recording) -> _Images:
+        """What the observers of the display see."""
+        glass, seconds = self.glass, recording.seconds
+        assert glass is not None
+        begin = time.perf_counter()
+        with ThreadPoolExecutor(1) as pool:  # each of the two leaves much of two cores idle
+            probing = pool.submit(glass.probes, self.setup.setting, self.setup.device)
+            judged = judge_seen(glass)
+            seconds["images"] = time.perf_counter() - begin
+            shown = finish_glass(glass, judged, probing.result())
+        seconds["probes"] = time.perf_counter() - begin - seconds["images"]
+        begin = time.perf_counter()
+        files = write_eye_images(recording.folder, shown)
+        rate = glass.shown.fired / (self.setup.cycles * self.pixels)
+        metrics = shown.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
+        seconds["images"] += time.perf_counter() - begin
+        return _Images([], None, shown, metrics, shown.latency(), files)
+
+    def judged(self, run: Run) -> LatchedRun:
+        """The run as its pages read it."""
+        images, setup = run.outcome.views, self.setup
+        return LatchedRun(
+            run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
+            self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
+            images.shown,
+        )  # fmt: skip
+
+    def page(self, run: Run) -> Page:
+        judged = self.judged(run)
+        return stream_page(judged) if judged.shown is None else glass_page(judged)
+
+    def close(self) -> None:
+        if self.glass is not None:
+            self.glass.close()
+        self.opened.close()
+
+
+def assemble_latched(
+    name: str, scenario: Scenario, device: str | None, resume: bool
+) -> LatchedMachine:
+    """The machine of a scenario with a latched camera. Raises InputError."""
+    with ExitStack() as stack:
+        boards = stack.enter_context(open_boards(scenario, resume))
+        setup = set_up_camera(boards.simulated(scenario), device, boards.size)
+        source = setup.source()
+        survey = setup.survey()
+        notes = lens_notes(setup.scenario, setup.lens, setup.white_rate)
+        pursuit = setup.pursuit()
+        plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
+        glass = None
+        if plan.display is not None:
+            seconds = setup.cycles / setup.setting.clock.hz
+            notes += [pursuit[1], *short_of(plan.display.panel.luminance, seconds)]
+            glass = make_glass(
+                setup.scenario, setup.setting, setup.cycles, setup.instants, plan.display, pursuit,
+                source.points(),
+            )  # fmt: skip
+            stack.callback(glass.close)
+        camera, verifier = _planned(plan, setup, boards)
+        notes += boards.notes(camera)
+        return LatchedMachine(
+            name, scenario, setup, source, plan, camera, verifier, glass, notes, boards,
+            stack.pop_all(),
+        )  # fmt: skip
+
+
+def _planned(
+    plan: RunPlan, setup: CameraSetup, boards: Boards
+) -> tuple[SpikeCamera | BoardCamera, Verifier | None]:
+    """The camera as planned and the stage that checks it."""
+    board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
+    if board is not None:
+        return board, None
+    camera = SpikeCamera(plan.setting, setup.device, tier=plan.tier, flags=plan.flags)
+    return camera, plan.verifier(setup.setting, setup.scenario.seed, setup.device)

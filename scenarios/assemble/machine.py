@@ -1,0 +1,62 @@
+"""Which machine a scenario asks for: the one place that asks of what kind a scenario is.
+
+What one kind of machine needs is imported for that kind alone: compiled pixels, OpenCL and the
+Verilog tools take seconds to load.
+"""
+
+from __future__ import annotations
+
+from cosim import InputError
+from cosim.run.machine import Machine, Options, Study
+from scenarios.assemble.loading import filmed
+from scenarios.assemble.readout import refuse_leftovers, refuse_options
+from scenarios.assemble.scenario import (
+    AnyScenario,
+    BoardScenario,
+    ImagerScenario,
+    LinkScenario,
+    Scenario,
+)
+
+__all__ = ["assemble", "assemble_study"]
+
+
+def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
+    """The machine of a scenario, checked and planned. Raises InputError."""
+    if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
+        raise InputError(
+            "--trace", "given with a scenario of a virtual board or of another imager",
+            "with one of a spike camera or a link", "run bring-up, or leave it out",
+        )  # fmt: skip
+    if isinstance(scenario, Scenario):
+        refuse_leftovers(scenario)
+        if scenario.sensor.readout == "synchronous":
+            from scenarios.assemble.latched import assemble_latched
+
+            return assemble_latched(name, scenario, options.device, options.resume)
+        refuse_options(scenario.sensor.readout, options.resume, options.device)
+    raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
+
+
+def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
+    """What `viform plan` and `viform accuracy` measure. Raises InputError for a scenario that
+    `command` has nothing to say of."""
+    if isinstance(scenario, LinkScenario | ImagerScenario):
+        raise NotImplementedError(f"{name}: no machine yet")
+    camera = filmed(scenario, command)
+    refuse_leftovers(camera)
+    if camera.sensor.readout == "continuous":
+        why = {
+            "plan": "the continuous readout keeps everything",
+            "accuracy": "the continuous readout has one tier, with nothing to leave out",
+        }
+        raise InputError(
+            "sensor.readout", "synchronous or asynchronous", "continuous",
+            f"set one of them: {why[command]}",
+        )  # fmt: skip
+    if camera.sensor.readout == "asynchronous":
+        refuse_options("asynchronous", False, device)
+        raise NotImplementedError(f"{name}: no machine yet")
+    from scenarios.assemble.latched_study import LatchedStudy
+
+    return LatchedStudy(name, camera, device)

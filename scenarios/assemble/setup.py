@@ -1,0 +1,148 @@
+"""A latched camera before its scene, as a scenario asks for it: checked, not yet planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from cosim import InputError, seconds_to_ps
+from cosim.compute.opencl import Device, choose_device
+from cosim.light.lens import Lens
+from cosim.light.source import Source
+from display import DisplaySetting
+from scenarios.assemble.boards import refuse_boards
+from scenarios.assemble.camera import camera_setting, choose_lens
+from scenarios.assemble.display import display_of
+from scenarios.assemble.glass import follow
+from scenarios.assemble.planning import RunPlan, SceneSurvey, plan_run, survey_scene
+from scenarios.assemble.readout import resized
+from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.stages import LensStage, SceneStage
+from scenarios.scenes import make_source
+from sensor import CameraSetting
+
+__all__ = ["CameraSetup", "set_up_camera"]
+
+
+@dataclass(frozen=True)
+class CameraSetup:
+    """A latched camera, its lens and its scene.
+
+    Attributes:
+        scenario: what is simulated of the user's scenario.
+        setting: the camera with every effect.
+        cycles: of the run.
+        instants: cycles whose images are made and judged.
+        lens: with its f-number, chosen or given.
+        white_rate: spikes a cycle of the scene's white.
+        device: OpenCL device, None for the compiled form on the processor.
+    """
+
+    scenario: Scenario
+    setting: CameraSetting
+    cycles: int
+    instants: list[int]
+    lens: Lens
+    white_rate: float
+    device: Device | None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the chip."""
+        return self.setting.chip.height, self.setting.chip.width
+
+    @property
+    def device_name(self) -> str:
+        return "numba on this processor" if self.device is None else self.device.name
+
+    @property
+    def end(self) -> int:
+        """End of the run, ps."""
+        return self.setting.clock.edge(self.cycles)
+
+    def source(self) -> Source:
+        """The scene on the chip's pixels. A source may be run through once only."""
+        scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
+        return make_source(scene, self.shape, self.setting.clock, self.cycles, aligned)
+
+    def stages(self, source: Source) -> dict[str, Any]:
+        """Scene and lens, by name."""
+        return {
+            "scene": SceneStage(source, self.setting.reach),
+            "lens": LensStage(self.lens, self.setting.chip.pitch),
+        }
+
+    def survey(self) -> SceneSurvey:
+        """What the plan reads of the scene."""
+        relay = self.lens.relay(self.setting.chip.pitch)
+        return survey_scene(self.scenario, self.setting, self.source(), relay, self.cycles)
+
+    def pursuit(self) -> tuple[float, str]:
+        """What a pursuing eye follows, pixels a second, and where that is from."""
+        if self.scenario.display is None:
+            return 0.0, ""
+        return follow(self.scenario, self.source(), self.end)
+
+    def display(self, pursuit: tuple[float, str]) -> DisplaySetting | None:
+        """The display with every effect, None without one."""
+        if self.scenario.display is None:
+            return None
+        return display_of(
+            self.scenario, self.setting, self.white_rate, self.instants, self.cycles, pursuit[0]
+        )
+
+    def plan(
+        self, survey: SceneSurvey, tolerance: float, display: DisplaySetting | None, **choice: Any
+    ) -> RunPlan:
+        """Plans the run. choice: `forced` and `tier` of `plan_run`."""
+        return plan_run(
+            survey, self.setting, tolerance, self.instants, self.device, display=display, **choice
+        )
+
+
+def set_up_camera(
+    scenario: Scenario, device: str | None, size: tuple[int, int] | None = None
+) -> CameraSetup:
+    """Checks the camera of a scenario and chooses its lens.
+
+    Args:
+        scenario: without boards.
+        device: part of an OpenCL device's name, "numba", or None for the default one.
+        size: rows and columns of a board that stands in for the chip.
+
+    Raises InputError for what cannot be simulated.
+    """
+    refuse_boards(scenario)
+    setting = camera_setting(scenario)
+    if size is not None:
+        setting = resized(setting, size[1], size[0])
+    cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    instants = _instants(scenario, cycles)
+    lens = choose_lens(scenario, setting)
+    # The rounding of a chosen f-number must not show in the white that was asked for.
+    white_rate = (
+        setting.rate(scenario.scene.illuminance * lens.gain)
+        if scenario.sensor.lens.f_number is not None
+        else scenario.sensor.lens.white_rate
+    )
+    opened = choose_device(device)
+    return CameraSetup(scenario, setting, cycles, instants, lens, white_rate, opened)
+
+
+def _instants(scenario: Scenario, cycles: int) -> list[int]:
+    """Cycles whose images are made and judged; five evenly spaced ones by default."""
+    window = scenario.image.window
+    if window % 2 == 0:
+        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
+    if cycles < window:
+        raise InputError(
+            "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
+            "lengthen it or shorten image.window",
+        )  # fmt: skip
+    at = scenario.image.at or tuple(cycles * (2 * i + 1) // 10 for i in range(5))
+    beyond = [n for n in at if n >= cycles]
+    if beyond:
+        raise InputError(
+            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
+        )
+    return list(at)

@@ -1,0 +1,31 @@
+"""The frame of every report page: what stands above and below a machine's own sections."""
+
+from __future__ import annotations
+
+import html
+import shlex
+import time
+
+from cosim.report.parts import opening, run_time, write_page
+from cosim.run.machine import Machine, Run
+
+__all__ = ["write_report"]
+
+
+def write_report(machine: Machine, run: Run) -> list[str]:
+    """Writes figures and report.html into the run's folder; their names."""
+    begin = time.perf_counter()
+    (run.folder / "figures").mkdir(exist_ok=True)
+    page = machine.page(run)
+    run.seconds["report"] = time.perf_counter() - begin
+    again = [*page.commands, f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"]
+    body = [
+        opening(page.title, page.subtitle, run.result, run.notes),
+        page.cards,
+        *page.sections,
+        run_time(run.result, run.seconds),
+        f"<h2>Make it again</h2>{page.commands_do}<pre>{html.escape(chr(10).join(again))}</pre>",
+        f"<h2>The resolved scenario</h2><pre>{html.escape(machine.toml)}</pre>",
+    ]
+    write_page(run.folder, page.title, "".join(body))
+    return [*page.files, "report.html"]
