@@ -46,7 +46,7 @@ def run(
     from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
-    from scenarios.cli.entry import BEGAN
+    from scenarios.cli import BEGAN
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
