@@ -35,6 +35,13 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
+        if scenario.sensor.readout == "asynchronous":
+            from scenarios.assemble.asynchronous import assemble_asynchronous
+
+            return assemble_asynchronous(name, scenario)
+        from scenarios.assemble.continuous import assemble_continuous
+
+        return assemble_continuous(name, scenario)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
@@ -55,8 +62,10 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
             f"set one of them: {why[command]}",
         )  # fmt: skip
     if camera.sensor.readout == "asynchronous":
+        from scenarios.assemble.asynchronous import study_asynchronous
+
         refuse_options("asynchronous", False, device)
-        raise NotImplementedError(f"{name}: no machine yet")
+        return study_asynchronous(name, camera)
     from scenarios.assemble.latched_study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

@@ -3,23 +3,19 @@ instants, and times as they are told."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from cosim import BLOCK, Block, Clock, InputError, Lens, Light
-from cosim.light.source import Source
+from cosim import InputError, Lens, Light
 from scenarios.assemble.scenario import Scenario
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 
 __all__ = [
-    "AFRESH", "choose_instants", "light_steps", "make_relay", "refuse_keys", "refuse_leftovers",
+    "choose_instants", "make_relay", "refuse_keys", "refuse_leftovers",
     "refuse_options", "resized", "with_section",
 ]  # fmt: skip
-
-AFRESH = "run it afresh with another --out"
-"""What mends an interrupted run that cannot be resumed."""
 
 _SECTIONS = {
     "asynchronous": "asynchronous",
@@ -110,26 +106,3 @@ def make_relay(lens: Lens, camera: CameraSetting) -> Callable[[Light], Light]:
         return through
     mixed = crosstalk_map(camera.crosstalk)
     return lambda light: mixed(through(light))
-
-
-def light_steps(
-    source: Source,
-    relay: Callable[[Light], Light],
-    clock: Clock,
-    stop: int,
-    most: int | None = None,
-) -> Iterator[tuple[Light, int, int]]:
-    """(light on the pixels, start, stop) one after another up to `stop` (ps): the whole run at once
-    where the light that the scene gives reaches so far, else blocks of the clock. most: cycles of
-    a step, where they are limited."""
-    cycle, start = 0, 0
-    cycles = clock.cycle_at(stop - 1) + 1
-    while start < stop:
-        block = Block(cycle, min(BLOCK, most or BLOCK, cycles - cycle))
-        light = relay(source.step(None, block))
-        cycle = block.stop
-        if light.pieces[-1].stop >= stop:
-            cycle = cycles if most is None else min(cycles, block.start + most)
-        until = min(stop, clock.edge(cycle))
-        yield light, start, until
-        start = until

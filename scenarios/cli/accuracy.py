@@ -61,8 +61,7 @@ def _measure(
 ) -> Callable[[Progress], dict[str, Any]]:
     """What makes the document; refuses what has no accuracy to measure."""
     from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import ImagerScenario, LinkScenario
 
     if isinstance(given, ImagerScenario):
         from rtl_model.imagers.run.accuracy import accuracy_imager
@@ -76,12 +75,6 @@ def _measure(
         from link.trial.accuracy import accuracy_link
 
         return lambda progress: accuracy_link(given, device, progress)
-    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
-        from scenarios.assemble.event_accuracy import accuracy_events
-
-        refuse_leftovers(given)
-        refuse_options("asynchronous", False, device)
-        return lambda progress: accuracy_events(given, progress)
     return assemble_study("accuracy", name, given, device).ladder
 
 

@@ -28,8 +28,7 @@ def plan(
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
     from scenarios.assemble.loading import load
     from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import ImagerScenario, LinkScenario
 
     name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(given, LinkScenario):
@@ -42,13 +41,6 @@ def plan(
 
         refuse_device(device)
         _tell(forecast_imager(name, given, machine_of(given)), json)
-        return
-    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
-        from scenarios.assemble.event_forecast import forecast_events
-
-        refuse_leftovers(given)
-        refuse_options("asynchronous", False, device)
-        _tell(forecast_events(name, given), json)
         return
     progress = make_progress()
     try:

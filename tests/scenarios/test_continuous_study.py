@@ -11,7 +11,7 @@ import pytest
 from pydantic import ValidationError
 
 from cosim import Clock, InputError
-from scenarios.assemble.continuous import continuous_setting
+from sensor.continuous.from_section import continuous_setting
 from scenarios.studies.continuous import compare, traces_figure
 from sensor import CHIPS, CameraSetting, DevicePattern
 from sensor.sections.continuous import ContinuousSection
