@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import GROUP_BITS, GROUP_SYMBOLS, TRAINING, Layout
+from link.layout import TRAINING, Layout
 from link.mode import Mode
 
 __all__ = ["Choice", "Considered", "Trial", "choose", "foresee", "longest_run"]
@@ -46,9 +46,9 @@ class Trial:
     @classmethod
     def of(cls, mode: Mode, sent: npt.NDArray[np.bool_], soft: npt.NDArray[np.float32]) -> Trial:
         """From symbols in whole groups, (symbols, cells): bits shown and soft values received."""
-        from link.coding import decode_line
+        from link.line_codes import decode_line
 
-        whole = len(sent) // GROUP_SYMBOLS[mode.line] * GROUP_SYMBOLS[mode.line]
+        whole = len(sent) // mode.code.symbols * mode.code.symbols
         sure = np.where(sent[:whole], np.float32(30), np.float32(-30))
         right, _ = decode_line(mode.line, sure)
         got, _ = decode_line(mode.line, np.asarray(soft[:whole], np.float32))
@@ -87,9 +87,8 @@ class Choice:
 
 def longest_run(mode: Mode) -> float:
     """Ticks without the panel's light that a mode's line code may bring together."""
-    from link.coding import run_limit
 
-    most = run_limit(mode.line)
+    most = mode.code.run_limit
     return math.inf if most is None else most * mode.ticks
 
 
@@ -138,7 +137,7 @@ def _too_long(mode: Mode, threshold: float, background: float) -> bool:
 def _asks_more(mode: Mode, failed: Mode, errors: float) -> bool:
     """Whether a mode can be no better than one that failed, by cell, ticks and, unless there were
     too many errors for any code, by what the line code adds."""
-    rate, other = (GROUP_BITS[m.line] / GROUP_SYMBOLS[m.line] for m in (mode, failed))
+    rate, other = (m.code.bits / m.code.symbols for m in (mode, failed))
     smaller = mode.cell <= failed.cell and mode.ticks <= failed.ticks
     return smaller and (rate >= other or errors > _HOPELESS)
 
@@ -189,7 +188,7 @@ def choose(
                 tried[key] = trial(mode)
             got = tried[key]
             wrong = float(clopper_pearson(got.values_wrong, got.values, _LEVEL)[1])
-            held = max(8 / GROUP_BITS[mode.line], 1.0)  # values to a byte
+            held = max(8 / mode.code.bits, 1.0)  # values to a byte
             byte = min(-_MARGIN * math.expm1(held * math.log1p(-min(wrong, 1 - 1e-12))), 1.0)
             words, frames, overhead, goodput = foresee(mode, byte, size, hz, most_overhead)
             surest = replace(mode, parity=max(m.parity for m in modes))

@@ -20,10 +20,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.mode import LineCode, Mode
+from link.mode import Mode
 
 __all__ = [
-    "GROUP_BITS", "GROUP_SYMBOLS", "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
+    "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
     "pilots", "training",
 ]  # fmt: skip
 
@@ -40,10 +40,6 @@ _SMALLEST, _SHARE = 4, 96
 """Panel pixels to a tag's module: at least, and the panel's shorter side over this."""
 _FEWEST, _MOST, _PILOT = 2, 16, 32
 """Pilot columns: at least, at most, and one to so many columns of cells."""
-GROUP_SYMBOLS: Final[dict[LineCode, int]] = {"none": 8, "manchester": 2, "4b6b": 6, "8b10b": 10}
-"""Symbols to a group of a cell's line code."""
-GROUP_BITS: Final[dict[LineCode, int]] = {"none": 8, "manchester": 1, "4b6b": 4, "8b10b": 8}
-"""Bits that a cell carries in a group."""
 
 
 @cache
@@ -95,7 +91,7 @@ class Layout:
     @property
     def group(self) -> int:
         """Symbols to a group."""
-        return GROUP_SYMBOLS[self.mode.line]
+        return self.mode.code.symbols
 
     @property
     def closing(self) -> int:
@@ -139,4 +135,4 @@ class Layout:
 
     def group_bytes(self, groups: int) -> int:
         """Whole bytes that all data cells carry in `groups` groups."""
-        return self.cells * GROUP_BITS[self.mode.line] * groups // 8
+        return self.cells * self.mode.code.bits * groups // 8

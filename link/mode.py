@@ -8,12 +8,15 @@ any stretch of a stream says how to read it, and which corner is which.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
-__all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "LineCode", "Mode"]
+from link.line_codes import CATALOGUE
+from link.line_codes.code import LineCode
 
-LineCode = Literal["none", "manchester", "4b6b", "8b10b"]
-LINE_CODES: Final[tuple[LineCode, ...]] = ("none", "manchester", "4b6b", "8b10b")
+__all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "Mode"]
+
+LINE_CODES: Final = tuple(CATALOGUE)
+"""Names of the codes along time."""
 CELLS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
 """Panel pixels to the side of a cell."""
 TICKS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
@@ -42,7 +45,7 @@ class Mode:
     height: int
     cell: int
     ticks: int
-    line: LineCode
+    line: str
     parity: int
 
     def __post_init__(self) -> None:
@@ -57,6 +60,11 @@ class Mode:
         _index("ticks", self.ticks, TICKS)
         _index("line", self.line, LINE_CODES)
         _index("parity", self.parity, PARITIES)
+
+    @property
+    def code(self) -> LineCode:
+        """The code along time."""
+        return CATALOGUE[self.line]
 
     @property
     def tags(self) -> tuple[int, int, int, int]:

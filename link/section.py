@@ -7,15 +7,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share
+from link.detect.catalogue import DETECTORS
+from link.mode import CELLS, LINE_CODES, PARITIES, TICKS
 from sensor.sections.sensor import SensorSection
 
 __all__ = [
     "AimSection", "AirSection", "LinkScenario", "LinkSection", "ModemSection", "PanelSection",
 ]  # fmt: skip
-
-CELLS = (1, 2, 3, 4, 6, 8, 12, 16)
-TICKS = (1, 2, 3, 4, 6, 8, 12, 16)
-"""Those of `link.mode`, which need not be loaded to read a scenario."""
 
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 Metres = Annotated[float, Quantity("length", above=0, most=1e11)]  # in um, as lengths are
@@ -128,17 +126,17 @@ class ModemSection(Section):
     ticks: Literal[("auto", *TICKS)] = Field(  # type: ignore[valid-type]
         default="auto", description="panel planes to a symbol"
     )
-    line: Literal["auto", "none", "manchester", "4b6b", "8b10b"] = Field(
+    line: Literal[("auto", *LINE_CODES)] = Field(  # type: ignore[valid-type]
         default="auto", description="code along time that limits runs"
     )
-    parity: Literal["auto", 16, 32, 64, 128] = Field(
+    parity: Literal[("auto", *PARITIES)] = Field(  # type: ignore[valid-type]
         default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"
     )
     interleave: bool = Field(default=True, description="spread each codeword over the panel")
     overhead: Annotated[float, Field(ge=0, le=10)] = Field(
         default=0.05, description="frames sent beyond the file's own, as a share of them"
     )
-    detector: Literal["joint", "threshold", "forward-backward"] = "joint"
+    detector: Literal[tuple(DETECTORS)] = "joint"  # type: ignore[valid-type]
 
     @field_validator("cell", "ticks", "parity", mode="before")
     @classmethod

@@ -143,7 +143,7 @@ SCALES: Final = (2.0**-6, 1.0, 2.0**3)
 
 
 def _decode(device: Device | None) -> Decode:
-    from link.coding import decode_line
+    from link.line_codes import decode_line
 
     return lambda line, soft: decode_line(line, soft)[0]
 
@@ -151,13 +151,13 @@ def _decode(device: Device | None) -> Decode:
 def metrics(decode: Decode, cells: int = 200) -> float:
     """Wrong values of line codes read from soft values of any size, some of wrong sign, against the
     largest sum in integers over all words. Words of equal sums are left out."""
-    from link.coding import encode_line
+    from link.line_codes import encode_line
 
     wrong, rng = 0, np.random.Generator(np.random.Philox(key=31))
     for line, count in (("manchester", 2), ("4b6b", 16), ("8b10b", 256)):
         every = np.arange(count, dtype=np.uint8)[None]
         book = [
-            encode_line(line, every, disparity=np.full(count, start))  # type: ignore[arg-type]
+            encode_line(line, every, disparity=np.full(count, start))
             for start in ((False, True) if line == "8b10b" else (False,))
         ]
         words = np.stack([b.T.astype(np.int64) * 2 - 1 for b in book])  # (starts, values, symbols)
@@ -183,7 +183,7 @@ Encode = Callable[[Any, npt.NDArray[np.uint8]], npt.NDArray[np.bool_]]
 
 
 def _encode(device: Device | None) -> Encode:
-    from link.coding import encode_line
+    from link.line_codes import encode_line
 
     return lambda line, values: encode_line(line, values)
 

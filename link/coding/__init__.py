@@ -1,10 +1,9 @@
-"""Bytes to bits and back: CRC, Reed-Solomon, interleaver, line codes, fountain, frames."""
+"""Bytes to bits and back: CRC, Reed-Solomon, interleaver, fountain, frames."""
 
 from link.coding.blocks import Blocks
 from link.coding.crc import crc16_ibm_3740, crc16_kermit, crc32_iso_hdlc, crc32c, crc64_xz
 from link.coding.fountain import MOST_BYTES, Delivered
 from link.coding.inbox import Inbox
-from link.coding.line_codes import decode_line, encode_line, run_limit
 from link.coding.names import safe_name
 from link.coding.outbox import Outbox
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
@@ -22,8 +21,5 @@ __all__ = [
     "crc32_iso_hdlc",
     "crc32c",
     "crc64_xz",
-    "decode_line",
-    "encode_line",
-    "run_limit",
     "safe_name",
 ]

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.coding.reed_solomon import WORD_BYTES
-from link.layout import GROUP_BITS, Layout
+from link.layout import Layout
 
 __all__ = ["FRAME_SPENT", "MOST_WORDS", "Blocks"]
 
@@ -102,13 +102,13 @@ class Blocks:
         for n, row in enumerate(placed.reshape(self.groups, -1)):
             stream = self._keystream(block * self.groups + n)
             stream[: self.group_bytes] ^= row
-            out[n] = _values(stream, GROUP_BITS[self.layout.mode.line])[: self.layout.cells]
+            out[n] = _values(stream, self.layout.mode.code.bits)[: self.layout.cells]
         return out
 
     def gather(self, values: _Bytes, quality: _Qualities, block: int) -> tuple[_Bytes, _Qualities]:
         """What `lay` made, with errors, as (words, 255) bytes and qualities, the lowest of a byte's
         cells."""
-        bits = GROUP_BITS[self.layout.mode.line]
+        bits = self.layout.mode.code.bits
         size = self.groups * self.group_bytes
         placed, sure = np.empty(size, np.uint8), np.empty(size, np.float32)
         used = self.group_bytes * 8 // bits
@@ -123,7 +123,7 @@ class Blocks:
         """How many of the bytes marked in (words, 255) stand on each data cell, (cells,)."""
         placed = np.zeros(self.groups * self.group_bytes, np.int64)
         placed[self.places] = wrong
-        each = 8 // GROUP_BITS[self.layout.mode.line]
+        each = 8 // self.layout.mode.code.bits
         out = np.zeros(self.layout.cells, np.int64)
         counts = np.repeat(placed.reshape(self.groups, -1).sum(axis=0), each)
         out[: len(counts)] = counts

@@ -12,10 +12,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.detect.detector import Detector, DetectorName, make_detector
+from link.detect.catalogue import make_detector
+from link.detect.detector import Detector
 from link.detect.pixel import PixelLaw, Rule
 from link.layout import TRAINING, Layout, pilots, training
-from link.mode import LineCode, Mode
+from link.mode import Mode
 from link.timing import Registration, Timing
 
 __all__ = ["Compared", "comparison"]
@@ -119,9 +120,7 @@ def comparison(
     pixel = PixelLaw(threshold, reset, background, background + on_level)
     out: list[Compared] = []
 
-    def put(
-        what: str, name: DetectorName, side: int, cell: int, ticks: int, line: LineCode
-    ) -> None:
+    def put(what: str, name: str, side: int, cell: int, ticks: int, line: str) -> None:
         layout = Layout(Mode(side, side, cell, ticks, line, 32))
         place = Registration(np.eye(3), np.zeros((0, 3)))
         timing = Timing(float(_FIRST), float(ticks), 0.0, side)

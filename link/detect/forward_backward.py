@@ -17,9 +17,8 @@ from numba import njit, prange
 from cosim.spikes.viform import WORD, Words
 from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
-from link.detect.detector import Bits, Soft, bits_held
+from link.detect.detector import LIMIT, Bits, Soft, bits_held
 from link.detect.geometry import PLACES, SHARES, Seen, see
-from link.detect.joint import LIMIT
 from link.detect.pixel import PixelLaw, Rule
 from link.detect.trellis import likelihood, posterior, window
 from link.layout import PERIOD, Layout, pilots

@@ -17,16 +17,14 @@ import numpy.typing as npt
 from cosim.spikes.viform import Words
 from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
-from link.detect.detector import Bits, Soft, bits_held
+from link.detect.detector import LIMIT, Bits, Soft, bits_held
 from link.detect.geometry import SHARES, Seen, see
 from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["AROUND", "LIMIT", "Joint"]
+__all__ = ["AROUND", "Joint"]
 
-LIMIT: Final = 60.0
-"""Of a soft value's size."""
 AROUND: Final = 2
 """Symbols before and after those asked for that the chain holds as well."""
 
@@ -40,7 +38,9 @@ class Joint:
     """See `Detector`. The soft values of a call's outermost symbols would be changed by symbols
     further away than two, by little: ticks wholly of one symbol cut the chain."""
 
-    def __init__(self, layout: Layout, registration: Registration, timing: Timing) -> None:
+    def __init__(
+        self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
+    ) -> None:
         self._layout, self._registration, self.timing = layout, registration, timing
         self.seen = see(layout, registration)
         self._ticks = layout.mode.ticks

@@ -29,7 +29,9 @@ class Threshold:
     """See `Detector`. A soft value has the size that its error rate says, over all of the panel;
     1 before anything was learned."""
 
-    def __init__(self, layout: Layout, registration: Registration, timing: Timing) -> None:
+    def __init__(
+        self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
+    ) -> None:
         self._layout, self._registration, self._timing = layout, registration, timing
         self._seen = see(layout, registration)
         ticks = layout.mode.ticks

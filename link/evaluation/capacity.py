@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from link.coding import run_limit
-from link.layout import GROUP_BITS, Layout
+from link.layout import Layout
 from link.mode import Mode
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 
@@ -56,7 +55,7 @@ def _pixel(given: Given, mode: Mode, seed: int) -> dict[str, Any]:
     rate = fsc_information_rate(
         given.reset, whole, on / scale, off / scale, ticks=ticks, seed=seed
     )  # fmt: skip
-    off_law, on_law = count_laws(q, on, off, given.reset, mode.ticks, run_limit(mode.line))
+    off_law, on_law = count_laws(q, on, off, given.reset, mode.ticks, mode.code.run_limit)
     looks = [off_law, on_law]
     for bit, law in enumerate(looks):
         looks[bit] = _sum_of(law, given.looks)
@@ -110,7 +109,7 @@ def capacity_document(given: Given, mode: Mode, seed: int = 1) -> dict[str, Any]
     per_tick = pixel_bound(given)
     rows, columns = layout.shape
     cells, free = rows * columns, int(layout.free.sum())
-    line = GROUP_BITS[mode.line] / layout.group
+    line = mode.code.bits / layout.group
     factors = [
         ("view", "camera pixels that see the panel", given.seen / given.sensor),
         ("light", "bits that a tick's electrons can carry, at most 1", per_tick),
@@ -119,7 +118,7 @@ def capacity_document(given: Given, mode: Mode, seed: int = 1) -> dict[str, Any]
         ("ticks", "ticks to a symbol", 1 / mode.ticks),
         ("tags", "cells under the four tags", free / cells),
         ("pilots", "cells that are pilots", layout.cells / free),
-        ("line code", f"{GROUP_BITS[mode.line]} bits in {layout.group} symbols", line),
+        ("line code", f"{mode.code.bits} bits in {layout.group} symbols", line),
         ("Reed-Solomon", f"{WORD - mode.parity} of {WORD} bytes", (WORD - mode.parity) / WORD),
     ]  # fmt: skip
     rate = given.sensor * given.hz

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.air.kernel import Psf, kernel_table, taps
-from link.evaluation.reach import LONGEST, CellScene, edge_share
+from link.evaluation.reach import CellScene, edge_share, longest_run
 from link.mode import Mode
 from link.theory import hard_patterns
 
@@ -168,7 +168,7 @@ def _draw(
     scene = sight.scene
     from link.detect.geometry import LEAST, PLACES, SHARES
 
-    side, longest, ticks = mode.cell * scene.pixel, LONGEST[mode.line], mode.ticks
+    side, longest, ticks = mode.cell * scene.pixel, longest_run(mode), mode.ticks
     reach = math.ceil(side / 2 + 1)
     around = max(math.ceil((1.5 + 3 * sight.blur) / side), 1)
     pixels = np.arange(-reach, reach + 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cosim import Clock
-from link.layout import GROUP_BITS, Layout
+from link.layout import Layout
 
 __all__ = ["Rates", "link_rates"]
 
@@ -24,6 +24,6 @@ class Rates:
 def link_rates(layout: Layout, clock: Clock, file_bytes: int, seconds: float | None) -> Rates:
     """clock: the panel's. seconds: from first light to the last verified byte, None without one."""
     raw = layout.cells * clock.hz / layout.mode.ticks
-    line = GROUP_BITS[layout.mode.line] / layout.group
+    line = layout.mode.code.bits / layout.group
     coded = raw * line * (255 - layout.mode.parity) / 255
     return Rates(raw, coded, 8 * file_bytes / seconds if seconds else None)

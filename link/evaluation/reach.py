@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import GROUP_BITS, Layout
+from link.layout import Layout
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
 from link.receiving.tags import least_module
 from link.theory import Reset, byte_error, rs_word_error
 
 __all__ = [
-    "LEAST_CELL", "LONGEST", "CellScene", "Reach", "edge_share", "predict_errors", "reach",
+    "LEAST_CELL", "CellScene", "Reach", "edge_share", "longest_run", "predict_errors", "reach",
 ]  # fmt: skip
 
 _PLACES = 5
@@ -37,8 +37,8 @@ _LOST = 0.03
 LEAST_CELL = 1.2
 """Camera pixels to a cell's side, at least, that a run takes on its own: nearer to 1 the grids'
 beat leaves cells without a pixel of their own."""
-LONGEST = {"none": 8, "manchester": 2, "4b6b": 4, "8b10b": 5}
-"""Longest run of equal symbols."""
+_UNCODED_RUN = 8
+"""Run of equal symbols that is reckoned with where the code does not limit runs."""
 Values = npt.NDArray[np.float64]
 
 
@@ -57,6 +57,11 @@ class CellScene:
     noise: float
     reset: Reset
     phase: float
+
+
+def longest_run(mode: Mode) -> int:
+    """Symbols of the longest run of equal ones that is reckoned with."""
+    return mode.code.run_limit or _UNCODED_RUN
 
 
 def edge_share(x: Values, blur: float) -> Values:
@@ -115,7 +120,7 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
     # Of the rest of a look's light, each neighbour brings a share; four of them bring most.
     rest = 1 - own
     spread = scene.on * rest / 2 / 2
-    run = min(LONGEST[mode.line] * mode.ticks, 64)
+    run = min(longest_run(mode) * mode.ticks, 64)
     base = scene.background + scene.on * rest / 2
     on = _fires(scene, base + scene.on * own, spread, 1)
     off = _fires(scene, base, spread, run)
@@ -140,7 +145,7 @@ class Reach:
 
 def _frame_loss(errors: float, mode: Mode) -> float:
     """Chance that a codeword is wrong beyond mending: bytes of independent bits."""
-    bits = round(8 * Layout(mode).group / GROUP_BITS[mode.line])
+    bits = round(8 * Layout(mode).group / mode.code.bits)
     return float(rs_word_error(255, 255 - mode.parity, byte_error(min(errors, 0.5), bits)))
 
 
@@ -186,5 +191,5 @@ def reach(
 
 def _coded(mode: Mode, hz: float) -> float:
     layout = Layout(mode)
-    line = GROUP_BITS[mode.line] / layout.group
+    line = mode.code.bits / layout.group
     return layout.cells * hz / mode.ticks * line * (255 - mode.parity) / 255

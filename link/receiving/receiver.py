@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.spikes.viform import Viform
-from link.detect import DETECTORS
+from link.detect.catalogue import DETECTORS
 from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire
 from link.receiving.diagnosis import explain_failure, explain_loss

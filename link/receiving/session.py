@@ -191,10 +191,11 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        from link.detect import confidence, make_detector
+        from link.detect.calibration import confidence
+        from link.detect.catalogue import make_detector
 
         made = make_detector(
-            self.detector_name, self.layout, registration, self.timing,  # type: ignore[arg-type]
+            self.detector_name, self.layout, registration, self.timing,
         )  # fmt: skip
         if self._known is not None:
             begin, known = self._known
@@ -249,7 +250,7 @@ class Session:
         return look if abs(look.late) < _FAR else None
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
-        from link.coding import decode_line
+        from link.line_codes import decode_line
 
         group = self.layout.group
         values, quality = decode_line(self.layout.mode.line, soft)

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words, words_for
-from link.coding import Outbox, encode_line
+from link.coding import Outbox
 from link.layout import PERIOD, TRAINING, Layout, closing, pilots, training
+from link.line_codes import encode_line
 from link.mode import Mode
 from link.sending.tags import Tag, draw_tags
 

@@ -25,7 +25,6 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from cosim.run.result import Error
-from link.layout import GROUP_BITS, GROUP_SYMBOLS
 from link.mode import Mode
 from link.sending import Transmission
 from link.setting import LinkSetting
@@ -134,7 +133,7 @@ def compare(
 def goodput_change(full: float, run: float, mode: Mode) -> float:
     """Relative change of the goodput that two bit error rates foretell: the codewords that come
     through, with independent bits. 0 where none come through either way."""
-    a_byte = round(8 * GROUP_SYMBOLS[mode.line] / GROUP_BITS[mode.line])
+    a_byte = round(8 * mode.code.symbols / mode.code.bits)
     through = [
         1 - float(rs_word_error(255, 255 - mode.parity, byte_error(min(rate, 0.5), a_byte)))
         for rate in (full, run)

@@ -21,16 +21,17 @@ import numpy.typing as npt
 
 from cosim import PS, Block, Light
 from cosim.compute.opencl import Device
+from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.air import Air, image_of
-from link.detect import make_detector
+from link.detect.catalogue import make_detector
 from link.layout import TRAINING, Layout
 from link.sending import Transmission
 from link.setting import LinkSetting
 from link.timing import Registration, Timing
 from sensor import CameraSetting
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.sampling import row_offsets
 from sensor.latched.tiers import Tier
 
@@ -259,7 +260,7 @@ class LinkPatches:
         whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
         whole[:, self.plane.numbers.astype(np.intp)] = words
         timing = true_timing(self._setting, air.late, self._sent.ticks)
-        made = make_detector(self._detector, self._part, self._registration(air, timing), timing)  # type: ignore[arg-type]
+        made = make_detector(self._detector, self._part, self._registration(air, timing), timing)
         seen, sent = whole.reshape(-1, chip.height, chip.width), self._sent
         made.learn(seen, 0, sent.bits(0, TRAINING)[:, self.cells], 0)
         soft = made.soft(seen, 0, TRAINING, self.symbols)

@@ -17,7 +17,7 @@ from cosim.compute.opencl import Device
 from cosim.spikes.viform import WORD, Words
 from link.air import Air, image_of
 from link.air.geometry import panel_corners
-from link.detect import make_detector
+from link.detect.catalogue import make_detector
 from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
@@ -107,6 +107,6 @@ def film_pilot(
     count = groups * size.layout.group
     sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
     words, timing, air = _film(strip, sent, device)
-    made = make_detector(detector, sent.layout, air.truth, timing)  # type: ignore[arg-type]
+    made = make_detector(detector, sent.layout, air.truth, timing)
     made.learn(words, 0, sent.bits(0, TRAINING), 0)
     return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

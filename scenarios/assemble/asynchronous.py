@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
 from cosim.config.toml import to_toml
-from scenarios.assemble.camera import camera_setting, choose_lens, lens_notes
+from scenarios.assemble.camera import camera_setting, choose_lens, lens_notes, resized
 from scenarios.assemble.readout import (
     choose_instants,
     make_relay,
     refuse_keys,
-    resized,
     with_section,
 )
 from scenarios.assemble.scenario import Scenario

@@ -12,6 +12,7 @@ from cosim import Clock, Light, Summary
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
+from cosim.plan.paired import windows
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
@@ -22,7 +23,6 @@ from scenarios.assemble.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.effects.windows import saturated, shifted
-from sensor.latched.paired import windows
 from sensor.latched.tiers import Tier
 
 __all__ = ["RunPlan", "SceneSurvey", "floor_of", "plan_run", "survey_scene"]

@@ -1,10 +1,8 @@
-"""What the readouts have in common: which keys belong to which, the light step by step, the
-instants, and times as they are told."""
+"""What the readouts have in common: keys that belong to one of them, the relay, the instants."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
 
 from cosim import InputError, Lens, Light
@@ -14,7 +12,7 @@ from sensor.device.crosstalk import crosstalk_map
 
 __all__ = [
     "choose_instants", "make_relay", "refuse_keys", "refuse_leftovers",
-    "refuse_options", "resized", "with_section",
+    "refuse_options", "with_section",
 ]  # fmt: skip
 
 _SECTIONS = {
@@ -73,19 +71,6 @@ def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
         return scenario
     sensor = scenario.sensor.model_copy(update={name: default})
     return scenario.model_copy(update={"sensor": sensor})
-
-
-def resized(setting: CameraSetting, width: int | None, height: int | None) -> CameraSetting:
-    """The camera with an array of this size, its own where None."""
-    chip = replace(
-        setting.chip,
-        width=width or setting.chip.width,
-        height=height or setting.chip.height,
-        assumed=setting.chip.assumed
-        | ({"width"} if width else set())
-        | ({"height"} if height else set()),
-    )
-    return replace(setting, chip=chip)
 
 
 def choose_instants(scenario: Scenario, cycles: int) -> list[int]:

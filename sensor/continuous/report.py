@@ -144,11 +144,8 @@ def _traffic(judged: ContinuousRun) -> str:
 
 
 def _machine(judged: ContinuousRun) -> str:
-    setting, chip, section = (
-        spec.setting,
-        spec.setting.chip,
-        spec.section.continuous,
-    )
+    spec = judged.spec
+    setting, chip, section = spec.setting, spec.setting.chip, spec.section.continuous
     assert section is not None
     provenance, plain = chip.provenance(), ContinuousSection()
 

@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import binom
 
 from link.choosing import Trial, choose, foresee, longest_run
-from link.coding import Blocks, encode_line
+from link.coding import Blocks
 from link.layout import TRAINING, Layout
+from link.line_codes import encode_line
 from link.mode import Mode
 
 SIZE, HZ = 4_000_000, 40e3

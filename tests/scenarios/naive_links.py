@@ -6,8 +6,7 @@ import numpy as np
 from scipy.special import erfc, gamma, kv
 from scipy.stats import binom
 
-from link.coding import encode_line
-from link.layout import GROUP_SYMBOLS
+from link.line_codes import CATALOGUE, encode_line
 
 
 def printed_capacity(dark: float) -> float:
@@ -44,7 +43,7 @@ def products(line, soft):  # type: ignore[no-untyped-def]
     with np.errstate(all="ignore"):
         on = 1 / (1 + np.exp(-soft.astype(np.float64)))
     off = 1 - on
-    symbols = GROUP_SYMBOLS[line]
+    symbols = CATALOGUE[line].symbols
     best = np.zeros((count, soft.shape[1]))
     for start in (False, True) if line == "8b10b" else (False,):
         word = encode_line(line, every, disparity=np.full(count, start))
@@ -57,7 +56,7 @@ def products(line, soft):  # type: ignore[no-untyped-def]
 
 def bytes_as_they_are(line, values):  # type: ignore[no-untyped-def]
     """Case 32: no line code: as many of a value's bits as the code has symbols."""
-    symbols = GROUP_SYMBOLS[line]
+    symbols = CATALOGUE[line].symbols
     bits = [(values.astype(np.uint16) >> k) & 1 for k in range(symbols)]
     return np.stack(bits, axis=1).reshape(-1, values.shape[1]).astype(bool)
 

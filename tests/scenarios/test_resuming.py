@@ -40,7 +40,6 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for name in (
         "run.assemble", "assemble.run_link.run_link", "assemble.run_imager.run_imager",
-        "assemble.run_events.run_events", "assemble.run_continuous.run_continuous",
     ):  # fmt: skip
         monkeypatch.setattr(f"scenarios.{name}", fail)
 

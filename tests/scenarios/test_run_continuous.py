@@ -99,7 +99,12 @@ def test_cross_talk_is_mixed_into_the_light(tmp_path):
     assert row[2] == pytest.approx(0.1 / 8, rel=1 / 1024 + 1e-6)
     assert run.run.result.kept[-1] == "optical cross-talk"
     # The light kept for the figures is the light that the pixels saw.
-    assert len(run.views.light.points) == 8 and run.views.light.when == [0, 5 * 10**8, 5 * 10**8, 10**9]
+    assert len(run.views.light.points) == 8 and run.views.light.when == [
+        0,
+        5 * 10**8,
+        5 * 10**8,
+        10**9,
+    ]
     lux = np.array(run.views.light.level) * (run.spec.setting.electrons_per_lux / run.spec.white)
     assert lux[:2, 0] == pytest.approx(0.1 / 8) and lux[2:, 7] == pytest.approx(0.9)
 

@@ -247,7 +247,9 @@ def test_a_slow_channel_delays_and_loses_and_says_so(tmp_path):
     assert other.metrics["events_under_way"].value == 0
     late = -(-(exact.views.sent.instant + exact.views.delay) // 1000) - 1
     assert np.array_equal(late[: len(run.views.events)], run.views.events.time)
-    assert np.array_equal(np.sort(-(-exact.views.sent.instant // 1000) - 1), exact.views.events.time)
+    assert np.array_equal(
+        np.sort(-(-exact.views.sent.instant // 1000) - 1), exact.views.events.time
+    )
 
 
 @pytest.mark.parametrize(
@@ -314,7 +316,9 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
     sets = ("sensor.readout=asynchronous", "sensor.asynchronous.width=12", "duration=4 ms",
             "sensor.asynchronous.height=10", f"scene.path={clip}")  # fmt: skip
     result, run = shoot(tmp_path / "run", *sets, name="film")
-    steps = list(light_steps(run.spec.source, lambda light: light, run.spec.setting.clock, run.spec.stop))
+    steps = list(
+        light_steps(run.spec.source, lambda light: light, run.spec.setting.clock, run.spec.stop)
+    )
     assert [s[1:] for s in steps] == [(0, 16 * 10**8), (16 * 10**8, 4 * 10**9)]
     assert result.metrics["tfi_psnr"].value > 15
     # Light integrates to spikes: 0.6 a cycle of white at 40 kHz, less than one a pixel left over.

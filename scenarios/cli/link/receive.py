@@ -40,7 +40,7 @@ def link_receive(
     from cosim.files import notes_of
     from cosim.run.result import dumps
     from cosim.spikes.viform import WORD, words_for
-    from link.detect import DETECTORS
+    from link.detect.catalogue import DETECTORS
     from link.receiving import Receiver
     from sensor.codec.files import open_any
 

@@ -56,7 +56,7 @@ def link_send(
     width, height = _sides(size)
     data = _read(source)
     try:
-        mode = Mode(width, height, cell, ticks, line, parity)  # type: ignore[arg-type]
+        mode = Mode(width, height, cell, ticks, line, parity)
         sent = Transmission(mode, data, source.name, interleave=interleave, overhead=overhead)
     except ValueError as exc:
         raise _refused(str(exc)) from exc

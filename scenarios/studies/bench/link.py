@@ -56,9 +56,11 @@ def _spikes(
 def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
     """Cells, file bits of a group, simulated seconds of one, the two ways' calls, which return how
     many frames came right, and camera pixel-cycles of a group."""
-    from link.coding import Blocks, Inbox, decode_line
-    from link.detect import Joint, plain_soft
+    from link.coding import Blocks, Inbox
+    from link.detect.joint import Joint
+    from link.detect.joint_numpy import soft_by_numpy
     from link.layout import TRAINING
+    from link.line_codes import decode_line
     from link.mode import Mode
     from link.sending import Transmission
     from link.timing import Registration, Timing
@@ -87,7 +89,7 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
         first = (TRAINING + turn * form.groups * group) * _TICKS
         sent.words(first, form.groups * group * _TICKS)
         given = words, 0, TRAINING, form.groups * group
-        soft = plain_soft(detector, *given) if plain else detector.soft(*given)
+        soft = soft_by_numpy(detector, *given) if plain else detector.soft(*given)
         values, quality = decode_line(mode.line, soft)
         inbox = Inbox(sent.layout)
         return sum(inbox.put(n, values[n], quality[n]) for n in range(form.groups))

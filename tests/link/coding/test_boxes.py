@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from link.coding import Blocks, Inbox, Outbox, decode_line, encode_line
-from link.layout import GROUP_BITS, Layout
+from link.coding import Blocks, Inbox, Outbox
+from link.layout import Layout
+from link.line_codes import CATALOGUE, decode_line, encode_line
 from link.mode import LINE_CODES, PARITIES, Mode
 
 SMALL = Layout(Mode(256, 224, 2, 1, "8b10b", 32))
@@ -63,7 +64,7 @@ def test_a_hundred_kilobytes(line, interleave):
     assert inbox.file is not None and inbox.file.data == data
     blocks = Blocks(layout, interleave)
     carried = 8 * blocks.frames * blocks.symbol_bytes
-    share = carried / (blocks.groups * layout.cells * GROUP_BITS[line])
+    share = carried / (blocks.groups * layout.cells * CATALOGUE[line].bits)
     assert 0.9 * 223 / 255 < share < 223 / 255  # of the line code's bits: little else is spent
 
 

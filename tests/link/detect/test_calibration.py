@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from link.detect import confidence
+from link.detect.calibration import confidence
 
 N = 200_000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from link.detect import Compared, comparison
+from link.detect.comparison import Compared, comparison
 
 pytestmark = pytest.mark.slow
 

@@ -7,11 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from link.detect import make_detector, plain_soft
+from link.detect.catalogue import make_detector
 from link.detect.counting import CONTEXT, PAIRS, PHASES
 from link.detect.forward_backward import ForwardBackward
 from link.detect.geometry import PLACES, see
 from link.detect.joint import Joint
+from link.detect.joint_numpy import soft_by_numpy
 from link.detect.pixel import PixelLaw
 from link.detect.tables import lit, tables
 from link.layout import TRAINING, Layout, training
@@ -242,7 +243,7 @@ def test_what_cannot_be_is_refused(scene: Scene) -> None:
 def test_the_plain_way_decides_the_same(scene: Scene) -> None:
     detector = _learned(scene)
     ours = detector.soft(scene.words, 0, TRAINING, 5)
-    plain = plain_soft(detector, scene.words, 0, TRAINING, 5)
+    plain = soft_by_numpy(detector, scene.words, 0, TRAINING, 5)
     assert np.abs(ours - plain).max() < 0.3  # ln(1 + e^-x) taken as linear
 
 

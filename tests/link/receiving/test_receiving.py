@@ -10,7 +10,7 @@ import pytest
 from cosim import Viform
 from cosim.spikes.viform import unpack_planes
 from link.layout import TAG_MODULES, Layout
-from link.mode import LineCode, Mode
+from link.mode import Mode
 from link.receiving import Received, Receiver
 from link.receiving.tags import art_of
 from link.sending import Transmission
@@ -252,7 +252,7 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
 
 @pytest.mark.parametrize("line", ["8b10b", pytest.param("manchester", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_transmission_is_read_with_the_closing_and_without(line: LineCode, closed: bool) -> None:
+def test_a_transmission_is_read_with_the_closing_and_without(line: str, closed: bool) -> None:
     """Recordings of before have none. Where groups are short the closing is no group of its own."""
     mode = Mode(256, 256, 4, 2, line, 32)
     toy = small(DATA[:900], mode=mode)

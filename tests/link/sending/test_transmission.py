@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from cosim import Clock
 from cosim.spikes.viform import unpack_planes
-from link.coding import Inbox, decode_line
+from link.coding import Inbox
 from link.layout import PERIOD, TRAINING, pilots, training
+from link.line_codes import decode_line
 from link.mode import CELLS, LINE_CODES, TICKS, Mode
 from link.sending import PlaneStream, Transmission
 

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from link.coding import decode_line, encode_line, run_limit
-from link.coding.line_tables import CODES_4B6B, CODES_8B10B, FLIPS_8B10B
-from link.layout import GROUP_BITS, GROUP_SYMBOLS
+from link.line_codes import CATALOGUE, decode_line, encode_line
 from link.mode import LINE_CODES
 
+CODES_4B6B = CATALOGUE["4b6b"].codewords[0]
+CODES_8B10B, FLIPS_8B10B = CATALOGUE["8b10b"].codewords, CATALOGUE["8b10b"].toggles
 BALANCED = [line for line in LINE_CODES if line != "none"]
 
 
@@ -56,7 +56,7 @@ def test_8b10b_keeps_its_disparity_and_its_runs():
     for shown in (pairs, ~pairs & 0xFFFFF):  # bits that end a run of five, of six
         five = shown & shown >> 1 & shown >> 2 & shown >> 3 & shown >> 4
         assert five.any() and not (five & shown >> 5).any()
-    assert run_limit("8b10b") == 5
+    assert CATALOGUE["8b10b"].run_limit == 5
 
 
 def test_8b10b_carries_the_disparity_of_each_cell_on():
@@ -75,16 +75,16 @@ def test_4b6b_is_balanced_and_runs_to_four():
     codes = [text(code, 6) for code in CODES_4B6B]
     assert len(set(codes)) == 16 and all(code.count("1") == 3 for code in codes)
     assert codes[0] == "001110" and codes[15] == "101100"
-    assert max(longest(a + b) for a in codes for b in codes) == run_limit("4b6b") == 4
+    assert max(longest(a + b) for a in codes for b in codes) == CATALOGUE["4b6b"].run_limit == 4
 
 
 @pytest.mark.parametrize("line", BALANCED)
 def test_random_data_stays_within_the_run_limit(line):
     rng = np.random.default_rng(2)
-    values = rng.integers(0, 1 << GROUP_BITS[line], (400, 8), dtype=np.uint8)
+    values = rng.integers(0, 1 << CATALOGUE[line].bits, (400, 8), dtype=np.uint8)
     shown = encode_line(line, values)
     runs = [longest("".join("01"[int(bit)] for bit in lane)) for lane in shown.T]
-    assert max(runs) == run_limit(line)
+    assert max(runs) == CATALOGUE[line].run_limit
     assert (
         abs(shown.mean() - 0.5) < 1e-3 + (line == "8b10b") * 2e-4
     )  # exact, but for +-1 at its end
@@ -92,7 +92,7 @@ def test_random_data_stays_within_the_run_limit(line):
 
 @pytest.mark.parametrize("line", LINE_CODES)
 def test_every_code_is_read(line):
-    every = np.arange(1 << GROUP_BITS[line], dtype=np.uint8)
+    every = np.arange(1 << CATALOGUE[line].bits, dtype=np.uint8)
     for disparity in (False, True):
         state = np.full(len(every), disparity)
         shown = encode_line(line, every[None], state if line == "8b10b" else None)
@@ -106,7 +106,7 @@ def test_every_code_is_read(line):
 def test_reading_is_maximum_likelihood(line):
     """Against all codewords tried one by one, where most received words are no codeword."""
     rng = np.random.default_rng(3)
-    symbols, count = GROUP_SYMBOLS[line], 1 << GROUP_BITS[line]
+    symbols, count = CATALOGUE[line].symbols, 1 << CATALOGUE[line].bits
     soft = rng.normal(0, 2, (3 * symbols, 150)).astype(np.float32)
     every = np.arange(count, dtype=np.uint8)[None]
     states = [np.full(count, s) for s in ((False, True) if line == "8b10b" else (False,))]
@@ -124,7 +124,7 @@ def test_margins_are_log_odds(line):
     margin m is wrong at least as often as its nearest rival is right, 1 / (1 + e^m), and at most
     as often as if all of up to 255 rivals were as near."""
     rng = np.random.default_rng(4)
-    values = rng.integers(0, 1 << GROUP_BITS[line], (20, 1000), dtype=np.uint8)
+    values = rng.integers(0, 1 << CATALOGUE[line].bits, (20, 1000), dtype=np.uint8)
     shown = encode_line(line, values)
     noise = 0.5
     seen = np.where(shown, 1.0, -1.0) + rng.normal(0, noise, shown.shape)

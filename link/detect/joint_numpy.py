@@ -1,7 +1,7 @@
-"""The joint detector as numpy writes it: the same sums over whole arrays, for benchmarks and tests.
+"""The joint detector in plain numpy: the same sums over whole arrays, for benchmarks to compare.
 
 One symbol and one pixel of every cell at a time, then the chain of bits over all cells, with the
-logarithm of a sum exact.
+exact logarithm of a sum.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import numpy as np
 
 from cosim.spikes.viform import WORD, Words
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
-from link.detect.detector import Soft
+from link.detect.detector import LIMIT, Soft
 from link.detect.geometry import PLACES, Seen
-from link.detect.joint import AROUND, LIMIT, Joint
+from link.detect.joint import AROUND, Joint
 
-__all__ = ["plain_soft"]
+__all__ = ["soft_by_numpy"]
 
 
-def _said(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
+def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
     """ln P(spikes | bits) of a symbol less that of both off, (cells, PAIRS). The words must hold
     the symbol, and the sensor every pixel."""
     seen: Seen = detector.seen
@@ -43,19 +43,21 @@ def _said(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
             both |= words[later, py, px].astype(np.uint64) << np.uint64(WORD)
             pattern = (both >> low) & np.uint64((1 << (PART + CONTEXT)) - 1)
             share = place.share[seen.region, qy, qx, k]
-            told = whole[seen.region, phase, part, share, pattern.astype(np.intp)]
-            out += np.where((k < count)[:, None], told, np.float32(0))
+            gain = whole[seen.region, phase, part, share, pattern.astype(np.intp)]
+            out += np.where((k < count)[:, None], gain, np.float32(0))
     return out
 
 
-def plain_soft(
+def soft_by_numpy(
     detector: Joint, words: Words, start_tick: int, first_symbol: int, count: int
 ) -> Soft:
-    """As `Joint.soft` gives it, but for its linear approximation."""
+    """Soft values as `Joint.soft` gives them, without its linear approximation."""
     symbols = count + 2 * AROUND
-    said = [_said(detector, words, start_tick, first_symbol - AROUND + n) for n in range(symbols)]
-    ahead = [np.zeros((2, said[0].shape[0]), np.float32)]
-    for each in said:
+    evidence = [
+        _evidence(detector, words, start_tick, first_symbol - AROUND + n) for n in range(symbols)
+    ]
+    ahead = [np.zeros((2, evidence[0].shape[0]), np.float32)]
+    for each in evidence:
         off, on = ahead[-1]
         ahead.append(
             np.stack([
@@ -63,12 +65,12 @@ def plain_soft(
                 np.logaddexp(off + each[:, 1], on + each[:, 3]),
             ])
         )  # fmt: skip
-    off = on = np.zeros(said[0].shape[0], np.float32)
-    out = np.empty((count, said[0].shape[0]), np.float32)
+    off = on = np.zeros(evidence[0].shape[0], np.float32)
+    out = np.empty((count, evidence[0].shape[0]), np.float32)
     for n in range(symbols - 1, AROUND - 1, -1):
         if n - AROUND < count:
             out[n - AROUND] = ahead[n + 1][1] + on - ahead[n + 1][0] - off
-        each = said[n]
+        each = evidence[n]
         off, on = (
             np.logaddexp(each[:, 0] + off, each[:, 1] + on),
             np.logaddexp(each[:, 2] + off, each[:, 3] + on),

@@ -1,9 +1,9 @@
-"""Line codes read by maximum likelihood, compiled.
+"""Maximum-likelihood decoding of line codes, compiled.
 
-Symbols are independent, so the logarithm of a codeword's likelihood is, but for what all codewords
-share, the sum of soft over the symbols in which it is on. The margin is what the best codeword has
-over the best of any other value: the logarithm of the odds of the decision against it. Nothing
-branches on soft values: in noise a processor would guess wrong as often as not.
+Symbols are independent, so the log-likelihood of a codeword is, up to a constant, the sum of the
+soft values over the symbols in which it is on. The margin is the score of the best codeword less
+that of the best codeword of any other value. Nothing branches on soft values: on noise the branch
+prediction of a processor would fail half of the time.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from link.coding.line_tables import FOUR, MIDDLE, SIX
+from link.line_codes.eight_ten import FOUR, MIDDLE, SIX
 
 __all__ = ["read_8b10b", "read_table"]
 
 _MOST = np.float32(1e4)
-"""Soft values beyond it are taken for it, so that sums stay exact enough and finite."""
+"""Soft values are clipped to it, so that sums stay finite and exact enough."""
 _LEAST = np.float32(-1e9)
-"""Below any sum."""
+"""Less than any sum."""
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _sums(soft, first, cell, bits, sums):  # type: ignore[no-untyped-def]
-    """Of soft over each set of `bits` symbols from `first` on; what is no number says nothing."""
+    """Sums of soft values over each subset of `bits` symbols from `first` on; NaN counts as 0."""
     sums[0] = np.float32(0)
     for k in range(bits):
         value = soft[first + k, cell]
@@ -35,8 +35,14 @@ def _sums(soft, first, cell, bits, sums):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def read_table(soft, codes, bits, values, margins):  # type: ignore[no-untyped-def]
-    """soft: (groups * bits, cells) float32. codes: unsigned, one for each value. values: (groups,
-    cells) uint8 and margins float32, filled."""
+    """Decodes a code of one state.
+
+    Args:
+        soft: (groups * bits, cells) float32.
+        codes: (values,) uint16, the codeword of each value.
+        bits: symbols of a codeword.
+        values, margins: (groups, cells) uint8 and float32, filled.
+    """
     sums = np.empty(1 << bits, np.float32)
     for group in range(values.shape[0]):
         for cell in range(values.shape[1]):
@@ -55,8 +61,12 @@ def read_table(soft, codes, bits, values, margins):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def read_8b10b(soft, values, margins):  # type: ignore[no-untyped-def]
-    """soft: (groups * 10, cells) float32. values: (groups, cells) uint8 and margins float32,
-    filled. Of either running disparity at the group's begin."""
+    """Decodes 8B10B with either running disparity at the start of each group.
+
+    Args:
+        soft: (groups * 10, cells) float32.
+        values, margins: (groups, cells) uint8 and float32, filled.
+    """
     six, four = np.empty(64, np.float32), np.empty(16, np.float32)
     tops, nexts, tops_at = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.int64)
     bests, seconds = np.empty(2, np.float32), np.empty(2, np.float32)

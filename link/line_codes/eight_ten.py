@@ -1,8 +1,8 @@
-"""Line codes as tables: what a cell shows in the symbols of a group. Bit k is symbol k.
+"""8B10B: Widmer and Franaszek, IBM J. Res. Dev. 27:440 (1983), tables 1 and 2.
 
-4B6B: IEEE 802.15.7-2011, table 103. Manchester: 0 is off then on, 1 on then off, as there. 8B10B:
-Widmer & Franaszek, IBM J. Res. Dev. 27:440 (1983), tables 1 and 2, built from their 5B/6B and 3B/4B
-parts; bits go out in the order a b c d e i f g h j.
+A byte HGFEDCBA is coded by 5B/6B on EDCBA and 3B/4B on HGF; bits go out in the order a b c d e i f
+g h j. The running disparity carries on from group to group. The compiled reader is imported on its
+first use, as in `link.line_codes.code`.
 """
 
 from __future__ import annotations
@@ -12,12 +12,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CODES_4B6B", "CODES_8B10B", "FLIPS_8B10B", "FOUR", "MIDDLE", "SIX"]
+from link.line_codes.code import LineCode
 
-_4B6B: Final = (
-    "001110 001101 010011 010110 010101 100011 100110 100101 "
-    "011001 011010 011100 110001 110010 101001 101010 101100"
-)  # fmt: skip
+__all__ = ["EIGHT_TEN", "FOUR", "MIDDLE", "SIX"]
 
 # Of EDCBA = 0 to 31 at negative running disparity; unbalanced ones, and 7, are inverted at
 # positive.
@@ -33,14 +30,10 @@ _ALTERNATE: Final = "0111"
 """Instead of 1110, where that would make a run of five with the bits e i before it."""
 
 
-def _bits(text: str) -> int:
-    return sum(1 << k for k, bit in enumerate(text) if bit == "1")
-
-
 def _either(text: str, inverted_too: str) -> tuple[int, int]:
     """A part's bits at negative and at positive running disparity."""
     unbalanced = 2 * text.count("1") != len(text)
-    code = _bits(text)
+    code = int(text[::-1], 2)  # the first symbol is the lowest bit
     inverted = code ^ ((1 << len(text)) - 1)
     return code, inverted if unbalanced or text == inverted_too else code
 
@@ -68,7 +61,8 @@ SIX, FOUR, MIDDLE = _parts()
 running disparity, plus one where the alternate 7 must be used."""
 
 
-def _joined() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
+def _codewords() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
+    """Codewords by running disparity and byte, (2, 256), and bytes that change the disparity."""
     value = np.arange(256)
     x, y = value & 31, value >> 5
     codes = np.stack(
@@ -77,7 +71,17 @@ def _joined() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
     return codes, np.bitwise_count(codes[0]) != 5
 
 
-CODES_8B10B, FLIPS_8B10B = _joined()
-"""(2, 256) uint16, by running disparity and byte; (256,) bool, bytes that change it."""
-CODES_4B6B: Final = np.array([_bits(text) for text in _4B6B.split()], np.uint8)
-"""(16,) uint8."""
+def _read(
+    soft: npt.NDArray[np.float32],
+    values: npt.NDArray[np.uint8],
+    margins: npt.NDArray[np.float32],
+) -> None:
+    from link.line_codes.reading import read_8b10b
+
+    read_8b10b(soft, values, margins)
+
+
+_CODEWORDS, _TOGGLES = _codewords()
+EIGHT_TEN: Final = LineCode(
+    "8b10b", symbols=10, bits=8, run_limit=5, codewords=_CODEWORDS, toggles=_TOGGLES, read=_read
+)

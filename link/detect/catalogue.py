@@ -1,0 +1,47 @@
+"""Every detector, by name.
+
+A detector is a class of its own file, made from a layout, a registration, a timing, and what is
+known of the sensor's pixels. Classes are imported on use: the names are read at start-up, which
+must not wait for numba.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from link.detect.detector import Detector
+    from link.detect.pixel import PixelLaw
+    from link.layout import Layout
+    from link.timing import Registration, Timing
+
+__all__ = ["DETECTORS", "make_detector"]
+
+DETECTORS: Final = {
+    "joint": "link.detect.joint:Joint",
+    "threshold": "link.detect.threshold:Threshold",
+    "forward-backward": "link.detect.forward_backward:ForwardBackward",
+}
+"""Module and class, by the name in scenarios and on the command line."""
+
+
+def make_detector(
+    name: str,
+    layout: Layout,
+    registration: Registration,
+    timing: Timing,
+    *,
+    pixel: PixelLaw | None = None,
+) -> Detector:
+    """A detector by its name.
+
+    Args:
+        pixel: what is known of the sensor's pixels; the joint and the threshold detector learn all
+            that they need and ignore it.
+    """
+    if name not in DETECTORS:
+        raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {name}")
+    module, cls = DETECTORS[name].split(":")
+    detector: Detector = getattr(import_module(module), cls)(layout, registration, timing, pixel)
+    return detector

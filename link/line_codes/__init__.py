@@ -1,0 +1,5 @@
+"""Codes along time, each on the symbols of a cell, that limit runs of equal symbols."""
+
+from link.line_codes.catalogue import CATALOGUE, decode_line, encode_line
+
+__all__ = ["CATALOGUE", "decode_line", "encode_line"]

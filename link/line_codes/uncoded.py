@@ -1,0 +1,29 @@
+"""No line code: the bits of a byte as they are."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.line_codes.code import LineCode
+
+__all__ = ["UNCODED"]
+
+
+def _read(
+    soft: npt.NDArray[np.float32],
+    values: npt.NDArray[np.uint8],
+    margins: npt.NDArray[np.float32],
+) -> None:
+    """Decides every bit alone; the margin is that of the weakest."""
+    bits = soft.reshape(len(values), 8, -1)
+    values[:] = np.packbits(bits > 0, axis=1, bitorder="little")[:, 0]
+    margins[:] = np.nan_to_num(np.abs(bits), nan=0.0, posinf=1e6).min(axis=1)
+
+
+UNCODED: Final = LineCode(
+    "none", symbols=8, bits=8, run_limit=None, codewords=np.arange(256, dtype=np.uint16)[None],
+    read=_read,
+)  # fmt: skip
