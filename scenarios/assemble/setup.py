@@ -13,11 +13,12 @@ from display import DisplaySetting
 from scenarios.assemble.camera import LensedCamera, lensed_camera
 from scenarios.assemble.display import display_of
 from scenarios.assemble.glass import follow
-from scenarios.assemble.planning import RunPlan, SceneSurvey, plan_run, survey_scene
+from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.stages import LensStage, SceneStage
 from scenarios.scenes import make_source
 from sensor import CameraSetting
+from sensor.latched.survey import SceneSurvey, survey_scene
 
 __all__ = ["CameraSetup", "set_up_camera"]
 
@@ -82,8 +83,9 @@ class CameraSetup:
 
     def survey(self) -> SceneSurvey:
         """What the plan reads of the scene."""
-        relay = self.lens.relay(self.setting.chip.pitch)
-        return survey_scene(self.scenario, self.setting, self.source(), relay, self.cycles)
+        relay, image = self.lens.relay(self.setting.chip.pitch), self.scenario.image
+        floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
+        return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
     def pursuit(self) -> tuple[float, str]:
         """What a pursuing eye follows, pixels a second, and where that is from."""
