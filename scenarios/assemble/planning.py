@@ -12,17 +12,17 @@ from cosim import Clock, Light, Summary
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
+from cosim.plan.paired import windows
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
-from display.effects import SHOWN, seen_planes
+from display.effects import SHOWN, effective_planes
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.shown import Shown
 from scenarios.assemble.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.effects.windows import saturated, shifted
-from sensor.latched.paired import windows
 from sensor.latched.tiers import Tier
 
 __all__ = ["RunPlan", "SceneSurvey", "floor_of", "plan_run", "survey_scene"]
@@ -174,7 +174,7 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
 def _seen_through(scene: Summary, display: DisplaySetting) -> Summary:
     """The scene with the window that a display's observer takes a rate over: as many planes as
     count alike in its images, if those are fewer."""
-    planes = seen_planes(display.observer, display.panel, scene.cycles)
+    planes = effective_planes(display.observer, display.panel, scene.cycles)
     return replace(scene, window=max(1, min(scene.window, round(planes))))
 
 

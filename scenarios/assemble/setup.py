@@ -10,10 +10,9 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
+from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.camera import camera_setting, choose_lens
-from scenarios.assemble.display import display_of
-from scenarios.assemble.glass import follow
 from scenarios.assemble.planning import RunPlan, SceneSurvey, plan_run, survey_scene
 from scenarios.assemble.readout import resized
 from scenarios.assemble.scenario import Scenario
@@ -77,19 +76,21 @@ class CameraSetup:
         relay = self.lens.relay(self.setting.chip.pitch)
         return survey_scene(self.scenario, self.setting, self.source(), relay, self.cycles)
 
-    def pursuit(self) -> tuple[float, str]:
-        """What a pursuing eye follows, pixels a second, and where that is from."""
-        if self.scenario.display is None:
-            return 0.0, ""
-        return follow(self.scenario, self.source(), self.end)
+    def pursuit(self) -> Pursuit:
+        """What the pursuing eye of a display follows."""
+        section = self.scenario.display
+        if section is None:
+            return Pursuit(0.0, "")
+        return pursuit_of(self.source(), self.end, section.pursuit)
 
-    def display(self, pursuit: tuple[float, str]) -> DisplaySetting | None:
+    def display(self, pursuit: Pursuit) -> DisplaySetting | None:
         """The display with every effect, None without one."""
-        if self.scenario.display is None:
+        section = self.scenario.display
+        if section is None:
             return None
-        return display_of(
-            self.scenario, self.setting, self.white_rate, self.instants, self.cycles, pursuit[0]
-        )
+        clock, skew = self.setting.clock, self.setting.row_skew
+        panel = section.panel(self.shape, clock, skew, self.white_rate)
+        return section.setting(panel, self.instants, self.cycles, pursuit.velocity)
 
     def plan(
         self, survey: SceneSurvey, tolerance: float, display: DisplaySetting | None, **choice: Any

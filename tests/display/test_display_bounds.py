@@ -7,9 +7,9 @@ import pytest
 
 from cosim.plan.planner import ESTIMATE_WEIGHT
 from display import DisplaySetting
-from display.effects.promise import proven
-from display.effects.weighing import late_change, span_change
-from display.panels.pixels import PatchDisplay
+from display.effects.bounds import proven
+from display.effects.weights import delay_change, span_change
+from display.trial.pixels import PatchDisplay
 from tests.display.random_streams import TILE, Stream, random_stream
 
 
@@ -26,7 +26,7 @@ def certain(stream: Stream, name: str) -> float:
     setting, scene = stream.setting, stream.summary
     panel, observer = setting.panel, setting.observer
     if name == "row timing":
-        change = late_change(observer, panel, scene.cycles, round(panel.row_delay))
+        change = delay_change(observer, panel, scene.cycles, round(panel.row_delay))
     else:
         fine, coarse = {"planes within 8": (1, 8), "planes within 64": (8, 64)}[name]
         change = span_change(observer, panel, scene.cycles, fine, coarse)

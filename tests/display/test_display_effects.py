@@ -10,8 +10,8 @@ from scipy.special import gamma
 
 from cosim import Summary
 from cosim.spikes.viform import pack_planes
-from display import CameraPlane, DisplaySetting, FixedEye, PlainRenderer, PursuingEye, SpikePanel
-from display.effects.weighing import late_change, seen_planes, span_change
+from display import CameraPlane, DisplaySetting, FixedEye, GoldenRenderer, PursuingEye, SpikePanel
+from display.effects.weights import delay_change, effective_planes, span_change
 from display.observe.observers import STAGES, eye_time
 from tests.display.random_streams import CLOCK
 
@@ -56,11 +56,11 @@ def test_light_a_plane_late_changes_as_the_response_peaks():
     k, tau = STAGES, eye_time(300.0)
     peak = (k - 1) ** (k - 1) * np.exp(-(k - 1)) / gamma(k) / tau
     late = round(PANEL.row_delay)
-    change = late_change(EYE, PANEL, PLANES, late)
+    change = delay_change(EYE, PANEL, PLANES, late)
     assert change.half == pytest.approx(peak * PLANE_S, rel=0.01)
     # What counts alike: 1 / integral of W^2.
     squared = gamma(2 * k - 1) / 2 ** (2 * k - 1) / gamma(k) ** 2 / tau
-    assert seen_planes(EYE, PANEL, PLANES) == pytest.approx(1 / (squared * PLANE_S), rel=0.01)
+    assert effective_planes(EYE, PANEL, PLANES) == pytest.approx(1 / (squared * PLANE_S), rel=0.01)
 
 
 def test_an_exposure_is_cut_at_its_edges():
@@ -81,7 +81,7 @@ def test_a_pursuing_eye_travels_within_a_span():
         change = span_change(eye, PANEL, PLANES, 1, 8)
         assert change.travel == pytest.approx(speed * 8 * PLANE_S / 4, rel=1e-3)
     assert span_change(PursuingEye(EYE, (0.0, 1e6)), PANEL, PLANES, 1, 8).travel <= 1.0000001
-    late = late_change(PursuingEye(EYE, (0.0, 800.0)), PANEL, PLANES, round(PANEL.row_delay))
+    late = delay_change(PursuingEye(EYE, (0.0, 800.0)), PANEL, PLANES, round(PANEL.row_delay))
     assert late.travel == pytest.approx(800 * PLANE_S, rel=0.01)
 
 
@@ -92,7 +92,7 @@ def test_what_an_unequal_emitter_makes_of_its_own_is_the_bound_s_second_part():
     panel = replace(PANEL, shape=(1, 1), drive="impulse", pulse=pulse, decay=decay * PLANE_S)
     at = np.zeros((PLANES, 1, 1), np.uint8)
     at[::40] = 1
-    renderer = PlainRenderer(panel, 1, 1)
+    renderer = GoldenRenderer(panel, 1, 1)
     renderer.step(pack_planes(at), PLANES, None)
     gain = renderer.light.sum() / at.sum() - 1
     assert gain == pytest.approx(decay / pulse, rel=1e-3)  # it decays from 1 / pulse

@@ -12,11 +12,11 @@ from display import (
     CameraPlane,
     DisplaySetting,
     FixedEye,
-    PlainRenderer,
+    GoldenRenderer,
     PursuingEye,
     SpikePanel,
 )  # fmt: skip
-from display.panels.pixels import PatchDisplay
+from display.trial.pixels import PatchDisplay
 
 CLOCK = Clock(40_000)
 SHAPE, PLANES = (6, 9), 320
@@ -56,7 +56,7 @@ def test_images_of_patches_are_those_of_the_golden_model(drive, emitter, batch):
     for observer in (eye, CameraPlane(instants, 10**9)):
         setting = DisplaySetting(panel, observer, batch)
         one = PatchDisplay(setting, *SHAPE, np.arange(SHAPE[0]))
-        golden, words = PlainRenderer(panel, batch, 3), words_of()
+        golden, words = GoldenRenderer(panel, batch, 3), words_of()
         for first, cycles in ((0, 128), (128, 192)):
             part = words[first // 32 : (first + cycles) // 32]
             one.step(part.reshape(len(part), -1), first, cycles)
@@ -78,7 +78,7 @@ def test_a_pursuing_eye_sees_a_patch_that_goes_on_round_its_edges():
     one.step(words.reshape(len(words), -1), 0, PLANES)
     large = SpikePanel((30, 45), CLOCK, 0.6, "causal", EMITTERS[2][0], *EMITTERS[2][1:],
                        row_scan=0.0, transport=1_000_000)  # fmt: skip
-    golden = PlainRenderer(large, 8, 2)
+    golden = GoldenRenderer(large, 8, 2)
     golden.step(np.tile(words, (1, 5, 5)), PLANES, setting.views(0, PLANES))
     for n in range(2):
         due = golden.take(n)[12:18, 18:27]

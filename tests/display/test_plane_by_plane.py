@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import PlainRenderer, PlaneByPlane, SpikePanel
+from display import GoldenRenderer, PlaneByPlane, SpikePanel
 from display.render.plane_by_plane import KEEP
 
 pytestmark = pytest.mark.usefixtures("gl")
@@ -21,7 +21,7 @@ def test_one_plane_a_draw_is_the_exponential_mean_of_the_golden_light(
     drive: str, stream: Callable[..., npt.NDArray[np.uint32]]
 ) -> None:
     words = stream(96, np.random.default_rng(3).random(SHAPE))
-    golden = PlainRenderer(SpikePanel(SHAPE, Clock.from_hz(40e3), 0.5, drive), 1, 0)  # type: ignore[arg-type]
+    golden = GoldenRenderer(SpikePanel(SHAPE, Clock.from_hz(40e3), 0.5, drive), 1, 0)  # type: ignore[arg-type]
     golden.step(words, 96, None)
     want = np.zeros(SHAPE)
     for light in golden.light:

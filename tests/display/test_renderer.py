@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import DRIVES, PlainRenderer, Renderer, SpikePanel, Views, make_renderer
+from display import DRIVES, GoldenRenderer, Renderer, SpikePanel, Views, make_renderer
 from display.render.golden import FOREVER
 
 pytestmark = pytest.mark.usefixtures("gl")
@@ -49,7 +49,7 @@ def test_blocks_of_any_length_agree_with_the_golden_model(
     drive: str, emitter: str, stream: Callable[..., Words], views: Callable[..., Views]
 ) -> None:
     shown, batch = panel(drive, emitter), 8
-    golden, shaders = PlainRenderer(shown, batch, 4), Renderer(shown, batch, 4)
+    golden, shaders = GoldenRenderer(shown, batch, 4), Renderer(shown, batch, 4)
     for seed, cycles in enumerate((64, 37, 128, 1)):
         words, look = stream(cycles, rates(), seed), views(4, -(-cycles // batch), 2, seed)
         for renderer in (golden, shaders):
@@ -74,7 +74,7 @@ def test_spans_of_any_number_of_planes_and_panels_of_any_size(
     batch: int, shape: tuple[int, int], stream: Callable[..., Words], views: Callable[..., Views]
 ) -> None:
     shown = panel("causal", shape=shape)
-    golden, shaders = PlainRenderer(shown, batch, 3), Renderer(shown, batch, 3)
+    golden, shaders = GoldenRenderer(shown, batch, 3), Renderer(shown, batch, 3)
     rate = np.random.default_rng(2).random(shape)
     for seed, cycles in enumerate((70, 200)):
         words = stream(cycles, rate, seed)
@@ -93,7 +93,7 @@ def test_more_images_than_a_draw_has_targets(
 ) -> None:
     for drive in ("impulse", "hold"):
         shown, images = panel(drive), 11
-        golden, shaders = PlainRenderer(shown, 64, images), Renderer(shown, 64, images)
+        golden, shaders = GoldenRenderer(shown, 64, images), Renderer(shown, 64, images)
         words = stream(128, rates())
         look = views(images, 2, 9)
         look.weight[3], look.slope[3] = 0, 0  # one that looks elsewhere
@@ -112,7 +112,7 @@ def test_a_state_goes_over_to_either_renderer(
     shown = panel(drive, "short")
     words, look = stream(192, rates()), views(2, 12, 1)
     whole, first = Renderer(shown, 8, 2), Renderer(shown, 8, 2)
-    second, plain = Renderer(shown, 8, 2), PlainRenderer(shown, 8, 2)
+    second, plain = Renderer(shown, 8, 2), GoldenRenderer(shown, 8, 2)
     whole.step(words[:3], 96, look)
     first.step(words[:3], 96, look)
     state = first.state()
@@ -153,7 +153,7 @@ def test_extremes_all_spikes_one_ever_none_and_very_old_ages(
     drive: str, stream: Callable[..., Words]
 ) -> None:
     shown = panel(drive, shape=(1, 8))
-    golden, shaders = PlainRenderer(shown, 64, 0), Renderer(shown, 64, 0)
+    golden, shaders = GoldenRenderer(shown, 64, 0), Renderer(shown, 64, 0)
     state: dict[str, Any] = golden.state()
     state["seen"][0, 4:] = True
     state["age"][0, 4:] = [FOREVER, FOREVER - 1, 2**31, 10**8]

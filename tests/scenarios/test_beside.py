@@ -8,10 +8,10 @@ import pytest
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.report.png import for_display
 from cosim.stage import blocks
-from display import CameraPlane, FramePanel, Lit, Span
-from display.observe.beside import TRUTH, BesideStage
+from display import CameraPlane, FramePanel, LightPlanes, Span
 from display.observe.showing import beside_of, observers_of
 from display.observe.slow_motion import Film, SlowMotion
+from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
 from scenarios.assemble.stages import SceneStage
 from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
@@ -29,13 +29,13 @@ AT = (CLOCK.middle(320),)
 NAMES = ["truth", "120 Hz", "1000 Hz", "16 kHz binary"]
 
 
-def stage() -> BesideStage:
+def stage() -> ReferenceStage:
     observers = observers_of(SECTION, AT, END, PURSUIT)
     motion = SlowMotion(SHAPE, 0, END, MS // 2, 2)
-    return BesideStage(beside_of(SECTION), observers, SHAPE, 700.0, CLOCK, CYCLES, motion)
+    return ReferenceStage(beside_of(SECTION), observers, SHAPE, 700.0, CLOCK, CYCLES, motion)
 
 
-def run(made: BesideStage, size: int = 64, reach: tuple[int, int] = (0, 0)) -> BesideStage:
+def run(made: ReferenceStage, size: int = 64, reach: tuple[int, int] = (0, 0)) -> ReferenceStage:
     scene = SceneStage(AnalyticSource(Chart(SHAPE), 700.0, CLOCK), reach)
     for block in blocks(CYCLES, size):
         light = scene.step(None, block)
@@ -44,7 +44,7 @@ def run(made: BesideStage, size: int = 64, reach: tuple[int, int] = (0, 0)) -> B
 
 
 @pytest.fixture(scope="module")
-def whole() -> BesideStage:
+def whole() -> ReferenceStage:
     return run(stage())
 
 
@@ -129,7 +129,7 @@ def test_another_display_keeps_its_frames_in_the_same_way():
     assert motion.camera(1, 3) == CameraPlane((14_500 * MS // 1000, 17_500 * MS // 1000), 3 * MS)
     plane = np.random.default_rng(1).random((4, 6)).astype(np.float32)
     kept, added = Film(motion), Film(motion)
-    added.add(Lit(plane[None], [Span(0, 0, 30 * MS)]))
+    added.add(LightPlanes(plane[None], [Span(0, 0, 30 * MS)]))
     added.close(13 * MS)
     assert added.done == 1 and not added.frames[1].any()
     kept.keep(0, plane)
@@ -143,7 +143,7 @@ def test_another_display_keeps_its_frames_in_the_same_way():
 
 
 def test_panels_without_slow_motion_film_nothing():
-    made = BesideStage([FramePanel(Clock(60))], {}, SHAPE, 700.0, CLOCK, CYCLES)
+    made = ReferenceStage([FramePanel(Clock(60))], {}, SHAPE, 700.0, CLOCK, CYCLES)
     plane = np.zeros(SHAPE, np.float32)
     light = Light((Piece(0, 2**62, plane, plane),))
     assert made.step(light, Block(0, CYCLES)) is light

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock
-from display.observe.pursuit import pursuit_speed, shift_between
+from display.chain.pursuit import pursuit_speed, shift_between
 from scenarios.assemble.loading import load
 from scenarios.scenes.charts.chart import PURSUIT, SLOW, STRIPS, Chart
 from scenarios.scenes.charts.chart_art import DARK, MIDDLE, WEDGE

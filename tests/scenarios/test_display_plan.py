@@ -16,10 +16,10 @@ from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.costs import SHOWN, SPAN_COST
 from scenarios.assemble.display import display_of
+from scenarios.assemble.display_trial import TRUTH
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.setup import set_up_camera
-from scenarios.assemble.shown import TRUTH
 from scenarios.assemble.verifier import Verifier
 
 SPANS = ("planes within 8", "planes within 64")

@@ -19,15 +19,15 @@ from skimage.metrics import structural_similarity
 from cosim import Block, Clock, Interrupted, Light, Piece, Viform
 from cosim.light.ssim import Likeness, inside
 from cosim.spikes.viform import pack_planes
-from display import CameraPlane, DisplaySetting, FramePanel, PlainRenderer, SpikePanel
-from display.observe.clip import chosen_tiles
-from display.observe.showing import key_of
+from display import CameraPlane, DisplaySetting, FramePanel, GoldenRenderer, SpikePanel
+from display.chain.clip import chosen_tiles
+from display.chain.display import DisplayChain
+from display.chain.stage import DisplayStage
+from display.chain.tap import LightTap, spike_waves, wave_of
 from display.observe.slow_motion import SlowMotion
-from display.observe.stage import DisplayStage
-from display.observe.tap import LightTap, spike_waves, wave_of
-from display.quality.fidelity import BANDS, judge_glass
-from scenarios.assemble.glass import Glass
-from scenarios.assemble.probes import Probes, metrics
+from display.panels.panel import metric_key
+from display.probes import Probes, metrics
+from display.quality.fidelity import BANDS, judge_displays
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 
@@ -71,7 +71,7 @@ def drawn(film, tmp_path_factory) -> Shot:
 def probed(drawn: Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Probes are those of the first run: they depend on nothing that these tests change."""
     probes: Probes = drawn.shown.probes
-    monkeypatch.setattr(Glass, "probes", lambda *_: probes)
+    monkeypatch.setattr(DisplayChain, "probes", lambda *_: probes)
 
 
 def test_the_document_says_what_was_seen(drawn):
@@ -215,7 +215,7 @@ def test_fidelity_of_a_known_error_by_luminance():
     truth[:, :, 20:] = 0.8
     image = truth + np.float32(0.02)
     image[:, :, 20:] -= np.float32(0.1)
-    (judged,) = judge_glass({"truth": {"eye": truth}, "60 Hz": {"eye": image}}, ["eye"])
+    (judged,) = judge_displays({"truth": {"eye": truth}, "60 Hz": {"eye": image}}, ["eye"])
     assert judged.psnr == pytest.approx(-10 * math.log10((0.02**2 + 0.08**2) / 2), rel=1e-5)
     dim, bright = judged.bands
     assert (dim.low, bright.high) == (BANDS[3], BANDS[5])
@@ -241,7 +241,7 @@ def test_structural_similarity_is_that_of_scikit_image():
 
 def test_names_of_displays_in_metrics():
     names = ["spike", "59.94 Hz", "1000 Hz", "16 kHz binary"]
-    assert [key_of(name) for name in names] == ["spike", "59_94hz", "1000hz", "projector"]
+    assert [metric_key(name) for name in names] == ["spike", "59_94hz", "1000hz", "projector"]
 
 
 def test_the_clip_has_so_many_tiles():
@@ -290,7 +290,7 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
     still = CameraPlane((CLOCK.edge(cycles),), CLOCK.edge(cycles))
     setting = DisplaySetting(panel, still, 1)
     stage = DisplayStage(
-        setting, {"camera": still}, motion, cycles, lambda n: PlainRenderer(panel, 1, n)
+        setting, {"camera": still}, motion, cycles, lambda n: GoldenRenderer(panel, 1, n)
     )
     for first in range(0, cycles, 64):
         block = Block(first, min(64, cycles - first))
@@ -305,7 +305,7 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
 
 
 def test_the_table_on_a_terminal(drawn):
-    from scenarios.report.glass_tables import display_lines
+    from scenarios.report.display_tables import display_lines
 
     lines = display_lines(drawn.shown)
     assert lines[0].split() == ["display", "EBET", "SVM", "PSNR", "still", "pursuing", "delay"]

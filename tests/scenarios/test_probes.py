@@ -9,14 +9,14 @@ from scipy import stats
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import pack_planes
-from display import DRIVES, FramePanel, PlainRenderer, Projector, SpikePanel
+from display import DRIVES, FramePanel, GoldenRenderer, Projector, SpikePanel
+from display.probes import display_metrics, probe_display
+from display.probes.blur import SPEED, frame_blur, retina, spike_blur
+from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
+from display.probes.latency import SIDE, frame_latency, spike_latency
+from display.probes.light import Probe, edge_light, lux_of, phased_light
+from display.probes.waveform import every_drive, panel_light
 from display.quality import blur_edge_width
-from scenarios.assemble.probes import display_metrics, probe_display
-from scenarios.assemble.probes.blur import SPEED, frame_blur, retina, spike_blur
-from scenarios.assemble.probes.film import Probe, edge_light, lux_of, phased_light
-from scenarios.assemble.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
-from scenarios.assemble.probes.latency import SIDE, frame_latency, spike_latency
-from scenarios.assemble.probes.waveform import every_drive, panel_light
 from sensor import CHIPS, EFFECTS, CameraSetting
 
 CLOCK = Clock(40_000)
@@ -55,7 +55,7 @@ def test_light_is_that_of_the_golden_model(drive, pulse, rise, decay):
     rng = np.random.default_rng(4)
     planes = rng.random((70, 3, 4)) < np.linspace(0, 1, 12).reshape(3, 4)
     own = panel(shape=(3, 4), drive=drive, pulse=pulse, rise=rise, decay=decay)
-    golden = PlainRenderer(own, 1, 0)
+    golden = GoldenRenderer(own, 1, 0)
     golden.step(pack_planes(planes), 70, None)
     stream = Viform.from_planes(planes, CLOCK)
     light = panel_light(stream, own, drive)
@@ -71,7 +71,7 @@ def test_light_after_long_waits_is_that_of_the_golden_model(drive):
     planes = np.zeros((9000, 1, 3), bool)
     planes[[5, 14, 22, 1300, 6500], 0, 0] = True  # waits of 8 and 7, then beyond all tables
     planes[::9, 0, 1] = planes[4090::4, 0, 2] = True
-    golden = PlainRenderer(panel(shape=(1, 3), drive=drive), 1, 0)
+    golden = GoldenRenderer(panel(shape=(1, 3), drive=drive), 1, 0)
     golden.step(pack_planes(planes), 9000, None)
     stream = Viform.from_planes(planes, CLOCK)
     own = panel(shape=(1, 3), drive=drive)

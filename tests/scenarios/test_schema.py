@@ -17,7 +17,6 @@ from pydantic import BaseModel
 from cosim import InputError
 from cosim.config.quantity import Quantity
 from display import DRIVES
-from display.section import DRIVES as schema_drives
 from scenarios.assemble.loading import load, shipped, to_toml
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import AnyScenario, Scenario, export

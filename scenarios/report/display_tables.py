@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from cosim.report.parts import table
+from display.chain.outcome import SPIKE, DisplayOutcome
+from display.probes import Blur, Latency
+from display.probes.metrics import GREY, NAMES
 from display.quality import FlickerFigures
-from scenarios.assemble.glass_result import SPIKE, Shown, title_of
-from scenarios.assemble.probes import Blur, Latency
-from scenarios.assemble.probes.metrics import GREY, NAMES
 
 __all__ = [
     "band_tables",
@@ -38,17 +38,17 @@ def percent(value: float, sign: str = "") -> str:
     return f"{value:{sign}{digits}} %"
 
 
-def _kinds(shown: Shown) -> list[tuple[str, str, str]]:
+def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
     """(display, drive, title) of every row: the spike display in each drive, its own first."""
-    probes = shown.probes
+    probes = outcome.probes
     drives = [row.drive for row in probes.flicker if row.display == SPIKE]
     own = sorted(dict.fromkeys(drives), key=lambda drive: drive != probes.drive)
     kinds = [(SPIKE, drive, f"spikes, {drive}") for drive in own]
-    return kinds + [(n, "", title_of(shown, n)) for n in shown.displays if n != SPIKE]
+    return kinds + [(n, "", outcome.title(n)) for n in outcome.displays if n != SPIKE]
 
 
-def _blur(shown: Shown, display: str, drive: str, edge: tuple[float, float]) -> Blur:
-    rows = shown.probes.blur
+def _blur(outcome: DisplayOutcome, display: str, drive: str, edge: tuple[float, float]) -> Blur:
+    rows = outcome.probes.blur
     return next(
         r for r in rows
         if (r.display, r.drive, r.ahead, r.behind) == (display, drive, *edge)
@@ -56,17 +56,17 @@ def _blur(shown: Shown, display: str, drive: str, edge: tuple[float, float]) -> 
 
 
 def _flicker(
-    shown: Shown, display: str, drive: str, rate: float, area: str = "patch"
+    outcome: DisplayOutcome, display: str, drive: str, rate: float, area: str = "patch"
 ) -> FlickerFigures:
-    rows = shown.probes.flicker
+    rows = outcome.probes.flicker
     return next(
-        r.told for r in rows
+        r.figures for r in rows
         if (r.display, r.drive, r.rate, r.area) == (display, drive, rate, area)
     )  # fmt: skip
 
 
-def _latency(shown: Shown, display: str, drive: str, rate: float, way: str) -> Latency:
-    rows = shown.probes.latency
+def _latency(outcome: DisplayOutcome, display: str, drive: str, rate: float, way: str) -> Latency:
+    rows = outcome.probes.latency
     return next(
         r for r in rows
         if (r.display, r.drive, r.rate, r.way) == (display, drive, rate, way)
@@ -80,40 +80,40 @@ def _time(us: float) -> str:
     return f"{us / 1e3:.3g} ms" if us >= 1000 else f"{us:.3g} µs"
 
 
-def display_rows(shown: Shown) -> list[list[str]]:
+def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
     """A row for each display: its name, EBET, SVM, percent flicker, visibility, PSNR of the still
     and the pursuing eye, median delay of mid grey. PSNR is of what the run showed."""
     rows = []
-    for display, drive, title in _kinds(shown):
-        judged = ["", ""]
-        if display != SPIKE or drive == shown.probes.drive:
-            judged = [
-                number(shown.judged_as(display, who).psnr, ".1f", " dB")
+    for display, drive, title in _kinds(outcome):
+        views = ["", ""]
+        if display != SPIKE or drive == outcome.probes.drive:
+            views = [
+                number(outcome.fidelity_of(display, who).psnr, ".1f", " dB")
                 for who in ("eye", "pursuit")
             ]
-        flicker = _flicker(shown, display, drive, GREY)
+        flicker = _flicker(outcome, display, drive, GREY)
         rows.append([
-            title, number(_blur(shown, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
+            title, number(_blur(outcome, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
             number(flicker.svm, ".2g"), percent(flicker.percent),
-            number(flicker.visibility, ".2g"), *judged,
-            _time(_latency(shown, display, drive, GREY, "rise").total.median),
+            number(flicker.visibility, ".2g"), *views,
+            _time(_latency(outcome, display, drive, GREY, "rise").total.median),
         ])  # fmt: skip
     return rows
 
 
-def display_table(shown: Shown) -> str:
+def display_table(outcome: DisplayOutcome) -> str:
     """The table at the top."""
     head = [
         "display", "blur (EBET)", "flicker (SVM)", "percent flicker", "visibility",
         "PSNR, still eye", "PSNR, pursuing eye", "delay",
     ]  # fmt: skip
-    return table(head, display_rows(shown))
+    return table(head, display_rows(outcome))
 
 
-def display_lines(shown: Shown) -> list[str]:
+def display_lines(outcome: DisplayOutcome) -> list[str]:
     """The same for a terminal: blur, flicker, PSNR of both eyes, delay."""
     head = ["display", "EBET", "SVM", "PSNR still", "pursuing", "delay"]
-    rows = [[row[k] or "-" for k in (0, 1, 2, 5, 6, 7)] for row in display_rows(shown)]
+    rows = [[row[k] or "-" for k in (0, 1, 2, 5, 6, 7)] for row in display_rows(outcome)]
     wide = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
     return [
         "  ".join(cell.ljust(w) if k == 0 else cell.rjust(w)
@@ -122,7 +122,7 @@ def display_lines(shown: Shown) -> list[str]:
     ] + [""]  # fmt: skip
 
 
-def light_table(shown: Shown) -> str:
+def light_table(outcome: DisplayOutcome) -> str:
     """By luminance and drive: what pulses, holds and decays cost where light is scarce."""
     head = [
         "light, spikes a cycle", "display", "flicker (SVM)", "percent flicker", "visibility",
@@ -130,17 +130,17 @@ def light_table(shown: Shown) -> str:
         "delay off",
     ]  # fmt: skip
     rows = []
-    edges = {(r.ahead, r.behind) for r in shown.probes.blur}
-    for rate in dict.fromkeys(r.rate for r in shown.probes.latency):
+    edges = {(r.ahead, r.behind) for r in outcome.probes.blur}
+    for rate in dict.fromkeys(r.rate for r in outcome.probes.latency):
         name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
-        kinds = [kind for kind in _kinds(shown) if not kind[0].endswith(" Hz")]
+        kinds = [kind for kind in _kinds(outcome) if not kind[0].endswith(" Hz")]
         for n, (display, drive, title) in enumerate(kinds):
-            flicker = _flicker(shown, display, drive, rate)
-            single = _flicker(shown, display, drive, rate, "pixel")
+            flicker = _flicker(outcome, display, drive, rate)
+            single = _flicker(outcome, display, drive, rate, "pixel")
             blur = math.nan
             if (0.0, rate) in edges:
-                blur = _blur(shown, display, drive, (0.0, rate)).ebet
-            on, off = (_latency(shown, display, drive, rate, w) for w in ("rise", "fall"))
+                blur = _blur(outcome, display, drive, (0.0, rate)).ebet
+            on, off = (_latency(outcome, display, drive, rate, w) for w in ("rise", "fall"))
             rows.append([
                 "" if n else name, title, number(flicker.svm, ".2g"),
                 percent(flicker.percent), number(flicker.visibility, ".2g"),
@@ -151,16 +151,16 @@ def light_table(shown: Shown) -> str:
     return table(head, rows)
 
 
-def band_tables(shown: Shown) -> tuple[str, str]:
+def band_tables(outcome: DisplayOutcome) -> tuple[str, str]:
     """Fidelity by luminance, a row for each band and a column for each display: PSNR and SSIM; the
     error's mean and RMS."""
-    judged = {name: shown.judged_as(name, "eye") for name in shown.displays}
-    some = next(iter(judged.values()))
-    head = ["luminance", "of all pixels", *(title_of(shown, name) for name in judged)]
+    fidelity = {name: outcome.fidelity_of(name, "eye") for name in outcome.displays}
+    some = next(iter(fidelity.values()))
+    head = ["luminance", "of all pixels", *(outcome.title(name) for name in fidelity)]
     alike, away = [], []
     for n, band in enumerate(some.bands):
         row = [f"{band.low:g} to {band.high:g}", f"{band.share:.1%}"]
-        bands = [one.bands[n] for one in judged.values()]
+        bands = [one.bands[n] for one in fidelity.values()]
         alike.append([
             *row, *(f"{number(b.psnr, '.1f', ' dB')}, {number(b.ssim, '.3f')}" for b in bands)
         ])  # fmt: skip

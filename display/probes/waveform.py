@@ -1,6 +1,6 @@
 """What a spike-continuous panel makes of spikes, pixel by pixel in time: compiled.
 
-The same drives and the same emitter as `display.PlainRenderer`, to which a test holds it; only the
+The same drives and the same emitter as `display.GoldenRenderer`, to which a test holds it; only the
 order is another: a pixel's planes one after another, so that long waveforms of few pixels and the
 sum over a patch cost little.
 """
@@ -15,8 +15,8 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Viform
-from display import DRIVES, SpikePanel
 from display.panels.emitter import gone_in, relax
+from display.panels.panel import DRIVES, SpikePanel
 
 __all__ = ["every_drive", "panel_light"]
 

@@ -1,4 +1,4 @@
-"""A panel's pixels one by one, compiled: `PlainRenderer` for patches of a panel, held to its light.
+"""A panel's pixels one by one, compiled: `GoldenRenderer` for patches of a panel, held to its light.
 
 A patch is a piece of the panel, 16 x 16 pixels of it, whose surroundings are not known. An eye
 that keeps still needs none. For one that moves the patch goes on round its edges: light that leaves
@@ -70,7 +70,7 @@ def _show(  # type: ignore[no-untyped-def]
 
 
 class PanelPixels:
-    """So many pixels of a panel. State as `PlainRenderer` has it, (pixels,) each."""
+    """So many pixels of a panel. State as `GoldenRenderer` has it, (pixels,) each."""
 
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel

@@ -17,10 +17,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from display import DRIVES, FramePanel, Projector, SpikePanel, spread_errors
-from display.quality import bet, blur_edge_width, cmr_like, ebet
-from scenarios.assemble.probes.film import Probe, edge_light, lux_of, settling_cycles
-from scenarios.assemble.probes.waveform import every_drive
+from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.probes.camera import ProbeCamera
+from display.probes.light import edge_light, settling_cycles
+from display.probes.waveform import every_drive
+from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
+from display.references.projector import spread_errors
 
 __all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
 
@@ -129,7 +131,9 @@ def _places(interval: float, slow: float) -> Values:
     return np.arange(-MARGIN - REACH * interval - slow, MARGIN + interval, step)
 
 
-def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed: int) -> list[Blur]:
+def spike_blur(
+    camera: ProbeCamera, panel: SpikePanel, edge: tuple[float, float], seed: int
+) -> list[Blur]:
     """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
     `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
     hz = panel.clock.hz
@@ -141,12 +145,11 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     if width > WIDEST:
         return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
-    setting = probe.sized(probe.setting.chip.height, width, seed)
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
-    rows = min(max(wanted, ROWS[0]), ROWS[1], setting.chip.height)
-    ahead, behind = (lux_of(setting, rate) for rate in edge)
-    light = edge_light((rows, width), ahead, behind, SPEED, setting.clock, cycles + 2)
-    stream = probe.film(light, cycles, setting, (0, rows))
+    rows = min(max(wanted, ROWS[0]), ROWS[1], camera.height)
+    ahead, behind = (camera.lux(rate) for rate in edge)
+    light = edge_light((rows, width), ahead, behind, SPEED, camera.clock, cycles + 2)
+    stream = camera.film(light, cycles, (camera.height, width), seed, (0, rows))
     columns = np.broadcast_to(np.arange(width), (rows, width))
     first = math.ceil(begin / SPEED * hz)
     planes = np.arange(first, first + round(EXPOSURE * hz))
@@ -154,11 +157,11 @@ def spike_blur(probe: Probe, panel: SpikePanel, edge: tuple[float, float], seed:
     count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
     found = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
-        shown = light_of[planes]
+        light_shown = light_of[planes]
         lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(shown, count, axis=0), times, x, side)
+        profile = retina(np.repeat(light_shown, count, axis=0), times, x, side)
         found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return found
 

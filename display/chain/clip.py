@@ -1,4 +1,4 @@
-"""The slow motion of all displays side by side, as a clip."""
+"""The slow motion of all displays side by side, as an MP4 clip."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cosim import PS
 from cosim.files.whole import whole
 from display.observe.slow_motion import SlowMotion
 
-__all__ = ["RATE", "chosen_tiles", "write_glass_clip"]
+__all__ = ["RATE", "chosen_tiles", "write_display_clip"]
 
 RATE = 25
 """Frames a second of the clip."""
@@ -76,7 +76,7 @@ def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
     return sheet
 
 
-def write_glass_clip(
+def write_display_clip(
     path: Path, frames: Mapping[str, Grey], titles: Mapping[str, str], motion: SlowMotion
 ) -> None:
     """An MP4 (H.264, yuv420p) that browsers play. frames: by display, (frames, h, w) through the

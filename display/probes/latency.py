@@ -32,14 +32,13 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Viform
+from cosim import PS, Clock, Viform
 from cosim.spikes.viform import unpack_planes
-from display import DRIVES, FramePanel, Projector, SpikePanel
-from display.quality import fallen, half_way, risen
-from scenarios.assemble.probes.film import Probe, lux_of, phased_light, settling_cycles
-from scenarios.assemble.probes.waveform import panel_light
-from sensor import CameraSetting
-from sensor.latched.sampling import row_offsets
+from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.probes.camera import ProbeCamera
+from display.probes.light import phased_light, settling_cycles
+from display.probes.waveform import panel_light
+from display.quality.latency import fallen, half_way, risen
 
 __all__ = ["PARTS", "SIDE", "Delay", "Latency", "frame_latency", "spike_latency"]
 
@@ -112,7 +111,7 @@ class _Edges:
     """A filmed edge. at: (pixels,) ps, of the edge. latch: (pixels,) ps from a clock edge to the
     latch of each pixel's row. cycle: that which holds the edge."""
 
-    setting: CameraSetting
+    clock: Clock
     stream: Viform
     rate: float
     way: Way
@@ -123,7 +122,7 @@ class _Edges:
     def news(self) -> Values:
         """(pixels,) ps, end of the cycle that has news of the edge; NaN where none has."""
         origin, cycles = self.cycle - 1, self.stream.cycles  # a late row's window begins earlier
-        ends = np.array([self.setting.clock.edge(n + 1) for n in range(origin, cycles)], np.float64)
+        ends = np.array([self.clock.edge(n + 1) for n in range(origin, cycles)], np.float64)
         news = ends[:, None] + self.latch > self.at
         if self.way == "rise":
             planes = unpack_planes(self.stream.words, origin, cycles)
@@ -132,11 +131,10 @@ class _Edges:
         return np.where(news[first, np.arange(len(first))], ends[first], np.nan)
 
 
-def _film(probe: Probe, rate: float, way: Way, seed: int, settling: int) -> _Edges:
+def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) -> _Edges:
     """settling: cycles that the emitter takes."""
     phases = SIDE if rate >= SPARSE else FEW
-    setting = probe.sized(SIDE, phases, seed)
-    clock, lux = setting.clock, lux_of(setting, rate)
+    clock, lux, shape = camera.clock, camera.lux(rate), (SIDE, phases)
     spare = SPARE + settling
     lit = math.ceil(SETTLING / min(rate, 1.0)) + spare
     cycle = DARK if way == "rise" else lit
@@ -145,12 +143,10 @@ def _film(probe: Probe, rate: float, way: Way, seed: int, settling: int) -> _Edg
     at = first + (2 * np.arange(phases) + 1) * (stop - first) // (2 * phases)
     cycles = cycle + 1 + after
     levels = (0.0, lux) if way == "rise" else (lux, 0.0)
-    light = phased_light((SIDE, phases), *levels, at, clock.edge(cycles + 2))
-    late = row_offsets(clock, SIDE, setting.row_skew, 0.0, (0, SIDE))
-    return _Edges(
-        setting, probe.film(light, cycles, setting), rate, way,
-        np.tile(at, SIDE).astype(np.float64), np.repeat(late, phases).astype(np.float64), cycle,
-    )  # fmt: skip
+    light = phased_light(shape, *levels, at, clock.edge(cycles + 2))
+    latch = np.repeat(camera.row_delays(SIDE), phases).astype(np.float64)
+    stream = camera.film(light, cycles, shape, seed)
+    return _Edges(clock, stream, rate, way, np.tile(at, SIDE).astype(np.float64), latch, cycle)
 
 
 def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
@@ -181,13 +177,13 @@ def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
 
 
 def spike_latency(
-    probe: Probe, panel: SpikePanel, rates: Sequence[float], seed: int
+    camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], seed: int
 ) -> list[Latency]:
     """Every drive of a panel at these lights (spikes a cycle), on and off."""
     rows: list[Latency] = []
     for rate in rates:
         for way in WAYS:
-            edges = _film(probe, rate, way, seed, settling_cycles(panel))
+            edges = _film(camera, rate, way, seed, settling_cycles(panel))
             end = edges.news()
             with ThreadPoolExecutor() as pool:
                 rows += pool.map(partial(_one, edges, end, panel), DRIVES)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Light, Piece, Plane
-from display.observe.onlooker import Gain, Lit, Span, Values
+from display.observe.integration import Gain, LightPlanes, Span, Values
 
 __all__ = ["TruthShow"]
 
@@ -47,7 +47,7 @@ class TruthShow:
         self._done = 0
         self._planes: Stack | None = None
 
-    def step(self, light: Light, until: int) -> Iterator[Lit]:
+    def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
         """What shines from where the last step ended to `until` (ps), or a span further."""
         planes: list[Plane] = []
         spans: list[Span] = []
@@ -71,12 +71,12 @@ class TruthShow:
         if spans:
             yield self._lit(planes, spans)
 
-    def _lit(self, planes: list[Plane], spans: list[Span]) -> Lit:
+    def _lit(self, planes: list[Plane], spans: list[Span]) -> LightPlanes:
         if self._planes is None:
             self._planes = np.empty((BATCH + 1, *planes[0].shape), np.float32)
         for relative, plane in zip(self._planes, planes, strict=False):
             np.divide(plane, self._white, out=relative)
-        return Lit(self._planes[: len(planes)], spans)
+        return LightPlanes(self._planes[: len(planes)], spans)
 
     def _times(self, piece: Piece, until: int) -> list[tuple[int, int]]:
         """Spans of the piece that begin before `until` and were not seen before."""

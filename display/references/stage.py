@@ -1,4 +1,4 @@
-"""The panels beside the spike display and the light itself, as a stage between scene and lens."""
+"""Reference displays and the true light, as a stage between scene and lens."""
 
 from __future__ import annotations
 
@@ -9,33 +9,36 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Clock, Light
-from display import (
-    FramePanel,
-    FrameShow,
-    Observer,
-    Onlooker,
-    Projector,
-    ProjectorShow,
-    TruthShow,
-)
+from display.observe.integration import ObserverImages
 from display.observe.slow_motion import Film, SlowMotion
+from display.observe.views import Observer
+from display.panels.panel import FramePanel, Projector
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow
+from display.references.truth import TruthShow
 
-__all__ = ["LONGEST", "TRUTH", "BesideStage"]
+__all__ = ["LONGEST", "TRUTH", "ReferenceStage"]
 
 TRUTH = "truth"
-"""Name of the light itself among the panels."""
+"""Name of the true light among the displays."""
 LONGEST = 16
-"""Cycles of light at most that are weighted by one mean."""
+"""Cycles of light that are weighted by one mean, at most."""
 Images = npt.NDArray[np.float32]
 
 
-class BesideStage:
-    """Shows the scene's light on panels to observers, and passes it on as it is.
+class ReferenceStage:
+    """Shows the scene's light on reference panels to observers, and passes it on unchanged.
 
-    panels: as `showing.beside_of` gives them; twice the same is once. observers: by name, as
-    `showing.observers_of`. shape: of the light. white: the scene's illuminance, of which
-    reflectance 1 is white. clock, cycles: of the run. motion: the slow motion that is filmed of
-    each, None for none.
+    Args:
+        panels: reference panels; equal ones are one.
+        observers: by name.
+        shape: (height, width) of the light.
+        white: the scene's illuminance, lux, at which reflectance 1 is white.
+        clock, cycles: of the run.
+        motion: exposures of the slow motion of each display, None for none.
+
+    Attributes:
+        films: slow motion by panel, and of the truth.
     """
 
     def __init__(
@@ -58,23 +61,22 @@ class BesideStage:
                 if isinstance(panel, FramePanel)
                 else ProjectorShow(panel, shape, white)
             )
-        self._lookers = {
-            name: {who: Onlooker(observer, shape) for who, observer in observers.items()}
+        self._images = {
+            name: {who: ObserverImages(observer, shape) for who, observer in observers.items()}
             for name in self._shows
         }
         self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
-        """By panel, and of the truth: its slow motion."""
 
     def step(self, light: Light, block: Block) -> Light:
-        """Only the block's own time is looked at; the light may reach further."""
+        """Shows the block's own time; the light may reach further."""
         until = self._clock.edge(block.stop)
         for name, show in self._shows.items():
             film = self.films.get(name)
-            for lit in show.step(light, until):
-                for looker in self._lookers[name].values():
-                    looker.add(lit)
+            for emitted in show.step(light, until):
+                for images in self._images[name].values():
+                    images.add(emitted)
                 if film is not None:
-                    film.add(lit)
+                    film.add(emitted)
             if film is not None:
                 film.close(until)
         return light
@@ -82,15 +84,15 @@ class BesideStage:
     def images(self) -> dict[str, dict[str, Images]]:
         """By panel (and "truth") and observer, (images, H, W) float32, white = 1."""
         return {
-            name: {who: looker.images for who, looker in lookers.items()}
-            for name, lookers in self._lookers.items()
+            name: {observer: images.images for observer, images in by_observer.items()}
+            for name, by_observer in self._images.items()
         }
 
     def _parts(self) -> dict[str, Any]:
         """Everything with a state, by its key."""
         parts: dict[str, Any] = {f"{name}/show": show for name, show in self._shows.items()}
-        for name, lookers in self._lookers.items():
-            parts |= {f"{name}/look/{who}": looker for who, looker in lookers.items()}
+        for name, by_observer in self._images.items():
+            parts |= {f"{name}/images/{who}": images for who, images in by_observer.items()}
         return parts | {f"{name}/film": film for name, film in self.films.items()}
 
     def state(self) -> dict[str, npt.NDArray[Any]]:

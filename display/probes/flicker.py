@@ -17,17 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Viform
-from display import DRIVES, FramePanel, Projector, SpikePanel, spread_errors
-from display.quality import (
-    LEAST_RATE,
-    LEAST_SECONDS,
-    FlickerFigures,
-    flicker_figures,
-    pst_lm,
-    risk_of,
-)
-from scenarios.assemble.probes.film import Probe, lux_of, settling_cycles, steady_light
-from scenarios.assemble.probes.waveform import every_drive, panel_light
+from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.probes.camera import ProbeCamera
+from display.probes.light import settling_cycles, steady_light
+from display.probes.waveform import every_drive, panel_light
+from display.quality.figures import FlickerFigures, flicker_figures
+from display.quality.flicker import risk_of
+from display.quality.pstlm import LEAST_SECONDS, pst_lm
+from display.quality.svm import LEAST_RATE
+from display.references.projector import spread_errors
 
 __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
 
@@ -54,7 +52,7 @@ class Flicker:
     drive: str
     rate: float
     area: Area
-    told: FlickerFigures
+    figures: FlickerFigures
 
 
 @dataclass(frozen=True)
@@ -79,16 +77,16 @@ def _row(
     field = (PATCH if area == "patch" else 1) / eye.per_degree
     white = eye.white * float(np.mean(lit)) / eye.white_rate
     finer = math.ceil(LEAST_RATE / hz)  # a slow clock's light is constant between its samples
-    told = [
+    each = [
         flicker_figures(np.repeat(wave, finer), hz * finer, white, (field, field)) for wave in lit
     ]
 
     def median(name: str) -> float:
-        return float(np.median([getattr(one, name) for one in told]))
+        return float(np.median([getattr(one, name) for one in each]))
 
     ieee = risk_of(
-        float(np.median([one.ieee.frequency for one in told])),
-        float(np.median([one.ieee.modulation for one in told])),
+        float(np.median([one.ieee.frequency for one in each])),
+        float(np.median([one.ieee.modulation for one in each])),
     )
     figures = FlickerFigures(
         median("mean"), median("percent"), median("index"), median("svm"), median("visibility"),
@@ -98,27 +96,27 @@ def _row(
 
 
 def _film(
-    probe: Probe, panel: SpikePanel, rate: float, seconds: float, seed: int
+    camera: ProbeCamera, panel: SpikePanel, rate: float, seconds: float, seed: int
 ) -> tuple[Viform, int]:
     """A patch under steady light, and the planes that it takes to settle."""
-    clock = probe.setting.clock
+    clock = camera.clock
     settling = SETTLING / min(rate, 1.0) + settling_cycles(panel)
     before = math.ceil(settling / SUMMED) * SUMMED
     cycles = before + math.ceil(seconds * clock.hz)
-    setting = probe.sized(max(probe.setting.chip.height, PATCH), PATCH, seed)
-    light = steady_light((PATCH, PATCH), lux_of(setting, rate), clock.edge(cycles + 2))
-    return probe.film(light, cycles, setting, (0, PATCH)), before
+    light = steady_light((PATCH, PATCH), camera.lux(rate), clock.edge(cycles + 2))
+    shape = max(camera.height, PATCH), PATCH
+    return camera.film(light, cycles, shape, seed, (0, PATCH)), before
 
 
 def spike_flicker(
-    probe: Probe, panel: SpikePanel, rates: Sequence[float], per_degree: float, seed: int
+    camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], per_degree: float, seed: int
 ) -> list[Flicker]:
     """Every drive of a panel at these lights (spikes a cycle), patch and pixels."""
     hz = panel.clock.hz
     eye = Eye(panel.luminance, panel.white_rate, per_degree)
     rows = []
     for rate in rates:
-        stream, before = _film(probe, panel, rate, SECONDS, seed)
+        stream, before = _film(camera, panel, rate, SECONDS, seed)
         few = Viform(
             np.ascontiguousarray(stream.words[:, np.arange(PATCH), np.arange(PATCH)][:, None]),
             stream.cycles, stream.clock,
@@ -132,10 +130,12 @@ def spike_flicker(
     return rows
 
 
-def spike_pst_lm(probe: Probe, panel: SpikePanel, rate: float, drive: str, seed: int) -> float:
+def spike_pst_lm(
+    camera: ProbeCamera, panel: SpikePanel, rate: float, drive: str, seed: int
+) -> float:
     """PstLM of a patch, over the least time that its levels need: about a minute of light, and
     therefore as many pixel-cycles as 16 ms of a megapixel."""
-    stream, before = _film(probe, panel, rate, LEAST_SECONDS + 1, seed)
+    stream, before = _film(camera, panel, rate, LEAST_SECONDS + 1, seed)
     light = panel_light(stream, panel, drive, SUMMED, np.zeros(stream.shape, np.int64))[:, 0]
     return pst_lm(light[before // SUMMED :], panel.clock.hz / SUMMED)
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Bound, Summary
 from cosim.plan.planner import ESTIMATE_WEIGHT
-from display.effects.shown import base, flutter, late_rate, spread
-from display.effects.weighing import Change, steps
+from display.effects.statistics import base, flutter, spread, unlit_rate
+from display.effects.weights import Change, steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
@@ -55,7 +55,7 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     likely = likely + 2 * change.travel * contrast + change.lost * (1 + contrast)
     likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.drive, np.inf)
     if panel.drive != "impulse":  # dark up to the second spike
-        late, planes = late_rate(scene, change.unseen)
+        late, planes = unlit_rate(scene, change.unseen)
         apart = np.minimum(change.travel, change.travelled * np.sqrt(planes))
         likely = likely + late * (change.jump + apart)
     return np.asarray(likely)

@@ -1,51 +1,18 @@
-"""Small test light filmed by the camera of a scenario, with all that it does to light."""
+"""Test light of the probes: steady, stepped in time, and a moving edge."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Clock, Light, Piece, Viform
-from cosim.compute.opencl import Device
-from display import SpikePanel
-from sensor import CameraSetting, SpikeCamera
+from cosim import Clock, Light, Piece
+from display.panels.panel import SpikePanel
 
-__all__ = ["Probe", "edge_light", "lux_of", "phased_light", "settling_cycles", "steady_light"]
+__all__ = ["edge_light", "phased_light", "settling_cycles", "steady_light"]
 
 Places = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Probe:
-    """A small piece of a scenario's chip. setting: the scenario's. device: OpenCL, or None.
-
-    The exact tier films it: bits that no device or split changes. The pixel's circuit is taken in
-    its lumped form, as every tier but the reference does.
-    """
-
-    setting: CameraSetting
-    device: Device | None
-
-    def sized(self, height: int, width: int, seed: int) -> CameraSetting:
-        """The setting on a chip of another size; its noise is of `seed`."""
-        chip = replace(self.setting.chip, height=height, width=width)
-        return replace(self.setting, chip=chip, seed=seed)
-
-    def film(
-        self, light: Light, cycles: int, setting: CameraSetting, rows: tuple[int, int] | None = None
-    ) -> Viform:
-        """`cycles` cycles of `light`, which must reach a cycle further, on a `sized` chip. rows: of
-        it that are filmed, all unless given."""
-        camera = SpikeCamera(setting, self.device, rows)
-        return camera.step(light, Block(0, cycles))
-
-
-def lux_of(setting: CameraSetting, rate: float) -> float:
-    """Lux on a pixel for so many thresholds a cycle (more than 1 overfills)."""
-    return rate / setting.rate(1.0)
 
 
 def _plane(shape: tuple[int, int], lux: float) -> npt.NDArray[np.float32]:

@@ -34,7 +34,7 @@ import numpy.typing as npt
 from display.observe.views import Observer, Values
 from display.panels.panel import SpikePanel
 
-__all__ = ["Change", "late_change", "seen_planes", "span_change", "steps"]
+__all__ = ["Change", "delay_change", "effective_planes", "span_change", "steps"]
 
 _CHUNK: Final = 1 << 14
 """Planes looked at together: whole spans of 64."""
@@ -179,7 +179,7 @@ def _span_change(
 
 
 @_remembered
-def late_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -> Change:
+def delay_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -> Change:
     """All light `late` picoseconds later."""
     sums = _Sums(observer.images)
     for begin, at in _chunks(observer, panel, planes):
@@ -191,7 +191,7 @@ def late_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -
     return sums.made()
 
 
-def seen_planes(observer: Observer, panel: SpikePanel, planes: int) -> float:
+def effective_planes(observer: Observer, panel: SpikePanel, planes: int) -> float:
     """As many planes as the image has that sees the fewest: 1 / sum w_n^2."""
     grain = steps(observer, panel, planes).grain
     return 1 / grain**2 if grain > 0 else float(planes)
@@ -203,7 +203,7 @@ def steps(observer: Observer, panel: SpikePanel, planes: int) -> Change:
     the run's ends steps from and to nothing."""
     plane = panel.start(1) - panel.start(0)
     first, last = (
-        late_change(observer, replace(panel, transport=panel.transport + late), planes, plane)
+        delay_change(observer, replace(panel, transport=panel.transport + late), planes, plane)
         for late in _rows(panel)
     )
     return _worse(first, last)

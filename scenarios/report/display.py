@@ -17,16 +17,16 @@ from cosim.report.parts import cards, data, figure, plot
 from cosim.report.pictures import busiest_box, crop, enlarge
 from cosim.report.png import for_display
 from cosim.run.machine import Page
-from display.observe.clip import RATE, chosen_tiles, write_glass_clip
-from display.observe.showing import key_of
-from scenarios.assemble.glass_result import TRUTH, Shown, title_of
-from scenarios.report.glass_figures import latency_figure, wave_figure
-from scenarios.report.glass_tables import band_tables, display_table, light_table
+from display.chain.clip import RATE, chosen_tiles, write_display_clip
+from display.chain.outcome import TRUTH, DisplayOutcome
+from display.panels.panel import metric_key
+from scenarios.report.display_figures import latency_figure, wave_figure
+from scenarios.report.display_tables import band_tables, display_table, light_table
 from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
 from scenarios.report.latched_run import LatchedRun
 from scenarios.report.machine import machine
 
-__all__ = ["glass_page"]
+__all__ = ["display_page"]
 
 Images = npt.NDArray[np.float32]
 _SEES = {
@@ -42,43 +42,45 @@ def _middle(images: Images) -> Images:
     return images[len(images) // 2]
 
 
-def _worst_box(shown: Shown, observer: str) -> Box:
+def _worst_box(outcome: DisplayOutcome, observer: str) -> Box:
     """The square in which the displays differ most from the light itself."""
-    truth = _middle(shown.seen[TRUTH][observer])
+    truth = _middle(outcome.images[TRUTH][observer])
     away = np.zeros_like(truth)
-    for display in shown.displays:
-        np.maximum(away, np.abs(_middle(shown.seen[display][observer]) - truth), out=away)
+    for display in outcome.displays:
+        np.maximum(away, np.abs(_middle(outcome.images[display][observer]) - truth), out=away)
     return busiest_box(away, max(64, min(truth.shape) // 4))
 
 
-def _cards(run: LatchedRun, shown: Shown) -> str:
+def _cards(run: LatchedRun, outcome: DisplayOutcome) -> str:
     result = run.result
 
-    def told(name: str, digits: str, unit: str = "") -> str:
+    def figure_of(name: str, digits: str, unit: str = "") -> str:
         metric = result.metrics.get(name)
         if metric is None or metric.value is None or not np.isfinite(metric.value):
             return "unknown"
         return f"{metric.value:{digits}}{unit}"
 
-    spent, drive = time.perf_counter() - run.began, shown.probes.drive
+    spent, drive = time.perf_counter() - run.began, outcome.probes.drive
     suffix = "" if drive == "impulse" else f"_{drive}"
-    frames = [name for name in shown.displays if name.endswith(" Hz")]
+    frames = [name for name in outcome.displays if name.endswith(" Hz")]
     beside = "120 Hz" if "120 Hz" in frames else next(iter(frames), None)
     against = (
         ""
         if beside is None
-        else (f"; {beside}: " + told(f"ebet_ms_{key_of(beside)}", ".2f", " ms"))
+        else (f"; {beside}: " + figure_of(f"ebet_ms_{metric_key(beside)}", ".2f", " ms"))
     )
     fidelity = (
-        "" if beside is None else (f"; {beside}: " + told(f"psnr_{key_of(beside)}", ".1f", " dB"))
+        ""
+        if beside is None
+        else (f"; {beside}: " + figure_of(f"psnr_{metric_key(beside)}", ".1f", " dB"))
     )
     rows = [
-        ("first", told("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET" + against),
-        ("first", told(f"latency_grey_us{suffix}", ".0f", " µs"),
+        ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET" + against),
+        ("first", figure_of(f"latency_grey_us{suffix}", ".0f", " µs"),
          f"from photon to photon, {drive}, mid grey; over full, impulse: "
-         + told("latency_bright_us", ".0f", " µs")),
-        ("first", told("flicker_svm_spike", ".2g"), "SVM of the spike display; 1 is just visible"),
-        ("first", told("psnr_spike", ".1f", " dB"), "the still eye's image against the light's"
+         + figure_of("latency_bright_us", ".0f", " µs")),
+        ("first", figure_of("flicker_svm_spike", ".2g"), "SVM of the spike display; 1 is just visible"),
+        ("first", figure_of("psnr_spike", ".1f", " dB"), "the still eye's image against the light's"
          + fidelity),
         ("", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("", *error_card(run)),
@@ -88,21 +90,21 @@ def _cards(run: LatchedRun, shown: Shown) -> str:
     return cards(rows)
 
 
-def _views(run: LatchedRun, shown: Shown, observer: str) -> str:
+def _views(run: LatchedRun, outcome: DisplayOutcome, observer: str) -> str:
     """The middle instant on every display: where they differ most, and the whole."""
-    views = {name: _middle(seen[observer]) for name, seen in shown.seen.items()}
-    box = _worst_box(shown, observer)
+    views = {name: _middle(seen[observer]) for name, seen in outcome.images.items()}
+    box = _worst_box(outcome, observer)
     parts = "".join(
-        figure(enlarge(crop(for_display(image), box)), title_of(shown, name), exact=True)
+        figure(enlarge(crop(for_display(image), box)), outcome.title(name), exact=True)
         for name, image in views.items()
     )
     wholes = "".join(
-        figure(for_display(views[name]), title_of(shown, name))
+        figure(for_display(views[name]), outcome.title(name))
         for name in list(views)[:3]
     )  # fmt: skip
     instant = run.setting.clock.middle(run.instants[len(run.instants) // 2]) / 1e9
     moving = (
-        f" It follows {shown.glass.velocity:.4g} pixels/s: what moves so is sharp where the display"
+        f" It follows {outcome.chain.pursuit.velocity:.4g} pixels/s: what moves so is sharp where the display"
         " keeps up, and what keeps still smears." if observer == "pursuit" else ""
     )  # fmt: skip
     return (
@@ -113,28 +115,28 @@ def _views(run: LatchedRun, shown: Shown, observer: str) -> str:
     )
 
 
-def _overview(run: LatchedRun, shown: Shown) -> None:
+def _overview(run: LatchedRun, outcome: DisplayOutcome) -> None:
     """figures/overview.png: a row an eye, a column a display."""
-    names = [TRUTH, *chosen_tiles(shown.displays, _OVERVIEW - 1)]
+    names = [TRUTH, *chosen_tiles(outcome.displays, _OVERVIEW - 1)]
     rows = []
     for observer in ("eye", "pursuit"):
-        box = _worst_box(shown, observer)
-        images = [crop(for_display(_middle(shown.seen[n][observer])), box) for n in names]
+        box = _worst_box(outcome, observer)
+        images = [crop(for_display(_middle(outcome.images[n][observer])), box) for n in names]
         rows.append(("still eye" if observer == "eye" else "pursuing eye", images))
-    sheet_figure([title_of(shown, n) for n in names], rows, run.folder / "figures/overview.png")
+    sheet_figure([outcome.title(n) for n in names], rows, run.folder / "figures/overview.png")
 
 
-def _write_clip(run: LatchedRun, shown: Shown) -> Path:
+def _write_clip(run: LatchedRun, outcome: DisplayOutcome) -> Path:
     path = run.folder / "glass.mp4"
-    names = chosen_tiles(list(shown.seen))
-    motion = shown.glass.motion
-    frames = {name: shown.frames[name] for name in names}
-    write_glass_clip(path, frames, {name: title_of(shown, name) for name in names}, motion)
+    names = chosen_tiles(list(outcome.images))
+    motion = outcome.chain.motion
+    frames = {name: outcome.frames[name] for name in names}
+    write_display_clip(path, frames, {name: outcome.title(name) for name in names}, motion)
     return path
 
 
-def _clip(shown: Shown, path: Path) -> str:
-    motion = shown.glass.motion
+def _clip(outcome: DisplayOutcome, path: Path) -> str:
+    motion = outcome.chain.motion
     slower = 1e12 / motion.exposure / RATE
     return (
         f"<h2>Slow motion</h2><p>What a camera sees of each display, {slower:.0f} times slower "
@@ -144,10 +146,10 @@ def _clip(shown: Shown, path: Path) -> str:
     )
 
 
-def _table(shown: Shown) -> str:
-    luminance, degree = shown.glass.panel.luminance, shown.glass.section.distance
+def _table(outcome: DisplayOutcome) -> str:
+    luminance, degree = outcome.chain.panel.luminance, outcome.chain.section.distance
     return (
-        "<h2>The displays</h2>" + display_table(shown) +
+        "<h2>The displays</h2>" + display_table(outcome) +
         "<p>Blur: the time in which an edge at 4 000 pixels/s from dark to mid grey (0.18 spikes a "
         "cycle) goes from 10 to 90 % on a pursuing eye's retina, over 0.8. Flicker: of a patch of "
         "16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
@@ -159,11 +161,11 @@ def _table(shown: Shown) -> str:
     )  # fmt: skip
 
 
-def _bands(shown: Shown) -> str:
+def _bands(outcome: DisplayOutcome) -> str:
     pst = ""
-    if shown.probes.pst_lm is not None:
+    if outcome.probes.pst_lm is not None:
         pst = (
-            f" PstLM of a patch of mid grey, over a minute: {shown.probes.pst_lm:.2g} "
+            f" PstLM of a patch of mid grey, over a minute: {outcome.probes.pst_lm:.2g} "
             "(1 is what the EU allows lamps)."
         )
     return (
@@ -173,25 +175,25 @@ def _bands(shown: Shown) -> str:
         "watched. Frame displays are the same at every light, as in the table above."
         + pst
         + "</p>"
-        + light_table(shown)
+        + light_table(outcome)
         + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
         " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the "
-        "error's mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(shown))
+        "error's mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(outcome))
     )
 
 
-def _waves(run: LatchedRun, shown: Shown) -> str:
+def _waves(run: LatchedRun, outcome: DisplayOutcome) -> str:
     path = run.folder / "figures" / "waves.png"
-    said = wave_figure(run, shown, path)
+    said = wave_figure(run, outcome, path)
     return (
         f"<h2>Light of single pixels</h2><p>{html.escape(said)}</p>"
         + plot(path, "light of single pixels on every display")
     )  # fmt: skip
 
 
-def _delays(run: LatchedRun, shown: Shown) -> str:
+def _delays(run: LatchedRun, outcome: DisplayOutcome) -> str:
     path = run.folder / "figures" / "latency.png"
-    latency_figure(shown, path)
+    latency_figure(outcome, path)
     return (
         "<h2>From photon to photon</h2><p>How long after a step of light a display's light passes "
         "half of it, over all phases of the clock and all rows: mean of each part (bars), median "
@@ -202,8 +204,8 @@ def _delays(run: LatchedRun, shown: Shown) -> str:
     )
 
 
-def _subtitle(run: LatchedRun, shown: Shown) -> str:
-    panel = shown.glass.panel
+def _subtitle(run: LatchedRun, outcome: DisplayOutcome) -> str:
+    panel = outcome.chain.panel
     return (
         f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles;"
         f" {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, {panel.drive}, "
@@ -211,24 +213,26 @@ def _subtitle(run: LatchedRun, shown: Shown) -> str:
     )
 
 
-def glass_page(run: LatchedRun) -> Page:
+def display_page(run: LatchedRun) -> Page:
     """The page of a run with a display; writes its figures and glass.mp4."""
-    shown: Any = run.shown
+    outcome: Any = run.display
     with ThreadPoolExecutor(1) as pool:  # figures are drawn while the clip is coded
-        coding = pool.submit(_write_clip, run, shown)
-        _overview(run, shown)
+        coding = pool.submit(_write_clip, run, outcome)
+        _overview(run, outcome)
         body = [
-            *(_views(run, shown, observer) for observer in shown.glass.observers),
-            _bands(shown),
-            _waves(run, shown),
-            _delays(run, shown),
+            *(_views(run, outcome, observer) for observer in outcome.chain.observers),
+            _bands(outcome),
+            _waves(run, outcome),
+            _delays(run, outcome),
             kept(run),
             machine(run),
         ]
-        body = [_table(shown), _clip(shown, coding.result()), *body]
+        body = [_table(outcome), _clip(outcome, coding.result()), *body]
     files = [
         "figures/overview.png", "figures/waves.png", "figures/latency.png",
         *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
         "glass.mp4",
     ]  # fmt: skip
-    return Page(run.scenario.title, _subtitle(run, shown), _cards(run, shown), body, files=files)
+    return Page(
+        run.scenario.title, _subtitle(run, outcome), _cards(run, outcome), body, files=files
+    )

@@ -1,4 +1,4 @@
-"""The light of a few pixels, kept while a run goes by, and how each display shows it in time."""
+"""Waveforms of single pixels: light of the scene, recorded in a run, and of each display."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ import numpy.typing as npt
 
 from cosim import Block, Clock, Light, Piece, SpikeStream
 from cosim.spikes.viform import WORD
-from display import (
-    FramePanel,
-    FrameShow,
-    PlainRenderer,
-    Projector,
-    ProjectorShow,
-    SpikePanel,
-)
+from display.panels.panel import FramePanel, Projector, SpikePanel
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow
+from display.render.golden import GoldenRenderer
 
-__all__ = ["LightTap", "spike_waves", "wave_of"]
+__all__ = ["LightTap", "panel_waves", "spike_waves"]
 
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
@@ -28,9 +24,12 @@ Place = tuple[int, int]
 
 
 class LightTap:
-    """A stage after the scene that keeps the light of a few pixels, exactly.
+    """A stage after the scene that records the light of a few pixels.
 
-    places: (row, column) of each. clock: of the run. white: light that is 1.
+    Args:
+        places: (row, column) of each pixel.
+        clock: of the run.
+        white: light that is 1.
     """
 
     def __init__(self, places: Sequence[Place], clock: Clock, white: float) -> None:
@@ -45,7 +44,7 @@ class LightTap:
         return plane[self._rows, self._columns] / self._white
 
     def step(self, given: Light, block: Block) -> Light:
-        """Takes the pieces that begin in the block, and hands the light on."""
+        """Records the pieces that begin in the block, and passes the light on."""
         for piece in given.pieces:
             if piece.stop > self._stop and piece.start < self._clock.edge(block.stop):
                 self._starts.append(piece.start)
@@ -55,7 +54,7 @@ class LightTap:
         return given
 
     def light(self) -> Light:
-        """What was kept, (1, places), white = 1."""
+        """The recorded light, (1, places), white = 1."""
         stops = [*self._starts[1:], self._stop]
         return Light(tuple(
             Piece(start, stop, first[None], last[None])
@@ -65,7 +64,7 @@ class LightTap:
         ))  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything that was kept."""
+        """Everything the next block depends on."""
         return {
             "starts": np.array([*self._starts, self._stop], np.int64),
             "levels": np.array([self._firsts, self._lasts], np.float32),
@@ -77,7 +76,7 @@ class LightTap:
         self._firsts, self._lasts = (list(levels) for levels in state["levels"])
 
 
-def wave_of(panel: FramePanel | Projector, light: Light, at: Instants) -> Values:
+def panel_waves(panel: FramePanel | Projector, light: Light, at: Instants) -> Values:
     """(samples, places) light of a panel at instants `at` (ps, rising), white = 1."""
     shape = light.shape
     show = (
@@ -85,28 +84,36 @@ def wave_of(panel: FramePanel | Projector, light: Light, at: Instants) -> Values
         else ProjectorShow(panel, shape, 1.0)
     )  # fmt: skip
     wave = np.zeros((len(at), shape[1]))
-    for lit in show.step(light, min(int(at[-1]) + 1, light.pieces[-1].stop)):
-        for span in lit.spans:
+    for emitted in show.step(light, min(int(at[-1]) + 1, light.pieces[-1].stop)):
+        for span in emitted.spans:
             some = slice(*np.searchsorted(at, (span.start, span.stop)))
             gain = np.ones(len(at[some]))
             if span.gain is not None:
                 gain = span.gain(at[some], at[some] + 1)
-            wave[some] += gain[:, None] * lit.planes[span.plane][0]
+            wave[some] += gain[:, None] * emitted.planes[span.plane][0]
     return wave
 
 
 def spike_waves(
     stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], stop: int
 ) -> tuple[Values, Values]:
-    """Light of the spike display's pixels plane by plane, up to `stop` (ps) and row timing aside:
-    instants (ps) at which planes 0 to n begin, (n + 1,), and light, (n, places), white = 1."""
+    """Light of a spike display's pixels plane by plane, without row timing.
+
+    Args:
+        stream: what is shown.
+        panel: what shows it.
+        places: (row, column) of each pixel.
+        stop: end, ps.
+
+    Returns instants (ps) at which planes 0 to n begin, (n + 1,), and light, (n, places), white = 1.
+    """
     rows, columns = ([p[k] for p in places] for k in (0, 1))
     small = replace(panel, shape=(1, len(places)), row_scan=0.0)
-    shown, parts, chunk = PlainRenderer(small, 1, 0), [], 16
+    renderer, parts, chunk = GoldenRenderer(small, 1, 0), [], 16
     cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
     for n in range(0, cycles, WORD * chunk):
         words = stream.read_words(n // WORD, n // WORD + chunk)[:, rows, columns][:, None]
-        shown.step(words, min(cycles - n, WORD * len(words)), None)
-        parts.append(shown.light[:, 0])
+        renderer.step(words, min(cycles - n, WORD * len(words)), None)
+        parts.append(renderer.light[:, 0])
     starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)
     return starts, np.concatenate(parts) / panel.white_rate

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Light, Plane, seconds_to_ps
-from display.observe.onlooker import Gain, Lit, Span, Values
+from display.observe.integration import Gain, LightPlanes, Span, Values
 from display.panels.panel import FramePanel
 
 __all__ = ["FrameShow"]
@@ -59,7 +59,7 @@ class FrameShow:
         self._next = 0
         self._level = np.zeros(shape, np.float32)
 
-    def step(self, light: Light, until: int) -> Iterator[Lit]:
+    def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
         """What the light from where the last step ended to `until` (ps) makes shine; a frame's
         light reaches beyond."""
         while self.panel.rate.edge(self._next) < until:
@@ -67,7 +67,7 @@ class FrameShow:
             yield self._frame(np.clip(given / self._white, 0, 1, dtype=np.float32))
             self._next += 1
 
-    def _frame(self, level: Plane) -> Lit:
+    def _frame(self, level: Plane) -> LightPlanes:
         panel = self.panel
         start = panel.rate.edge(self._next) + self._late
         stop = panel.rate.edge(self._next + 1) + self._late
@@ -75,13 +75,13 @@ class FrameShow:
         bright = (stop - start) / (dark - start)
         spans = [Span(0, start, dark, _times(None, bright))]
         if panel.response == 0:
-            return Lit(level[None], spans)
+            return LightPlanes(level[None], spans)
         behind = self._level - level
         parts = min(math.ceil((dark - start) / (panel.response * PS) * PARTS), MOST)
         spans.append(Span(1, start, dark, _times(_approach(start, panel.response), bright), parts))
         left = np.float32(math.exp(-(stop - start) / (panel.response * PS)))
         self._level = level + behind * left
-        return Lit(np.stack([level, behind]), spans)
+        return LightPlanes(np.stack([level, behind]), spans)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next step depends on."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from display.observe.views import Observer
 
-__all__ = ["Gain", "Lit", "Onlooker", "Span"]
+__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span"]
 
 Plane = npt.NDArray[np.float32]
 Values = npt.NDArray[np.float64]
@@ -43,30 +43,30 @@ class Span:
 
 
 @dataclass(frozen=True, eq=False)
-class Lit:
+class LightPlanes:
     """planes: (n, H, W) float32, or uint8 of 0 and 1; relative to white; what made them may write
     over them when it is asked for the next. spans: when they shine."""
 
     planes: npt.NDArray[Any]
     spans: list[Span]
 
-    def smaller(self, by: int) -> Lit:
+    def smaller(self, by: int) -> LightPlanes:
         """The same with the means over `by` x `by` pixels, whole ones, as pixels."""
         if by == 1:
             return self
-        from display.observe.looking import by_rows, shrink  # brings numba with it
+        from display.observe.row_kernels import by_rows, shrink  # brings numba with it
 
         n, height, width = self.planes.shape
         if not 1 <= by <= min(height, width):
             raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
         small = np.empty((n, height // by, width // by), np.float32)
         by_rows(shrink, height // by, self.planes, by, small)
-        return Lit(small, self.spans)
+        return LightPlanes(small, self.spans)
 
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Parts of all spans of one `Lit`: their plane (n,), and weight, shift down and along
+    """Parts of all spans of one `LightPlanes`: their plane (n,), and weight, shift down and along
     (images, n) each."""
 
     plane: npt.NDArray[np.int64]
@@ -127,7 +127,7 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
     return taps
 
 
-class Onlooker:
+class ObserverImages:
     """An observer's images so far, (images, H, W) float32, white = 1."""
 
     def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
@@ -135,7 +135,7 @@ class Onlooker:
         self.shape = shape
         self.images = np.zeros((observer.images, *shape), np.float32)
 
-    def add(self, lit: Lit) -> None:
+    def add(self, lit: LightPlanes) -> None:
         """Looks at what shines: weights and bilinear shifts as `Observer` says."""
         if lit.planes.shape[1:] != self.shape:
             raise ValueError(f"planes must be of {self.shape} pixels, not {lit.planes.shape[1:]}")
@@ -145,7 +145,7 @@ class Onlooker:
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
-        from display.observe.looking import by_rows, look  # brings numba with it
+        from display.observe.row_kernels import by_rows, look  # brings numba with it
 
         plane, down, along = (np.concatenate([t[k] for t in taps]) for k in range(3))
         weight = np.concatenate([t[3] for t in taps]).astype(np.float32)

@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from cosim.compute.opencl import Device
 from cosim.run.result import Metric
-from display import FramePanel, Projector, SpikePanel
-from display.observe.showing import key_of
-from display.quality import mprt
-from scenarios.assemble.probes.blur import Blur, frame_blur, spike_blur
-from scenarios.assemble.probes.film import Probe
-from scenarios.assemble.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
-from scenarios.assemble.probes.latency import Latency, frame_latency, spike_latency
-from sensor import CameraSetting
+from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
+from display.probes.blur import Blur, frame_blur, spike_blur
+from display.probes.camera import ProbeCamera
+from display.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
+from display.probes.latency import Latency, frame_latency, spike_latency
+from display.quality.blur import mprt
 
 __all__ = ["EDGES", "RATES", "Probes", "display_metrics", "probe_display"]
 
@@ -52,10 +49,9 @@ class Probes:
 
 
 def probe_display(
-    setting: CameraSetting,
+    camera: ProbeCamera,
     panel: SpikePanel,
-    beside: Sequence[FramePanel | Projector],
-    device: Device | None,
+    references: Sequence[FramePanel | Projector],
     seed: int,
     *,
     rates: Sequence[float] = RATES,
@@ -63,23 +59,29 @@ def probe_display(
     per_degree: float = 60.0,
     pst_lm: bool = False,
 ) -> Probes:
-    """Films edges and steady light with the scenario's chip and shows them, through every drive of
-    the panel and on each panel beside it, which is fed the true light.
+    """Films edges and steady light, and shows them with every drive of the panel. Reference panels
+    are fed the true light.
 
-    rates, edges: of `RATES` and `EDGES`, which are all that the metrics know. seed: of the probes'
-    noise. per_degree: pixels to a degree of the eye's view. pst_lm: whether to measure PstLM as
-    well, which takes as long as all else; not at clocks above `PST_CLOCK`.
+    Args:
+        camera: films the test light.
+        panel: shows it.
+        references: frame displays and projectors.
+        seed: of the probes' noise.
+        rates, edges: some of `RATES` and `EDGES`; metrics are of these only.
+        per_degree: pixels to a degree of the eye's view.
+        pst_lm: whether to measure PstLM as well, which takes as long as all else; it is left out
+            at clocks above `PST_CLOCK`.
     """
-    probe, white = Probe(setting, device), panel.white_rate
-    latency = spike_latency(probe, panel, rates, seed)
-    blur = [row for edge in edges for row in spike_blur(probe, panel, edge, seed)]
-    flicker = spike_flicker(probe, panel, rates, per_degree, seed)
-    for other in beside:
+    white = panel.white_rate
+    latency = spike_latency(camera, panel, rates, seed)
+    blur = [row for edge in edges for row in spike_blur(camera, panel, edge, seed)]
+    flicker = spike_flicker(camera, panel, rates, per_degree, seed)
+    for other in references:
         latency += frame_latency(other, white, rates)
         blur += frame_blur(other, white, edges)
         flicker += frame_flicker(other, white, panel.luminance, rates, per_degree)
     pst_lm = pst_lm and panel.clock.hz <= PST_CLOCK
-    pst = spike_pst_lm(probe, panel, GREY, panel.drive, seed) if pst_lm else None
+    pst = spike_pst_lm(camera, panel, GREY, panel.drive, seed) if pst_lm else None
     return Probes(panel.drive, tuple(latency), tuple(blur), tuple(flicker), pst)
 
 
@@ -97,43 +99,43 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
     `GREYS`.
     """
     made: dict[str, Metric] = {}
-    for told in probes.latency:
-        name = f"latency_{NAMES[told.rate]}{'_fall' if told.way == 'fall' else ''}_us"
-        if told.display != "spike":
-            if told.rate == GREY:
-                made[f"{name}_{key_of(told.display)}"] = _known(told.total.median, "us")
+    for delay in probes.latency:
+        name = f"latency_{NAMES[delay.rate]}{'_fall' if delay.way == 'fall' else ''}_us"
+        if delay.display != "spike":
+            if delay.rate == GREY:
+                made[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
             continue
-        name += "" if told.drive == "impulse" else f"_{told.drive}"
-        made[name] = _known(told.total.median, "us")
+        name += "" if delay.drive == "impulse" else f"_{delay.drive}"
+        made[name] = _known(delay.total.median, "us")
     for edge in probes.blur:
         if (edge.ahead, edge.behind) == (0.0, GREY):
             if edge.display != "spike":
-                made[f"ebet_ms_{key_of(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                made[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
                 continue
             made[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
             if edge.drive == probes.drive:
                 made["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
         elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
             made[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
-    for told_of in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
-        display, drive = told_of
+    for kind in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
+        display, drive = kind
         times = [
             edge.bet for edge in probes.blur
-            if (edge.display, edge.drive) == told_of and (edge.ahead, edge.behind) in GREYS
+            if (edge.display, edge.drive) == kind and (edge.ahead, edge.behind) in GREYS
         ]  # fmt: skip
         if times:
-            made[f"mprt_ms_{drive or key_of(display)}"] = _known(mprt(times) * 1e3, "ms")
+            made[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
     for steady in probes.flicker:
         if steady.display != "spike":
             continue
         if steady.area == "pixel":
             if steady.rate == SPARSE:
                 name = f"flicker_svm_{steady.drive}_sparse_pixel"
-                made[name] = _known(steady.told.svm, "1")
+                made[name] = _known(steady.figures.svm, "1")
             continue
         for name, value, unit in (
-            ("percent", steady.told.percent, "%"), ("index", steady.told.index, "1"),
-            ("svm", steady.told.svm, "1"), ("visibility", steady.told.visibility, "1"),
+            ("percent", steady.figures.percent, "%"), ("index", steady.figures.index, "1"),
+            ("svm", steady.figures.svm, "1"), ("visibility", steady.figures.visibility, "1"),
         ):  # fmt: skip
             if steady.rate == GREY and steady.drive == probes.drive:
                 made[f"flicker_{name}_spike"] = _known(value, unit)

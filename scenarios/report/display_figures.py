@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from cosim.report.figures import INK, LINE, MARK, pyplot
-from display.observe.showing import beside_of
-from display.observe.tap import spike_waves, wave_of
-from scenarios.assemble.glass_result import SPIKE, Shown, title_of
-from scenarios.assemble.probes.latency import PARTS
+from display.chain.outcome import SPIKE, DisplayOutcome
+from display.chain.tap import panel_waves, spike_waves
+from display.probes.latency import PARTS
 
 __all__ = ["latency_figure", "wave_figure"]
 
@@ -26,28 +25,28 @@ def _places(levels: Any, waves: Any) -> list[int]:
     """Of the pixels whose light was kept: the one that changes most on all displays together, and
     the dimmest that is lit and still. levels: the light itself. waves: of each display."""
     change = np.ptp(levels, axis=0)
-    shown = sum(np.minimum(np.ptp(wave, axis=0), 1.0) for wave in waves)
-    moving = int(np.argmax(np.where(change > 1e-3, shown, 0.0)))
+    waving = sum(np.minimum(np.ptp(wave, axis=0), 1.0) for wave in waves)
+    moving = int(np.argmax(np.where(change > 1e-3, waving, 0.0)))
     still = [n for n in np.argsort(levels.mean(axis=0)) if change[n] < 1e-3 and levels[0, n] > 0]
     return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
 
 
-def wave_figure(run: Any, shown: Shown, path: Path) -> str:
+def wave_figure(run: Any, outcome: DisplayOutcome, path: Path) -> str:
     """Writes the light of two pixels over time on every display, beside the light itself; what to
     say of it."""
-    glass, clock = shown.glass, run.setting.clock
+    chain, clock = outcome.chain, run.setting.clock
     end = clock.edge(run.stream.cycles)
     first = max(end // 2 - WINDOW // 2, 0)
     at = np.linspace(first, min(first + WINDOW, end) - 1, SAMPLES).astype(np.int64)
-    ms, light = at / 1e9, glass.tap.light()
+    ms, light = at / 1e9, chain.tap.light()
     truth = np.array([light.at(int(t))[0] for t in at])
     starts, spikes = spike_waves(
-        run.stream, glass.panel, [p[:2] for p in glass.points], int(at[-1])
+        run.stream, chain.panel, [p[:2] for p in chain.points], int(at[-1])
     )
     plane = np.clip(np.searchsorted(starts, at, "right") - 1, 0, len(spikes) - 1)
     waves = {SPIKE: np.where(at[:, None] >= starts[0], spikes[plane], 0.0)}
-    for panel in beside_of(glass.section):
-        waves[panel.name] = wave_of(panel, light, at)
+    for panel in chain.section.reference_panels():
+        waves[panel.name] = panel_waves(panel, light, at)
     places = _places(truth, waves.values())
     plt = pyplot()
     figure, axes = plt.subplots(
@@ -65,11 +64,11 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
             ax.spines[["top", "right"]].set_visible(False)
             ax.spines[["left", "bottom"]].set_color(LINE)
         row[0].set_ylabel(
-            title_of(shown, name), rotation=0, ha="right", va="center", fontsize=8.5, color=INK
+            outcome.title(name), rotation=0, ha="right", va="center", fontsize=8.5, color=INK
         )
         row[0].yaxis.set_label_coords(-0.12, 0.5)
     for place, ax in zip(places, axes[0], strict=True):
-        row_of, column, label = glass.points[place]
+        row_of, column, label = chain.points[place]
         ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
     for ax in axes[-1]:
         ax.set_xlabel("time (ms)", fontsize=9, color=INK)
@@ -83,14 +82,14 @@ def wave_figure(run: Any, shown: Shown, path: Path) -> str:
     )
 
 
-def latency_figure(shown: Shown, path: Path) -> None:
+def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     """Writes delays by stage: a panel a light, a bar a display, out of the dark."""
-    told = [row for row in shown.probes.latency if row.way == "rise"]
-    rates = list(dict.fromkeys(row.rate for row in told))
+    rows_on = [row for row in outcome.probes.latency if row.way == "rise"]
+    rates = list(dict.fromkeys(row.rate for row in rows_on))
     plt = pyplot()
     figure, axes = plt.subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
     for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):
-        rows = [row for row in told if row.rate == rate][::-1]
+        rows = [row for row in rows_on if row.rate == rate][::-1]
         highs = [row.total.high for row in rows if row.drive and math.isfinite(row.total.high)]
         most = 1.1 * max(highs, default=1e3) / 1e3
         for y, row in enumerate(rows):

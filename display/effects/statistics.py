@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Summary
 
-__all__ = ["base", "flutter", "late_rate", "spread", "unsteady", "worst_rate"]
+__all__ = ["base", "flutter", "spread", "unlit_rate", "unsteady", "worst_rate"]
 
 Values = npt.NDArray[np.float64]
 _RATES: Final = 9
@@ -55,7 +55,7 @@ def spread(scene: Summary) -> Values:
     return np.asarray((high - low) / np.maximum(high + low, 2 * max(scene.floor, 1e-300)))
 
 
-def late_rate(scene: Summary, unseen: int) -> tuple[Values, Values]:
+def unlit_rate(scene: Summary, unseen: int) -> tuple[Values, Values]:
     """Rate, over the mean or the floor, of the brightest of a tile's pixels that may be without a
     second spike (and so dark in a hold) when the first `unseen` planes are over: two intervals,
     each up to _LATE spreads longer. And the planes of an interval of such a pixel."""
