@@ -1,4 +1,4 @@
-"""The panel as the last stage of a run: a renderer shows the stream, observers integrate its light."""
+"""The panel as the last stage of a run: a renderer and the observers of its light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fidelity of a display: an observer's image of it against the same observer's of the true light."""
+"""Fidelity of a display: an observer's image of it against that of the true light."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ Values = npt.NDArray[np.float64]
 
 
 class Renderer:
-    """The interface of `GoldenRenderer`, on a GL context of its own (`open_context`), or on one that
-    is given and stays its giver's, such as a window's.
+    """The interface of `GoldenRenderer` in shaders, on a GL context of its own (`open_context`) or
+    on the caller's, such as a window's.
 
     panel: what is shown. batch: planes to a span of light. images: how many the observers make.
     State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),

@@ -1,4 +1,4 @@
-"""A panel's pixels one by one, compiled: `GoldenRenderer` for patches of a panel, held to its light.
+"""The light of a panel's pixels and of patches of it, compiled; tests hold it to `GoldenRenderer`.
 
 A patch is a piece of the panel, 16 x 16 pixels of it, whose surroundings are not known. An eye
 that keeps still needs none. For one that moves the patch goes on round its edges: light that leaves

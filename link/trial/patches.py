@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from cosim import PS, Block, Light
 from cosim.compute.opencl import Device
+from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.air import Air, image_of
@@ -30,7 +31,7 @@ from link.sending import Transmission
 from link.setting import LinkSetting
 from link.timing import Registration, Timing
 from sensor import CameraSetting
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.sampling import row_offsets
 from sensor.latched.tiers import Tier
 

@@ -22,7 +22,6 @@ from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from display.chain.display import DisplayChain, make_display_chain, short_run_notes
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.camera import lens_notes
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.probe_camera import SpikeProbeCamera
@@ -279,7 +278,7 @@ def assemble_latched(
         setup = set_up_camera(boards.simulated(scenario), device, boards.size)
         source = setup.source()
         survey = setup.survey()
-        notes = lens_notes(setup.scenario, setup.lens, setup.white_rate)
+        notes = list(setup.camera.notes)
         pursuit = setup.pursuit()
         plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
         display = None

@@ -13,7 +13,7 @@ from scenarios.cli.output import Json, SilentProgress, make_progress, print_docu
 if TYPE_CHECKING:
     from cosim.run.result import Result
 
-__all__ = ["print_result", "refuse_device", "run"]
+__all__ = ["print_result", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -46,7 +46,7 @@ def run(
     from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
-    from scenarios.cli.entry import BEGAN
+    from scenarios.cli import BEGAN
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
@@ -54,6 +54,8 @@ def run(
     if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
     if isinstance(loaded, ImagerScenario):
+        from scenarios.assemble.machine import refuse_device
+
         refuse_device(device)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
@@ -152,17 +154,6 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
     else:
         print_result(result, folder, [], verdict_before(folder), json)
     _end(result)
-
-
-def refuse_device(device: str | None) -> None:
-    """Of a command on an imager's scenario."""
-    from cosim import InputError
-
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
 
 
 def _refuse_trace(trace: Path | None) -> None:

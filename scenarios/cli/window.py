@@ -10,6 +10,7 @@ from cosim.run.progress import Progress
 from cosim.stage import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
 from display.section import DisplaySection
+from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.setup import set_up_camera
 from sensor import SpikeCamera
@@ -37,6 +38,7 @@ def show_live(
             "leave it out: the display is driven by the latch clock",
         )  # fmt: skip
     section = scenario.display or DisplaySection()
+    refuse_boards(scenario)
     setup = set_up_camera(scenario, device)
     cycles = setup.cycles
     panel = section.panel(

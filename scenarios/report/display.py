@@ -75,12 +75,15 @@ def _cards(run: LatchedRun, outcome: DisplayOutcome) -> str:
         else (f"; {beside}: " + figure_of(f"psnr_{metric_key(beside)}", ".1f", " dB"))
     )
     rows = [
-        ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET" + against),
+        ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET"
+         + against),
         ("first", figure_of(f"latency_grey_us{suffix}", ".0f", " µs"),
          f"from photon to photon, {drive}, mid grey; over full, impulse: "
          + figure_of("latency_bright_us", ".0f", " µs")),
-        ("first", figure_of("flicker_svm_spike", ".2g"), "SVM of the spike display; 1 is just visible"),
-        ("first", figure_of("psnr_spike", ".1f", " dB"), "the still eye's image against the light's"
+        ("first", figure_of("flicker_svm_spike", ".2g"),
+         "SVM of the spike display; 1 is just visible"),
+        ("first", figure_of("psnr_spike", ".1f", " dB"),
+         "the still eye's image against the light's"
          + fidelity),
         ("", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("", *error_card(run)),
@@ -104,8 +107,8 @@ def _views(run: LatchedRun, outcome: DisplayOutcome, observer: str) -> str:
     )  # fmt: skip
     instant = run.setting.clock.middle(run.instants[len(run.instants) // 2]) / 1e9
     moving = (
-        f" It follows {outcome.chain.pursuit.velocity:.4g} pixels/s: what moves so is sharp where the display"
-        " keeps up, and what keeps still smears." if observer == "pursuit" else ""
+        f" It follows {outcome.chain.pursuit.velocity:.4g} pixels/s: what moves so is sharp where "
+        "the display keeps up, and what keeps still smears." if observer == "pursuit" else ""
     )  # fmt: skip
     return (
         f"<h2>{_SEES[observer]}</h2><p>Around {instant:.2f} ms, white of the panel as white, rows "

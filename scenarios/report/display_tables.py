@@ -6,7 +6,8 @@ import math
 
 from cosim.report.parts import table
 from display.chain.outcome import SPIKE, DisplayOutcome
-from display.probes import Blur, Latency
+from display.probes.blur import Blur
+from display.probes.latency import Latency
 from display.probes.metrics import GREY, NAMES
 from display.quality import FlickerFigures
 

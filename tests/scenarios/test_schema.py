@@ -16,7 +16,6 @@ from pydantic import BaseModel
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
-from display import DRIVES
 from scenarios.assemble.loading import load, shipped, to_toml
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import AnyScenario, Scenario, export
@@ -244,10 +243,6 @@ def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_a_shipped_scenario_fits_the_exported_json_schema(name):
     assert [*faults(export(), tomllib.loads(shipped()[name]))] == []
-
-
-def test_drives_are_those_of_the_display() -> None:
-    assert schema_drives == DRIVES
 
 
 @pytest.mark.parametrize(
