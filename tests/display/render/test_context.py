@@ -18,7 +18,7 @@ from display import GL_INSTALL, Renderer, SpikePanel, probe_gl
 
 OPEN = """
 from cosim import InputError
-from display.context import open_context
+from display.render.context import open_context
 try:
     open_context()
     print("opened")

@@ -10,13 +10,14 @@ from scipy import stats
 from cosim import Clock, Viform
 from cosim.spikes.viform import pack_planes
 from display import DRIVES, FramePanel, GoldenRenderer, Projector, SpikePanel
-from display.probes import display_metrics, probe_display
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency
-from display.probes.light import Probe, edge_light, lux_of, phased_light
+from display.probes.light import edge_light, phased_light
+from display.probes.metrics import display_metrics, probe_display
 from display.probes.waveform import every_drive, panel_light
-from display.quality import blur_edge_width
+from display.quality.blur import blur_edge_width
+from scenarios.assemble.probe_camera import SpikeProbeCamera
 from sensor import CHIPS, EFFECTS, CameraSetting
 
 CLOCK = Clock(40_000)
@@ -41,7 +42,7 @@ def panel(**changes):
 
 @pytest.fixture(scope="module")
 def probe(device):
-    return Probe(setting(), device)
+    return SpikeProbeCamera(setting(), device)
 
 
 def told(rows, drive, way="rise"):
@@ -153,7 +154,9 @@ def test_intervals_held_come_with_the_second_spike_and_fade_after_two(probe):
     ],
 )
 def test_the_parts_add_up(device, chip, display):
-    for row in spike_latency(Probe(setting(**chip), device), panel(**display), (0.3, 1.5), 7):
+    for row in spike_latency(
+        SpikeProbeCamera(setting(**chip), device), panel(**display), (0.3, 1.5), 7
+    ):
         if row.lost < 1:
             assert sum(part.mean for part in row.parts) == pytest.approx(row.total.mean)
             assert row.parts[0].low > 0 and row.parts[3].low >= 0
@@ -173,7 +176,7 @@ def test_dead_pixels_are_lost(device):
     from sensor import DevicePattern
 
     dead = setting(pattern=DevicePattern(dead=0.25))
-    lost = told(spike_latency(Probe(dead, device), panel(), (1.5,), 3), "impulse").lost
+    lost = told(spike_latency(SpikeProbeCamera(dead, device), panel(), (1.5,), 3), "impulse").lost
     assert lost == pytest.approx(0.25, abs=5 * math.sqrt(0.25 * 0.75) / SIDE)
 
 
@@ -302,7 +305,7 @@ def test_held_light_never_goes_dark_and_causal_light_fades_as_one_over_time(prob
 
 
 def flicker_of(rows, drive, area):
-    (found,) = (row.told for row in rows if (row.drive, row.area) == (drive, area))
+    (found,) = (row.figures for row in rows if (row.drive, row.area) == (drive, area))
     return found
 
 
@@ -329,10 +332,10 @@ def test_white_that_is_held_is_a_sixth_too_bright(probe):
 
 
 def test_frames_hold_still_and_strobes_do_not():
-    for row in (row.told for row in frame_flicker(FRAMES[0], 0.6, 300.0, (0.18,), 60.0)):
+    for row in (row.figures for row in frame_flicker(FRAMES[0], 0.6, 300.0, (0.18,), 60.0)):
         assert (row.percent, row.index, row.svm, row.visibility) == (0, pytest.approx(0), 0, 0)
     strobe = FramePanel(Clock(100), persistence=0.25)
-    row = frame_flicker(strobe, 0.6, 300.0, (0.18,), 60.0)[0].told
+    row = frame_flicker(strobe, 0.6, 300.0, (0.18,), 60.0)[0].figures
     assert (row.percent, row.index) == pytest.approx((100, 0.75), rel=1e-3)
     assert row.ieee.frequency == 100 and row.ieee.risk == "high risk"
     # Of a pulse of a quarter: 2 sin(pi / 4) / (pi / 4).
@@ -343,16 +346,16 @@ def test_frames_hold_still_and_strobes_do_not():
 
 def test_the_projector_flickers_at_its_own_rate_times_the_level():
     rows = frame_flicker(Projector(Clock(16_000)), 0.6, 300.0, (0.06, 0.6), 60.0)
-    pixel, full = rows[1].told, rows[3].told
+    pixel, full = rows[1].figures, rows[3].figures
     assert pixel.mean == pytest.approx(0.06, rel=1e-2)
     assert (pixel.percent, pixel.ieee.frequency) == (100, pytest.approx(1600))
     assert full.percent == 0 and full.mean == pytest.approx(0.6)
 
 
 def test_the_whole_table_has_its_metrics(device):
-    own = setting(effects=tuple(EFFECTS.values()), threshold=1000.0)
+    own = SpikeProbeCamera(setting(effects=tuple(EFFECTS.values()), threshold=1000.0), device)
     beside = [FRAMES[1], Projector(Clock(16_000))]
-    probes = probe_display(own, panel(), beside, device, 1, rates=(0.18, 1.5), edges=((0.0, 0.18),))
+    probes = probe_display(own, panel(), beside, 1, rates=(0.18, 1.5), edges=((0.0, 0.18),))
     metrics = display_metrics(probes)
     assert 0 < metrics["latency_bright_us"].value <= 50
     assert metrics["latency_bright_us_hold"].value > metrics["latency_bright_us"].value
@@ -364,16 +367,16 @@ def test_the_whole_table_has_its_metrics(device):
     assert metrics["latency_grey_fall_us_hold"].value is None
     assert metrics["blur_120hz_over_spike"].value >= 10
     assert metrics["ebet_ms_spike"] == metrics["ebet_ms_causal"]
-    again = probe_display(own, panel(), [], device, 1, rates=(0.18,), edges=())
+    again = probe_display(own, panel(), [], 1, rates=(0.18,), edges=())
     assert again.latency == probes.latency[: len(again.latency)] and len(again.latency) == 6
 
 
 @pytest.mark.slow
 def test_pst_lm_of_noise_is_small_and_of_a_patch(device):
-    own = Probe(setting(effects=tuple(EFFECTS.values()), threshold=1000.0), device)
+    own = SpikeProbeCamera(setting(effects=tuple(EFFECTS.values()), threshold=1000.0), device)
     assert 0 < spike_pst_lm(own, panel(), 0.18, "causal", 1) < 0.2
 
 
 def test_light_is_counted_in_thresholds_a_cycle():
     own = setting()
-    assert own.rate(lux_of(own, 0.18)) == pytest.approx(0.18)
+    assert own.rate(SpikeProbeCamera(own, None).lux(0.18)) == pytest.approx(0.18)

@@ -9,7 +9,6 @@ from cosim import PS, Block, Clock, Light, Piece
 from cosim.report.png import for_display
 from cosim.stage import blocks
 from display import CameraPlane, FramePanel, LightPlanes, Span
-from display.observe.showing import beside_of, observers_of
 from display.observe.slow_motion import Film, SlowMotion
 from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
@@ -30,9 +29,11 @@ NAMES = ["truth", "120 Hz", "1000 Hz", "16 kHz binary"]
 
 
 def stage() -> ReferenceStage:
-    observers = observers_of(SECTION, AT, END, PURSUIT)
+    observers = SECTION.observers(AT, END, PURSUIT)
     motion = SlowMotion(SHAPE, 0, END, MS // 2, 2)
-    return ReferenceStage(beside_of(SECTION), observers, SHAPE, 700.0, CLOCK, CYCLES, motion)
+    return ReferenceStage(
+        SECTION.reference_panels(), observers, SHAPE, 700.0, CLOCK, CYCLES, motion
+    )
 
 
 def run(made: ReferenceStage, size: int = 64, reach: tuple[int, int] = (0, 0)) -> ReferenceStage:
