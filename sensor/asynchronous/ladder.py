@@ -16,8 +16,6 @@ import numpy as np
 from cosim import PS, InputError
 from cosim.plan.ladder import fit_order
 from cosim.run.progress import Progress
-from scenarios.assemble.event_plan import EventStart, begin_events, kept_names
-from scenarios.assemble.scenario import Scenario
 from sensor.asynchronous import (
     EventPlan,
     PlannedPixels,
@@ -26,9 +24,10 @@ from sensor.asynchronous import (
     weak_error,
 )
 from sensor.asynchronous.cost import least, reference_cost
+from sensor.asynchronous.run import EventStart
 from sensor.asynchronous.verify import choose_tiles, measure, verify
 
-__all__ = ["TOLERANCES", "accuracy_events"]
+__all__ = ["TOLERANCES", "measure_ladder"]
 
 TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
 _CALLS: Final = 25
@@ -49,9 +48,9 @@ def _run(start: EventStart, plan: EventPlan) -> None:
 def _reference(start: EventStart, plan: EventPlan) -> dict[str, Any]:
     """What an interval and a pixel cost the reference, on the brightest tile, what the whole run
     would cost it, and its own error."""
-    cost = reference_cost(start.model, start.view, plan, _CALLS)
-    checked = cost.numbers[: max(_DIGITS // start.model.threshold, 1)]
-    own = max(quantile_error(start.model, checked), _ROUNDING)
+    cost = reference_cost(start.spec.model, start.view, plan, _CALLS)
+    checked = cost.numbers[: max(_DIGITS // start.spec.model.threshold, 1)]
+    own = max(quantile_error(start.spec.model, checked), _ROUNDING)
     return {
         "what": "every interval by itself in float64, instants in whole picoseconds and a "
         "fraction, scipy's quantiles of Gamma(Q) at the same random words, compiled by numba; "
@@ -79,7 +78,7 @@ def _weak(start: EventStart, plan: EventPlan) -> WeakError | None:
         fixed = view.pattern.at(numbers)
         rates = rates * fixed.gain + fixed.dark
     lit = rates > 0
-    return weak_error(start.model, numbers[lit], rates[lit] / PS) if lit.any() else None
+    return weak_error(start.spec.model, numbers[lit], rates[lit] / PS) if lit.any() else None
 
 
 def _left_out(plan: EventPlan) -> list[str]:
@@ -88,7 +87,7 @@ def _left_out(plan: EventPlan) -> list[str]:
     return [effect.name for effect, out in pairs if out.any()]
 
 
-def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
+def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
     """{reference, order, rows, floor, weak} of a scenario with asynchronous readout.
 
     rows: {tier, tolerance, error, ci, run_time_s, ns_per_pixel_cycle, effects, failed, notes,
@@ -97,7 +96,6 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
     unsent spikes, what chance alone makes of the mean. Raises InputError for what a run would
     refuse.
     """
-    start = begin_events(scenario)
     progress.start("accuracy of the asynchronous readout", len(TOLERANCES) + 1)
     checks = [verify(start.plan(tol), start.view, tol) for tol in TOLERANCES]
     tiles = sorted({n for c in checks for n in choose_tiles(c.plan, start.view.seed)})
@@ -109,8 +107,8 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
     for n, (tolerance, checked) in enumerate(zip(TOLERANCES, checks, strict=True)):
         row = {
             "tier": "fast", "tolerance": tolerance, "error": None, "ci": None, "run_time_s": None,
-            "ns_per_pixel_cycle": None, "effects": kept_names(checked.plan, channel=False),
-            "failed": None, "notes": checked.broken,
+            "ns_per_pixel_cycle": None, "effects": checked.plan.acting(channel=False),
+            "failed": None, "notes": checked.notes,
             "left_out": _left_out(checked.plan),
         }  # fmt: skip
         try:
@@ -130,7 +128,7 @@ def accuracy_events(scenario: Scenario, progress: Progress) -> dict[str, Any]:
         "tier": "reference", "tolerance": 0.0, "error": own, "ci": [0.0, own],
         "run_time_s": reference["run_time_s"],
         "ns_per_pixel_cycle": reference["ns_per_pixel_cycle"],
-        "effects": kept_names(full, channel=False), "failed": None, "left_out": [],
+        "effects": full.acting(channel=False), "failed": None, "left_out": [],
         "notes": ["run time: predicted, see reference"],
     })  # fmt: skip
     weak = _weak(start, full)
