@@ -81,7 +81,7 @@ def run(
                 report=write_imager_report,
             )  # fmt: skip
         elif isinstance(loaded, LinkScenario):
-            from link.evaluation.finished import LinkRun
+            from link.evaluation.record import LinkRun
             from link.report.page import write_link_report
             from scenarios.assemble.run_link import run_link
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from link.evaluation.capacity import Given, capacity_document
+from link.prediction.capacity import Given, capacity_document
 from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
 

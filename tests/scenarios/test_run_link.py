@@ -15,11 +15,11 @@ from scipy.stats import chi2
 
 from cosim import InputError
 from cosim.run.result import Metric, Result
-from link.evaluation.finished import LinkRun
+from link.evaluation.record import LinkRun
 from link.layout import Layout
 from link.mode import Mode
 from link.report.page import write_link_report
-from link.run.prepare import choose_mode, ready_link, tags_told
+from link.setup.setup import choose_mode, set_up_link, tag_warning
 from link.setting import link_setting
 from link.verdict import Cause, Verdict
 from scenarios.assemble.loading import load
@@ -167,7 +167,7 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     if cause == "too_small":  # the run knew before
         assert "tags too small" in verdict["told"]
         setting = link_setting(load("light-link", [*SMALL, assignment])[1])
-        told = tags_told(setting, Mode(384, 224, 2, 2, "8b10b", 32))
+        told = tag_warning(setting, Mode(384, 224, 2, 2, "8b10b", 32))
         assert told is not None and "has 0.98 camera pixels and is found from 1.6 on" in told
     # What was neither measured nor foreseen is null, and 0 only what was counted.
     metric = {name: each.value for name, each in result.metrics.items()}
@@ -188,7 +188,7 @@ HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")
 
 def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone():
     runs = [
-        ready_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
+        set_up_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
         for more in ([], ["link.modem.parity=128"], ["duration=40 ms"])
     ]
     cut, given, timed = runs
@@ -197,7 +197,7 @@ def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone()
     assert cut.mode == given.mode and given.sent.sent_whole and not cut.sent.sent_whole
     assert 500 < cut.sent.planes <= 600 < timed.sent.planes <= 1600 < given.sent.planes
     seconds = [run.sent.planes / run.setting.panel.clock.hz for run in (cut, given)]
-    told = cut.hopeless_told()
+    told = cut.shortened_message()
     assert "no mode is foreseen to work (0." in told and "of a pilot's bits were wrong" in told
     assert (
         f"so only {seconds[0]:.3g} s of the {seconds[1]:.3g} s that the file takes are filmed"

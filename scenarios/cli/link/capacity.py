@@ -28,8 +28,8 @@ def link_capacity(
     link.modem.cell=1 and the like.
     """
     from cosim import InputError
-    from link.evaluation.capacity import capacity_document
-    from link.evaluation.given import given_of
+    from link.prediction.capacity import capacity_document
+    from link.prediction.capacity_input import given_of
     from link.section import LinkScenario
     from scenarios.assemble.loading import load
 

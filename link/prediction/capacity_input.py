@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from link.evaluation.capacity import Given
-from link.evaluation.light import cell_scene
-from link.evaluation.reach import CellScene
+from link.prediction.capacity import Given
+from link.prediction.light import cell_scene
+from link.prediction.reach import CellScene
 from link.mode import Mode
 from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
