@@ -25,7 +25,8 @@ def cells_section(link: LinkEvaluation, figures: Path) -> str:
     return (
         "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
         "of the panel's cells and the camera's pixels: where an edge falls into the middle of a "
-        f"pixel, that pixel sees two cells at once.</p><ul>{facts}</ul>" + plot(path, "map of cells")
+        f"pixel, that pixel sees two cells at once.</p><ul>{facts}</ul>"
+        + plot(path, "map of cells")
     )  # fmt: skip
 
 
@@ -98,7 +99,9 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
     return facts
 
 
-def _grid_offsets(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64] | None:
+def _grid_offsets(
+    link: LinkEvaluation, carries: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64] | None:
     """How far the edges of each data cell lie from the nearest border of camera pixels, camera
     pixels, the worse of both axes; None where the panel was not found."""
     registration = link.received.registration

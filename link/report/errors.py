@@ -40,7 +40,7 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
         return ""
     path = figures / "eye.png"
     eye_figure(eye, path)
-    opening = (
+    text = (
         f"With {RARE:.0%} of each bit left aside it is {eye.height:.3f} high and {eye.width:.3g} "
         f"ticks wide; the level half-way is {eye.level:.3f}."
         if eye.height > 0
@@ -54,7 +54,7 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
         f"mean of a window of {link.mode.ticks} ticks as it slides past the symbol, 1 where all "
         "fire. The camera sees whole ticks; where a symbol begins between them differs by row and, "
         "with the clocks' offset, by symbol; in between traces are drawn straight. "
-        f"The window nearest to a symbol lies {at} ticks from its middle. {opening} Detectors weigh "
+        f"The window nearest to a symbol lies {at} ticks from its middle. {text} Detectors weigh "
         "each tick by what it tells, and by what came before, and err less than this sum.</p>"
         + plot(path, "eye diagram")
     )
@@ -66,10 +66,10 @@ def _soft(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "soft.png"
     soft_figure(link.soft, path)
     return (
-        f"<h3>Soft values</h3><p>What the detector made of {link.soft.soft.size:,} symbols, by what "
-        "was sent: how sure it was, and how seldom in vain. What lies on the wrong side of 0 was "
-        "decided wrong; a value is cut at what a detector gives at most, so the outermost bins may "
-        "stand high.</p>" + plot(path, "histogram of soft values")
+        f"<h3>Soft values</h3><p>What the detector made of {link.soft.soft.size:,} symbols, by "
+        "what was sent: how sure it was, and how seldom in vain. What lies on the wrong side of 0 "
+        "was decided wrong; a value is cut at what a detector gives at most, so the outermost bins "
+        "may stand high.</p>" + plot(path, "histogram of soft values")
     )
 
 

@@ -114,7 +114,7 @@ def _choice(link: LinkEvaluation) -> str:
         [f"{row.mode.cell} x {row.mode.cell}", str(row.mode.ticks), row.mode.line,
          f"(255, {255 - row.mode.parity})", _count(row.errors), _count(row.byte),
          bits(row.goodput) if row.goodput else "none"]
-        for row in sorted(tried, key=lambda row: -row.goodput)[:12]
+        for row in sorted(tried, key=lambda row: -(row.goodput or 0.0))[:12]
     ]  # fmt: skip
     head = ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "bytes", "goodput foreseen"]
     return (
@@ -140,9 +140,9 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
         "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's "
         "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
-        f"takes no time here.</p><p><code>latency_us</code>, {median:.6g} us, counts from a group's "
-        "first light on the panel to the end of the camera cycle in which it was verified, the "
-        "median over groups: the encoder's wait is not in it.</p>"
+        f"takes no time here.</p><p><code>latency_us</code>, {median:.6g} us, counts from a "
+        "group's first light on the panel to the end of the camera cycle in which it was verified, "
+        "the median over groups: the encoder's wait is not in it.</p>"
         + plot(path, "latency by stage")
         + table(["stage", "least, us", "median, us", "most, us"], rows)
     )  # fmt: skip

@@ -22,8 +22,8 @@ from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
 from link.setting import LinkSetting
-from link.timing import Timing
 from link.setup.truth import true_timing
+from link.timing import Timing
 from sensor import SpikeCamera
 
 __all__ = ["Pilot", "film_pilot", "strip_of"]

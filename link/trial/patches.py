@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
+from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.air import Air, image_of
@@ -31,7 +32,7 @@ from link.setting import LinkSetting
 from link.setup.truth import true_timing
 from link.timing import Registration, Timing
 from sensor import CameraSetting
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
 __all__ = ["Decided", "LinkPatches", "Variant"]

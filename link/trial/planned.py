@@ -83,9 +83,8 @@ def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list
     setup, plan = link.setup, link.plan
     setting, tolerance = setup.setting, setup.scenario.tolerance
     begin = time.perf_counter()
-    if (
-        cell_scene(setting).blur > _BLURRED * setup.mode.cell * setting.scale
-        or not panel_in_view(setting)
+    if cell_scene(setting).blur > _BLURRED * setup.mode.cell * setting.scale or not panel_in_view(
+        setting
     ):
         check = LinkCheck(None, dict.fromkeys(plan.left_out), None, 0, None)
     else:

@@ -4,6 +4,7 @@ the one that exposes white as it says."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER, Lens
@@ -12,7 +13,14 @@ from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electr
 from sensor.circuit import Circuit, Lumped
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["camera_setting", "choose_lens", "lens_notes"]
+__all__ = [
+    "LensedCamera",
+    "camera_setting",
+    "choose_lens",
+    "lens_notes",
+    "lensed_camera",
+    "resized",
+]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest that a scenario may give; a pinhole."""
@@ -20,6 +28,39 @@ FAINTEST = 1e-3
 """Spikes a cycle down to which a circuit is lumped."""
 ZERO_CELSIUS = 273.15
 """Kelvin at 0 degC."""
+
+
+@dataclass(frozen=True)
+class LensedCamera:
+    """A latched camera behind its lens.
+
+    Attributes:
+        setting: the camera with every effect.
+        lens: with its f-number, chosen or given.
+        white_rate: spikes a cycle of the scene's white.
+        notes: what the user must know of the exposure.
+    """
+
+    setting: CameraSetting
+    lens: Lens
+    white_rate: float
+    notes: list[str]
+
+
+def lensed_camera(scenario: Scenario, size: tuple[int, int] | None = None) -> LensedCamera:
+    """The camera of a scenario behind its lens. size: rows and columns of a board that stands in
+    for the chip. Raises InputError for what cannot be simulated."""
+    setting = camera_setting(scenario)
+    if size is not None:
+        setting = resized(setting, size[1], size[0])
+    lens = choose_lens(scenario, setting)
+    # The rounding of a chosen f-number must not show in the white that was asked for.
+    white_rate = (
+        setting.rate(scenario.scene.illuminance * lens.gain)
+        if scenario.sensor.lens.f_number is not None
+        else scenario.sensor.lens.white_rate
+    )
+    return LensedCamera(setting, lens, white_rate, lens_notes(scenario, lens, white_rate))
 
 
 def choose_lens(scenario: Scenario, setting: CameraSetting) -> Lens:
@@ -65,6 +106,19 @@ def lens_notes(scenario: Scenario, lens: Lens, white_rate: float) -> list[str]:
     if white_rate > 1:
         notes.append(f"what reflects more than {1 / white_rate:.2g} of the light saturates")
     return notes
+
+
+def resized(setting: CameraSetting, width: int | None, height: int | None) -> CameraSetting:
+    """The camera with an array of this size, its own where None."""
+    chip = replace(
+        setting.chip,
+        width=width or setting.chip.width,
+        height=height or setting.chip.height,
+        assumed=setting.chip.assumed
+        | ({"width"} if width else set())
+        | ({"height"} if height else set()),
+    )
+    return replace(setting, chip=chip)
 
 
 def _circuit(

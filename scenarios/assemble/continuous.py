@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cosim import InputError
-from scenarios.assemble.camera import camera_setting
-from scenarios.assemble.readout import refuse_keys, resized, with_section
+from scenarios.assemble.camera import camera_setting, resized
+from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.scenario import Scenario
 from sensor import CameraSetting
 from sensor.continuous import ContinuousSetting, Converter, quiet_floor

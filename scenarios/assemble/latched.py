@@ -20,7 +20,6 @@ from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from scenarios.assemble.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.camera import lens_notes
 from scenarios.assemble.glass import Glass, make_glass, short_of
 from scenarios.assemble.glass_result import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.assemble.loading import to_toml
@@ -272,7 +271,7 @@ def assemble_latched(
         setup = set_up_camera(boards.simulated(scenario), device, boards.size)
         source = setup.source()
         survey = setup.survey()
-        notes = lens_notes(setup.scenario, setup.lens, setup.white_rate)
+        notes = list(setup.camera.notes)
         pursuit = setup.pursuit()
         plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
         glass = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.run.progress import Progress
+from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.latched_forecast import forecast
 from scenarios.assemble.latched_ladder import accuracy
 from scenarios.assemble.scenario import Scenario
@@ -17,6 +18,7 @@ class LatchedStudy:
     """See `Study`. Raises InputError for a camera that cannot be simulated."""
 
     def __init__(self, name: str, scenario: Scenario, device: str | None) -> None:
+        refuse_boards(scenario)
         self._name, self._setup = name, set_up_camera(scenario, device)
 
     def forecast(self, progress: Progress) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cosim import InputError
 from cosim.run.machine import Machine, Options, Study
+from cosim.run.progress import Progress
 from scenarios.assemble.loading import filmed
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
 from scenarios.assemble.scenario import (
@@ -18,10 +19,19 @@ from scenarios.assemble.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study"]
+__all__ = ["assemble", "assemble_study", "refuse_device"]
 
 
-def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
+def refuse_device(device: str | None) -> None:
+    """Raises InputError for an OpenCL device where an imager is simulated."""
+    if device not in (None, "numba"):
+        raise InputError(
+            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
+            "leave it out: these run on this processor",
+        )  # fmt: skip
+
+
+def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
@@ -35,14 +45,25 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.link import assemble_link
+
+        return assemble_link(name, scenario, options.device, progress)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
     """What `viform plan` and `viform accuracy` measure. Raises InputError for a scenario that
     `command` has nothing to say of."""
-    if isinstance(scenario, LinkScenario | ImagerScenario):
-        raise NotImplementedError(f"{name}: no machine yet")
+    if isinstance(scenario, LinkScenario):
+        from link.trial.study import LinkStudy
+
+        return LinkStudy(name, scenario, device)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager_study import ImagerStudy
+
+        refuse_device(device)
+        return ImagerStudy(name, scenario)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":
@@ -56,7 +77,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
         )  # fmt: skip
     if camera.sensor.readout == "asynchronous":
         refuse_options("asynchronous", False, device)
-        raise NotImplementedError(f"{name}: no machine yet")
+        from scenarios.assemble.event_study import AsynchronousStudy
+
+        return AsynchronousStudy(name, camera)
     from scenarios.assemble.latched_study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

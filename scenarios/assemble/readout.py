@@ -4,7 +4,6 @@ instants, and times as they are told."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 from cosim import BLOCK, Block, Clock, InputError, Lens, Light
@@ -15,7 +14,7 @@ from sensor.device.crosstalk import crosstalk_map
 
 __all__ = [
     "AFRESH", "choose_instants", "light_steps", "make_relay", "refuse_keys", "refuse_leftovers",
-    "refuse_options", "resized", "with_section",
+    "refuse_options", "with_section",
 ]  # fmt: skip
 
 AFRESH = "run it afresh with another --out"
@@ -77,19 +76,6 @@ def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
         return scenario
     sensor = scenario.sensor.model_copy(update={name: default})
     return scenario.model_copy(update={"sensor": sensor})
-
-
-def resized(setting: CameraSetting, width: int | None, height: int | None) -> CameraSetting:
-    """The camera with an array of this size, its own where None."""
-    chip = replace(
-        setting.chip,
-        width=width or setting.chip.width,
-        height=height or setting.chip.height,
-        assumed=setting.chip.assumed
-        | ({"width"} if width else set())
-        | ({"height"} if height else set()),
-    )
-    return replace(setting, chip=chip)
 
 
 def choose_instants(scenario: Scenario, cycles: int) -> list[int]:

@@ -10,16 +10,15 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
-from scenarios.assemble.boards import refuse_boards
-from scenarios.assemble.camera import camera_setting, choose_lens
+from scenarios.assemble.camera import LensedCamera, lensed_camera
 from scenarios.assemble.display import display_of
 from scenarios.assemble.glass import follow
-from scenarios.assemble.planning import RunPlan, SceneSurvey, plan_run, survey_scene
-from scenarios.assemble.readout import resized
+from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.stages import LensStage, SceneStage
 from scenarios.scenes import make_source
 from sensor import CameraSetting
+from sensor.latched.survey import SceneSurvey, survey_scene
 
 __all__ = ["CameraSetup", "set_up_camera"]
 
@@ -30,21 +29,31 @@ class CameraSetup:
 
     Attributes:
         scenario: what is simulated of the user's scenario.
-        setting: the camera with every effect.
+        camera: behind its lens.
         cycles: of the run.
         instants: cycles whose images are made and judged.
-        lens: with its f-number, chosen or given.
-        white_rate: spikes a cycle of the scene's white.
         device: OpenCL device, None for the compiled form on the processor.
     """
 
     scenario: Scenario
-    setting: CameraSetting
+    camera: LensedCamera
     cycles: int
     instants: list[int]
-    lens: Lens
-    white_rate: float
     device: Device | None
+
+    @property
+    def setting(self) -> CameraSetting:
+        """The camera with every effect."""
+        return self.camera.setting
+
+    @property
+    def lens(self) -> Lens:
+        return self.camera.lens
+
+    @property
+    def white_rate(self) -> float:
+        """Spikes a cycle of the scene's white."""
+        return self.camera.white_rate
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -74,8 +83,9 @@ class CameraSetup:
 
     def survey(self) -> SceneSurvey:
         """What the plan reads of the scene."""
-        relay = self.lens.relay(self.setting.chip.pitch)
-        return survey_scene(self.scenario, self.setting, self.source(), relay, self.cycles)
+        relay, image = self.lens.relay(self.setting.chip.pitch), self.scenario.image
+        floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
+        return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
     def pursuit(self) -> tuple[float, str]:
         """What a pursuing eye follows, pixels a second, and where that is from."""
@@ -112,21 +122,9 @@ def set_up_camera(
 
     Raises InputError for what cannot be simulated.
     """
-    refuse_boards(scenario)
-    setting = camera_setting(scenario)
-    if size is not None:
-        setting = resized(setting, size[1], size[0])
-    cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
-    instants = _instants(scenario, cycles)
-    lens = choose_lens(scenario, setting)
-    # The rounding of a chosen f-number must not show in the white that was asked for.
-    white_rate = (
-        setting.rate(scenario.scene.illuminance * lens.gain)
-        if scenario.sensor.lens.f_number is not None
-        else scenario.sensor.lens.white_rate
-    )
-    opened = choose_device(device)
-    return CameraSetup(scenario, setting, cycles, instants, lens, white_rate, opened)
+    camera = lensed_camera(scenario, size)
+    cycles = camera.setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    return CameraSetup(scenario, camera, cycles, _instants(scenario, cycles), choose_device(device))
 
 
 def _instants(scenario: Scenario, cycles: int) -> list[int]:

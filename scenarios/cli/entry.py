@@ -5,11 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from contextlib import suppress
-
-BEGAN = time.perf_counter()
-"""The command's start, for run_time_s: before anything heavy is imported."""
 
 _PIPE = 141
 """Exit code where who reads standard output has gone: 128 + SIGPIPE, as a shell has it."""

@@ -11,6 +11,7 @@ from cosim.stage import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
 from display.observe.showing import panel_of
 from display.section import DisplaySection
+from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.setup import set_up_camera
 from sensor import SpikeCamera
@@ -38,6 +39,7 @@ def show_live(
             "leave it out: the display is driven by the latch clock",
         )  # fmt: skip
     section = scenario.display or DisplaySection()
+    refuse_boards(scenario)
     setup = set_up_camera(scenario, device)
     cycles = setup.cycles
     panel = panel_of(section, setup.setting, setup.white_rate)

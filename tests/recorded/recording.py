@@ -27,8 +27,8 @@ __all__ = ["RECORDED", "differences", "record"]
 RECORDED = Path(__file__).with_name("recorded.json")
 TIMED = frozenset({
     "version", "device", "renderer", "run_time_s", "throughput", "camera", "full_physics",
-    "predicted", "ns_per_pixel_cycle", "cost_ns", "seconds", "order_time", "round_trips_per_s",
-    "bytes_per_s", "bring_up",
+    "predicted", "ns_per_pixel_cycle", "cost_ns", "seconds", "round_trips_per_s",
+    "capture_bytes_per_s", "ns_per_interval",
 })  # fmt: skip
 """Keys whose values hang on the machine or its load."""
 

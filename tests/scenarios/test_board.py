@@ -13,16 +13,16 @@ from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.spikes.viform import count_spikes
-from link.setup.setup import set_up_link
 from link.sending import Transmission
+from link.setup.setup import set_up_link
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
 from rtl_model.virtual import VirtualBoard
 from scenarios.assemble.boards import BoardCamera
+from scenarios.assemble.camera import resized
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.loading import load
-from scenarios.assemble.readout import resized
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting

@@ -16,8 +16,8 @@ from rtl_model.imagers.run.page import said
 from rtl_model.imagers.run.planning import ready_imager
 from rtl_model.imagers.run.view import make_view
 from scenarios.assemble.loading import filmed, linked, load, shipped, to_toml
+from scenarios.assemble.machine import refuse_device
 from scenarios.assemble.messages import validate
-from scenarios.cli.run import refuse_device
 from scenarios.scenes.charts.target_art import CHARTS, draw, regions
 from scenarios.scenes.making import make_source
 

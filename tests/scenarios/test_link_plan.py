@@ -12,17 +12,17 @@ from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
 from link.air import Scene, charge_changes
-from link.prediction.reach import CellScene, reach
 from link.layout import TRAINING
 from link.mode import Mode
+from link.prediction.reach import CellScene, reach
 from link.sending import Transmission
 from link.setting import LinkSetting, link_setting
+from link.setup.truth import true_timing
 from link.theory import clopper_pearson
-from link.trial.accuracy import accuracy_link
 from link.trial.check import LinkCheck, check_link, compare, goodput_change
-from link.trial.forecast import forecast_link
-from link.trial.patches import LinkPatches, Variant, true_timing
+from link.trial.patches import LinkPatches, Variant
 from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
+from link.trial.study import LinkStudy
 from scenarios.assemble.loading import linked, load
 from sensor import DevicePattern
 
@@ -289,7 +289,7 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
                             "link.modem.line=8b10b", "link.modem.parity=32",
                             "sensor.crosstalk=0"])[1], "test",
     )  # fmt: skip
-    document = forecast_link("small", given, None, Silent())
+    document = LinkStudy("small", given, None).forecast(Silent())
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
     assert "scintillation" in {row["effect"] for row in document["left_out"]}
     assert 0 < document["promised"] <= SHARE * document["tolerance"]
@@ -300,4 +300,4 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
     aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
     away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
     with pytest.raises(InputError, match="whose panel is in view"):
-        accuracy_link(away, None, Silent())
+        LinkStudy("away", away, None).ladder(Silent())

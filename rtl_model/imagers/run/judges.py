@@ -18,9 +18,9 @@ import numpy.typing as npt
 from scipy.special import ndtri
 
 from cosim.frames import Frame
+from cosim.plan.paired import CONFIDENCE
 from rtl_model.imagers.run.paired import STRIP, cut_rows, strips
 from sensor.imagers import Exposed, PixelModel
-from sensor.latched.paired import CONFIDENCE
 
 __all__ = ["Judge", "decides", "judge_of"]
 

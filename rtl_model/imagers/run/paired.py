@@ -18,8 +18,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
-from sensor.latched.paired import CONFIDENCE
 
 __all__ = [
     "ROUNDING", "STRIP", "Compared", "Patches", "PlanPatches", "compared", "cut_rows", "strips",

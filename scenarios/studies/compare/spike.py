@@ -16,6 +16,7 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.folder import begin_folder
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
+from scenarios.assemble.boards import refuse_boards
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.setup import set_up_camera
@@ -42,6 +43,7 @@ def film_spikes(
 ) -> tuple[list[Camera], Lens, Callable[[int], Image]]:
     """TFI and TFP at the cycle that holds `instant`, ps; the lens, and the scene's truth."""
     begin = time.perf_counter()
+    refuse_boards(scenario)
     setup = set_up_camera(scenario, device)
     setting, cycles, lens, white_rate = setup.setting, setup.cycles, setup.lens, setup.white_rate
     source, camera = setup.source(), SpikeCamera(setting, setup.device)

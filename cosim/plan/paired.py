@@ -1,7 +1,7 @@
-"""Several cameras on the same patches, under the same light, with the same random counters.
+"""The paired trial: several cameras on the same patches, with the same light and random counters.
 
-Rates are taken over windows of cycles and count fractions of spikes; the error of one camera
-against another is told a patch and a window at a time, and the worst counts.
+Rates are taken over windows of cycles and count fractions of spikes. The error of one camera
+against another is an RMS over the pixels of a patch, for each patch and window; the worst counts.
 """
 
 from __future__ import annotations
@@ -10,18 +10,22 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Light
-from cosim.light.light import PlaneMap
-from sensor.latched.patches import PatchCamera, PatchPlane
+from cosim.light.light import Light, PlaneMap
+from cosim.plan.patches import PatchPlane
+from cosim.stage import Block
 
-__all__ = ["CONFIDENCE", "Measured", "Paired", "compare", "windows", "worst"]
+__all__ = [
+    "CONFIDENCE", "Measured", "Paired", "Span", "TrialCamera", "Values", "Words", "compare",
+    "windows", "worst",
+]  # fmt: skip
 
 CONFIDENCE = 0.999
+"""Level of every interval."""
 Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
 Span = tuple[int, int]
@@ -34,10 +38,35 @@ def windows(instants: Sequence[int], window: int, cycles: int) -> list[tuple[int
     return [(s, s + window) for s in starts]
 
 
+class TrialCamera(Protocol):
+    """A camera on patches.
+
+    Attributes:
+        bits: (pixels,) int64, spikes latched so far.
+    """
+
+    bits: npt.NDArray[np.int64]
+
+    def step(self, light: Light, start: int, cycles: int) -> Words:
+        """Words of so many cycles, (words, pixels); light as `PatchPlane.cut` gives it."""
+        ...
+
+    def phase(self) -> Values:
+        """(pixels,) spikes so far, with the fraction of the next one."""
+        ...
+
+    def state(self) -> dict[str, npt.NDArray[Any]]: ...
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None: ...
+
+
 @dataclass(frozen=True)
 class Measured:
-    """RMS difference of a tile's rates, relative: the worst tile and window. low, high: 99.9 %
-    limits, `high` the largest of all, allowing for their number."""
+    """RMS difference of a tile's rates, relative, of the worst tile and window.
+
+    Attributes:
+        low, high: 99.9 % limits; `high` is the largest of all tiles and windows, allowing for
+            their number.
+    """
 
     value: float
     low: float
@@ -70,9 +99,9 @@ def worst(rates: Values, truth: Values, floor: float) -> Measured:
 
 
 class _Recorder:
-    """One camera on the patches with its phases at the windows' edges."""
+    """One camera on the patches, with its phases at the edges of the windows."""
 
-    def __init__(self, camera: PatchCamera, edges: int, pixels: int) -> None:
+    def __init__(self, camera: TrialCamera, edges: int, pixels: int) -> None:
         self.camera = camera
         self.phases = np.zeros((edges, pixels))
         self.bits = np.zeros((edges, pixels), np.int64)
@@ -106,11 +135,16 @@ class _Recorder:
 
 
 class Paired:
-    """A stage that passes light on and shows it to the cameras. spans: windows that rates are taken
-    over."""
+    """A stage that passes light on and exposes several cameras to it.
+
+    Args:
+        plane: the patches.
+        cameras: by name.
+        spans: windows that rates are taken over.
+    """
 
     def __init__(
-        self, plane: PatchPlane, cameras: Mapping[str, PatchCamera], spans: Sequence[Span]
+        self, plane: PatchPlane, cameras: Mapping[str, TrialCamera], spans: Sequence[Span]
     ) -> None:
         self.plane, self.spans = plane, list(spans)
         self._cut = PlaneMap(plane.cut, None)
@@ -121,7 +155,7 @@ class Paired:
         }
 
     def step(self, light: Light, block: Block) -> Light:
-        """Films the patches of a block; the light goes on as it came."""
+        """Exposes the patches to a block of light, which is passed on unchanged."""
         cut = self._cut(light)
         at = block.start
         if at == 0:
@@ -160,15 +194,15 @@ class Paired:
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
-        made: dict[str, npt.NDArray[Any]] = {}
+        arrays: dict[str, npt.NDArray[Any]] = {}
         for name, recorder in self._recorders.items():
-            made |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
-            made |= {f"{name}:marks": recorder.phases, f"{name}:counts": recorder.bits}
-            made |= {f"{name}:took": np.array([recorder.seconds, recorder.cycles])}
-        return made
+            arrays |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
+            arrays |= {f"{name}:marks": recorder.phases, f"{name}:counts": recorder.bits}
+            arrays |= {f"{name}:took": np.array([recorder.seconds, recorder.cycles])}
+        return arrays
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         for name, recorder in self._recorders.items():
             own = {
                 k.removeprefix(f"{name}:"): v for k, v in state.items() if k.startswith(f"{name}:")

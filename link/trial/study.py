@@ -14,7 +14,7 @@ __all__ = ["LinkStudy"]
 
 
 class LinkStudy:
-    """See `Study`."""
+    """See `Study`. device: part of an OpenCL device's name, "numba", or None for the default."""
 
     def __init__(self, name: str, scenario: LinkScenario, device: str | None) -> None:
         self._name, self._scenario, self._device = name, scenario, device
