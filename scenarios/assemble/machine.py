@@ -45,6 +45,13 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
+        if scenario.sensor.readout == "asynchronous":
+            from scenarios.assemble.asynchronous import assemble_asynchronous
+
+            return assemble_asynchronous(name, scenario)
+        from scenarios.assemble.continuous import assemble_continuous
+
+        return assemble_continuous(name, scenario)
     if isinstance(scenario, LinkScenario):
         from scenarios.assemble.link import assemble_link
 
@@ -76,10 +83,10 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
             f"set one of them: {why[command]}",
         )  # fmt: skip
     if camera.sensor.readout == "asynchronous":
-        refuse_options("asynchronous", False, device)
-        from scenarios.assemble.event_study import AsynchronousStudy
+        from scenarios.assemble.asynchronous import study_asynchronous
 
-        return AsynchronousStudy(name, camera)
+        refuse_options("asynchronous", False, device)
+        return study_asynchronous(name, camera)
     from scenarios.assemble.latched_study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

@@ -82,22 +82,6 @@ def run(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
                 report=write_imager_report,
             )  # fmt: skip
-        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "asynchronous":
-            from scenarios.assemble.run_events import run_events
-            from sensor.asynchronous.report import write_events_report
-
-            result, folder = run_events(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_events_report,
-            )  # fmt: skip
-        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "continuous":
-            from scenarios.assemble.run_continuous import run_continuous
-            from sensor.continuous.report import write_continuous_report
-
-            result, folder = run_continuous(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_continuous_report,
-            )  # fmt: skip
         else:
             from cosim.run.machine import Options
             from scenarios.run import run_scenario

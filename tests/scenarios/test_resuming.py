@@ -40,7 +40,6 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for name in (
         "run.assemble", "assemble.run_imager.run_imager",
-        "assemble.run_events.run_events", "assemble.run_continuous.run_continuous",
     ):  # fmt: skip
         monkeypatch.setattr(f"scenarios.{name}", fail)
 
@@ -129,10 +128,10 @@ def test_a_folder_of_a_name_too_long_is_one_line(refused):
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_runs_of_every_readout_are_known_again(viform, tmp_path, readout):
     """Such a run writes its section out with what it has by default."""
-    from scenarios.assemble import continuous, event_camera
+    from scenarios.assemble import asynchronous, continuous
 
     name, asked = load("step", [f"sensor.readout={readout}"])
-    whole: Callable[..., Any] = {"asynchronous": event_camera, "continuous": continuous}[
+    whole: Callable[..., Any] = {"asynchronous": asynchronous, "continuous": continuous}[
         readout
     ].with_defaults
     tmp_path.joinpath("scenario.toml").write_text(to_toml(whole(asked)))
