@@ -14,7 +14,6 @@ from typing import Any
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
-from cosim.run.folder import write_images
 from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -35,6 +34,7 @@ from scenarios.report.page import stream_page
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
+from sensor.reconstruct.images import write_images
 
 __all__ = ["LatchedMachine", "assemble_latched"]
 

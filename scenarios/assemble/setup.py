@@ -15,7 +15,7 @@ from scenarios.assemble.camera import LensedCamera, lensed_camera
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.stages import LensStage, SceneStage
-from scenarios.scenes import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.survey import SceneSurvey, survey_scene
 
@@ -71,7 +71,7 @@ class CameraSetup:
     def source(self) -> Source:
         """The scene on the chip's pixels. A source may be run through once only."""
         scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
-        return make_source(scene, self.shape, self.setting.clock, self.cycles, aligned)
+        return scene.source(SceneGrid(self.shape, self.setting.clock, self.cycles, aligned))
 
     def stages(self, source: Source) -> dict[str, Any]:
         """Scene and lens, by name."""

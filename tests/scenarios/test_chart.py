@@ -12,7 +12,7 @@ from scenarios.scenes.charts.chart import PURSUIT, SLOW, STRIPS, Chart
 from scenarios.scenes.charts.chart_art import DARK, MIDDLE, WEDGE
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.clips.film import FilmSource
-from scenarios.scenes.making import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.source import AnalyticSource
 
 SHAPE = (240, 300)
@@ -103,12 +103,12 @@ def test_a_finer_grid_shows_the_same_light():
 def test_the_front_door_is_this_chart():
     _, scenario = load("glass")
     assert scenario.display is not None and scenario.display.drive == "causal"
-    source = make_source(scenario.scene, (40, 50), CLOCK, 2560)
+    source = scenario.scene.source(SceneGrid((40, 50), CLOCK, 2560))
     assert isinstance(source, AnalyticSource) and source.pursuit == PURSUIT
     light = source.step(None, Block(0, 64))
     assert np.array_equal(light.at(0), Chart((40, 50)).reflectance(0.0) * np.float32(700))
     _, film = load("film")
-    other = make_source(film.scene, (40, 50), CLOCK, 2560)
+    other = film.scene.source(SceneGrid((40, 50), CLOCK, 2560))
     assert isinstance(other, AnalyticSource) and other.pursuit is None
 
 
