@@ -27,8 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from link.air.kernel import Psf, kernel_table, taps
-from link.evaluation.reach import CellScene, edge_share, longest_run
 from link.mode import Mode
+from link.prediction.reach import CellScene, edge_share, longest_run
 from link.theory import hard_patterns
 
 __all__ = ["CellErrors", "CellSight", "Mixed", "cell_errors"]

@@ -22,8 +22,8 @@ from link.layout import TRAINING
 from link.mode import Mode
 from link.sending import Transmission
 from link.setting import LinkSetting
+from link.setup.truth import true_timing
 from link.timing import Timing
-from link.trial.patches import true_timing
 from sensor import SpikeCamera
 
 __all__ = ["Pilot", "film_pilot", "strip_of"]
@@ -83,10 +83,7 @@ def _film(
     strip: LinkSetting, sent: Transmission, device: Device | None
 ) -> tuple[Words, Timing, Air]:
     camera = strip.camera
-    air = Air(
-        sent, strip.panel, strip.optics, strip.aim, strip.air, camera,
-        first_light=strip.first_light, planes=sent.planes,
-    )  # fmt: skip
+    air = strip.make_air(sent, sent.planes)
     pixels = SpikeCamera(camera, device, late=air.late)
     dark = strip.first_light + strip.panel.clock.edge(sent.planes)
     cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
