@@ -106,7 +106,7 @@ def _total(effects: Sequence[Effect], costs: Values, out: frozenset[int]) -> Val
 
 
 _TIE: Final = 1e-12
-"""Relative difference of costs below which two plans are alike; the one that keeps more is taken."""
+"""Relative difference of costs below which two plans are alike; that which keeps more is taken."""
 
 
 class _Search:
