@@ -35,10 +35,10 @@ class _Intervals:
 
 
 class EventStream:
-    """An event file as a spike stream; its planes are computed in memory when they are first needed,
+    """An event file as a spike stream; its planes are computed in memory when first needed,
     a part of the events at a time.
 
-    notes: what planes do not keep of the events, once they have been computed. Raises InputError for
+    notes: what planes do not keep of the events, once computed. Raises InputError for
     what is no event file, and then for damage, for events that planes cannot hold, and where the
     planes need more memory than is free.
     """
