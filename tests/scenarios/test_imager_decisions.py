@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from cosim import PS
-from rtl_model.imagers.adaptive import AdaptiveExposure, light_for
-from rtl_model.imagers.ebaps import Ebaps
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.loop import light_for
+from rtl_model.imagers.ebaps.imager import Ebaps
 from rtl_model.imagers.run.decisions import Decided, Decisions
 from rtl_model.imagers.run.tape import NoTape, Taped
 from rtl_model.imagers.run.view import make_view

@@ -11,8 +11,9 @@ import numpy as np
 from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
-from rtl_model.imagers.adaptive import AdaptiveExposure, Timing
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.run import HALF, AdaptiveMachine, changes
+from rtl_model.imagers.adaptive.timing import Timing
 from rtl_model.imagers.run.figures import BLUE, GREEN, VIOLET, finish, plain, read_vcd, waveforms
 from scenarios.assemble.run_imager import ImagerRun
 from sensor.imagers import Still

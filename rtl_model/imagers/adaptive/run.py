@@ -11,14 +11,10 @@ import numpy as np
 
 from cosim import InputError
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.adaptive import (
-    MINIMUM_CLOCKS,
-    AdaptiveExposure,
-    Search,
-    Sequencer,
-    Timing,
-    decide,
-)
+from rtl_model.imagers.adaptive.decision import Search, decide
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.sequencer import Sequencer
+from rtl_model.imagers.adaptive.timing import MINIMUM_CLOCKS, Timing
 from rtl_model.imagers.run.machine import Expected, Taken, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

@@ -14,7 +14,8 @@ from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.ebaps import DARKS, ExposureRule, mean_of_four, subtract
+from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
+from rtl_model.imagers.ebaps.exposure import ExposureRule
 from rtl_model.imagers.ebaps.run import EbapsMachine, live
 from rtl_model.imagers.run.figures import BLUE, GREEN, finish, plain, stretched
 from scenarios.assemble.run_imager import ImagerRun
@@ -123,7 +124,7 @@ def _before_after(run: ImagerRun) -> str:
 
 def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
     """What the mean of four leaves of a dark frame's pattern, beside theory."""
-    from rtl_model.imagers.ebaps import residual_variance
+    from rtl_model.imagers.ebaps.darks import residual_variance
 
     machine = run.run.machine
     assert isinstance(machine, EbapsMachine)

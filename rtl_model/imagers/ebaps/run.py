@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.ebaps import (
-    DARKS,
-    LIVE,
-    Ebaps,
-    ExposureRule,
-    Timing,
-    residual_variance,
-)
+from rtl_model.imagers.ebaps.darks import DARKS, residual_variance
+from rtl_model.imagers.ebaps.exposure import ExposureRule
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.regions import LIVE
+from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.run.machine import Expected, Taken
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

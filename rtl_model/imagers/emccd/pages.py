@@ -12,8 +12,10 @@ from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.emccd import Emccd, Settings, Timing, frame_rate, run_cooling, window_table
+from rtl_model.imagers.emccd.cooling import run_cooling
+from rtl_model.imagers.emccd.imager import Emccd
 from rtl_model.imagers.emccd.run import STEP, EmccdMachine, cooler_of
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_rate, window_table
 from rtl_model.imagers.run.figures import BLUE, GREEN, finish, plain, read_vcd, stretched, waveforms
 from rtl_model.imagers.run.machine import Taken
 from scenarios.assemble.run_imager import ImagerRun

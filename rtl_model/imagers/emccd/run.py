@@ -11,7 +11,9 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.emccd import Cooler, Emccd, Settings, Timing, frame_seconds
+from rtl_model.imagers.emccd.cooling import Cooler
+from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_seconds
 from rtl_model.imagers.run.machine import Expected, Taken, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

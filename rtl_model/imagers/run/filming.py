@@ -18,7 +18,7 @@ from cosim.run.folder import PUT_BACK, mend, room_for
 from cosim.run.inputs import sealed
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
-from rtl_model.imagers import Imager
+from rtl_model.imagers.imager import Imager
 from rtl_model.imagers.run.decisions import Decided, Decisions
 from rtl_model.imagers.run.machine import Taken, take
 from rtl_model.imagers.run.paired import Compared, PlanPatches

@@ -88,7 +88,7 @@ class _Adaptive(_Base):
         return frame.state["multiplier"]
 
     def in_full(self, rows: Exposed, pixels: Any) -> int:
-        from rtl_model.imagers.adaptive import gather
+        from rtl_model.imagers.adaptive.statistics import gather
 
         judged = self._imager.controller.judged
         values, over = pixels.digitise(rows, self._seed, self._full)
@@ -120,7 +120,7 @@ class _Adaptive(_Base):
         return np.asarray(far > _FULL + reach)
 
     def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        from rtl_model.imagers.adaptive import lengthening
+        from rtl_model.imagers.adaptive.decision import lengthening
 
         window, threshold, whole = self._imager.controller.judged.counting
         inside = (slice(window.top, window.bottom + 1), slice(window.left, window.right + 1))
@@ -170,7 +170,7 @@ class _Ebaps(_Base):
 
     def _shown(self, rows: Exposed, pixels: PixelModel, at: slice, kept: frozenset[str]) -> Values:
         """What the loop takes the mean of, over these rows."""
-        from rtl_model.imagers.ebaps import mean_of_four, subtract
+        from rtl_model.imagers.ebaps.darks import mean_of_four, subtract
 
         live = pixels.convert(cut_rows(rows, at), self._seed, kept)
         sequencer = self._imager.sequencer

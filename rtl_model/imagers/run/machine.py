@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cosim.frames import Frame
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers import Imager
+from rtl_model.imagers.imager import Imager
 from rtl_model.imagers.run.view import View
 from sensor.imagers import PixelModel
 

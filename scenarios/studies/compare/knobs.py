@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rtl_model.imagers.ebaps import WINDOW, ExposureRule, Linear, settle
+from rtl_model.imagers.ebaps.exposure import WINDOW, ExposureRule, Linear
+from rtl_model.imagers.ebaps.settling import settle
 from rtl_model.imagers.sections import EbapsSection, EmccdSection
 from sensor.imagers.ebaps import EbapsPixels, wanted_exposure
 from sensor.imagers.emccd import GAIN_RANGE, EmccdPixels

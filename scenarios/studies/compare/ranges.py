@@ -7,9 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtl_model.imagers.adaptive import DEFAULT_LONGEST, longest_exposure, shortest_exposure
-from rtl_model.imagers.ebaps import ExposureRule
-from rtl_model.imagers.emccd import exposure_range
+from rtl_model.imagers.adaptive.loop import shortest_exposure
+from rtl_model.imagers.adaptive.registers import DEFAULT_LONGEST
+from rtl_model.imagers.adaptive.response import longest_exposure
+from rtl_model.imagers.ebaps.exposure import ExposureRule
+from rtl_model.imagers.emccd.timing import exposure_range
 from sensor.dynamic_range import decibels
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import EbapsPixels

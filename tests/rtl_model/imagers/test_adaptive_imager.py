@@ -9,15 +9,13 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from rtl_model.imagers import line_of
-from rtl_model.imagers.adaptive import (
-    AdaptiveExposure,
-    Search,
-    Timing,
-    latency,
-    light_for,
-)
+from rtl_model.imagers.adaptive.decision import Search
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.latency import latency
+from rtl_model.imagers.adaptive.loop import light_for
 from rtl_model.imagers.adaptive.machine import AdaptiveMachine
+from rtl_model.imagers.adaptive.timing import Timing
+from rtl_model.imagers.bus import line_of
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 

@@ -12,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtl_model.imagers import ebaps
-from rtl_model.imagers.ebaps import ExposureRule, Linear, Timing, follow, settle
+from rtl_model.imagers.ebaps.exposure import ExposureRule, Linear, follow
+from rtl_model.imagers.ebaps.settling import settle
+from rtl_model.imagers.ebaps.timing import Timing
 from tests.rtl_model.imagers import naive_ebaps as naive
 
 RULE = ExposureRule()

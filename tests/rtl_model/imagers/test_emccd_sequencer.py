@@ -7,25 +7,23 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import write_trace
-from rtl_model.imagers.emccd import (
+from rtl_model.imagers.emccd.counted import counted
+from rtl_model.imagers.emccd.machine import EmccdMachine
+from rtl_model.imagers.emccd.plain import PlainSequencer
+from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
+from rtl_model.imagers.emccd.timing import (
     EXPOSURE_STEPS,
-    SIGNALS,
     SIZES,
-    Cycle,
-    EmccdMachine,
-    PlainSequencer,
     Settings,
     Timing,
     after_printed,
-    counted,
     exposure_range,
     frame_clocks,
     frame_rate,
     frame_seconds,
-    signal_changes,
     window_table,
 )
+from rtl_model.imagers.trace import write_trace
 
 SMALL = Timing(1_000_000, 12, 7, 2, 10, 3, 4, 2, 3)
 WRITABLE = {

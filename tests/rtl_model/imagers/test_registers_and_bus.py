@@ -8,7 +8,10 @@ import random
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import HEAD, IMAGER_MAGIC, Design, RegisterFile, line_of, machine
+from rtl_model.imagers import machine
+from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, Design
 from rtl_model.registers import REGISTERS, Register, faults
 
 OWN = (
@@ -182,9 +185,9 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
 
 
 def imagers():
-    from rtl_model.imagers.adaptive import AdaptiveExposure
-    from rtl_model.imagers.ebaps import Ebaps
-    from rtl_model.imagers.emccd import Emccd
+    from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+    from rtl_model.imagers.ebaps.imager import Ebaps
+    from rtl_model.imagers.emccd.imager import Emccd
     from sensor.imagers.cmos import AdaptivePixels
     from sensor.imagers.ebaps import EbapsPixels
 
