@@ -35,13 +35,21 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
+
+        return assemble_imager(name, scenario, options)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
     """What `viform plan` and `viform accuracy` measure. Raises InputError for a scenario that
     `command` has nothing to say of."""
-    if isinstance(scenario, LinkScenario | ImagerScenario):
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager_study
+
+        return assemble_imager_study(name, scenario, device)
+    if isinstance(scenario, LinkScenario):
         raise NotImplementedError(f"{name}: no machine yet")
     camera = filmed(scenario, command)
     refuse_leftovers(camera)

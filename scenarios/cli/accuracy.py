@@ -62,16 +62,8 @@ def _measure(
     """What makes the document; refuses what has no accuracy to measure."""
     from scenarios.assemble.machine import assemble_study
     from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import LinkScenario, Scenario
 
-    if isinstance(given, ImagerScenario):
-        from rtl_model.imagers.run.accuracy import accuracy_imager
-        from rtl_model.imagers.run.kinds import machine_of
-        from scenarios.cli.run import refuse_device
-
-        refuse_device(device)
-        machine = machine_of(given)
-        return lambda progress: accuracy_imager(name, given, machine, progress)
     if isinstance(given, LinkScenario):
         from link.trial.accuracy import accuracy_link
 

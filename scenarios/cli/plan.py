@@ -29,19 +29,11 @@ def plan(
     from scenarios.assemble.loading import load
     from scenarios.assemble.machine import assemble_study
     from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import LinkScenario, Scenario
 
     name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(given, LinkScenario):
         _tell(_plan_link(name, given, device), json)
-        return
-    if isinstance(given, ImagerScenario):
-        from rtl_model.imagers.run.kinds import machine_of
-        from rtl_model.imagers.run.planning import forecast_imager
-        from scenarios.cli.run import refuse_device
-
-        refuse_device(device)
-        _tell(forecast_imager(name, given, machine_of(given)), json)
         return
     if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
         from scenarios.assemble.event_forecast import forecast_events

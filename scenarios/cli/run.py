@@ -13,7 +13,7 @@ from scenarios.cli.output import Json, SilentProgress, make_progress, print_docu
 if TYPE_CHECKING:
     from cosim.run.result import Result
 
-__all__ = ["print_result", "refuse_device", "run"]
+__all__ = ["print_result", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -53,8 +53,6 @@ def run(
         refuse_leftovers(loaded)
     if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
-    if isinstance(loaded, ImagerScenario):
-        refuse_device(device)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -72,14 +70,6 @@ def run(
             result, folder = run_board(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
             )  # fmt: skip
-        elif isinstance(loaded, ImagerScenario):
-            from rtl_model.imagers.run.page import write_imager_report
-            from scenarios.assemble.run_imager import run_imager
-
-            result, folder = run_imager(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-                report=write_imager_report,
-            )  # fmt: skip
         elif isinstance(loaded, LinkScenario):
             from link.evaluation.finished import LinkRun
             from link.report.page import write_link_report
@@ -95,7 +85,7 @@ def run(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
                 report=report_link,
             )  # fmt: skip
-        elif loaded.sensor.readout == "asynchronous":
+        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "asynchronous":
             from scenarios.assemble.run_events import run_events
             from sensor.asynchronous.report import write_events_report
 
@@ -103,7 +93,7 @@ def run(
                 name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
                 report=write_events_report,
             )  # fmt: skip
-        elif loaded.sensor.readout == "continuous":
+        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "continuous":
             from scenarios.assemble.run_continuous import run_continuous
             from sensor.continuous.report import write_continuous_report
 
@@ -152,17 +142,6 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
     else:
         print_result(result, folder, [], verdict_before(folder), json)
     _end(result)
-
-
-def refuse_device(device: str | None) -> None:
-    """Of a command on an imager's scenario."""
-    from cosim import InputError
-
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
 
 
 def _refuse_trace(trace: Path | None) -> None:

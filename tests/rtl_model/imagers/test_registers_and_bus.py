@@ -8,7 +8,7 @@ import random
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import machine
+from rtl_model.imagers import bus_target
 from rtl_model.imagers.bus import line_of
 from rtl_model.imagers.register_file import RegisterFile
 from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, Design
@@ -236,7 +236,7 @@ def entries(imager):
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_the_line_cuts_what_does_not_fit(kind):
     """The same registers over the serial line, where nothing can be refused."""
-    made = machine(kind)
+    made = bus_target(kind)
     own = made.registers.design.own
     wide = next(entry for entry in own if entry.mode == "rw" and entry.width < 32)
     ro = next(entry for entry in own if entry.mode == "ro")
