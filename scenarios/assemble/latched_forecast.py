@@ -10,10 +10,11 @@ import numpy as np
 from cosim import BLOCK, Block
 from cosim.light.light import PlaneMap
 from cosim.plan.forecast import Speeds, forecast_document
+from cosim.plan.patches import PatchPlane
 from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.setup import CameraSetup
 from sensor import SpikeCamera
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 
 __all__ = ["forecast"]
 

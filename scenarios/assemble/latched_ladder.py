@@ -22,6 +22,8 @@ import numpy as np
 
 from cosim import BLOCK, Block
 from cosim.plan.ladder import Row, distinct_plans, fit_rows
+from cosim.plan.paired import Paired, windows, worst
+from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display import DisplaySetting
@@ -31,8 +33,7 @@ from scenarios.assemble.setup import CameraSetup
 from scenarios.assemble.shown import TRUTH, ShownPaired, ShownPatches
 from scenarios.assemble.verifier import Planned
 from sensor import SpikeCamera
-from sensor.latched.paired import Paired, windows, worst
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 

@@ -14,7 +14,7 @@ from link.section import LinkScenario
 from rtl_model.bringup.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.section import ImagerLens, ImagerSection
-from scenarios.scenes.sections import SceneSection
+from scenarios.scenes.catalogue import SceneSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [

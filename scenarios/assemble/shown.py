@@ -16,11 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light
+from cosim.plan.paired import Measured, Paired, Span, Values, Words, compare, worst
+from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import pack_planes, unpack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye
-from display.panels.pixels import PatchDisplay
-from sensor.latched.paired import Measured, Paired, Span, Values, Words, compare, worst
-from sensor.latched.patches import PatchCamera, PatchPlane
+from display.trial.pixels import PatchDisplay
+from sensor.latched.patches import PatchCamera
 
 __all__ = ["TRUTH", "Shown", "ShownPaired", "ShownPatches", "left_out_of"]
 

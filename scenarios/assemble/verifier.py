@@ -17,14 +17,15 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
+from cosim.plan.paired import Measured, Span, Values, compare, worst
+from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import Plan
 from cosim.plan.tiles import TileGrid
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from scenarios.assemble.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
 from sensor import CameraSetting
-from sensor.latched.paired import Measured, Span, Values, compare, worst
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
 __all__ = ["ARITHMETIC", "Planned", "Verifier"]

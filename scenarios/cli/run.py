@@ -45,7 +45,7 @@ def run(
     a test board up."""
     from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, Scenario
     from scenarios.cli import BEGAN
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
@@ -69,37 +69,6 @@ def run(
 
             result, folder = run_board(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        elif isinstance(loaded, LinkScenario):
-            from link.evaluation.finished import LinkRun
-            from link.report.page import write_link_report
-            from scenarios.assemble.run_link import run_link
-
-            def report_link(run: LinkRun) -> list[str]:
-                verdict.append(f"{run.verdict.cause.value}: {run.verdict.told}")
-                if run.delivered and run.result.outcome == "failed":  # a board's loop
-                    verdict.append(run.notes[-1])
-                return write_link_report(run)
-
-            result, folder = run_link(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=report_link,
-            )  # fmt: skip
-        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "asynchronous":
-            from scenarios.assemble.run_events import run_events
-            from sensor.asynchronous.report import write_events_report
-
-            result, folder = run_events(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_events_report,
-            )  # fmt: skip
-        elif isinstance(loaded, Scenario) and loaded.sensor.readout == "continuous":
-            from scenarios.assemble.run_continuous import run_continuous
-            from sensor.continuous.report import write_continuous_report
-
-            result, folder = run_continuous(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_continuous_report,
             )  # fmt: skip
         else:
             from cosim.run.machine import Options

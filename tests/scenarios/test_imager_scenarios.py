@@ -22,7 +22,7 @@ from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.messages import validate
 from scenarios.assemble.view import make_view
 from scenarios.cli.accuracy import _text
-from scenarios.scenes.making import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 
 SHIPPED = ("adaptive-exposure", "ebaps-night", "emccd-window")
 
@@ -136,7 +136,7 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
     with pytest.raises(InputError, match="not one of another imager"):
         linked(loaded, "link ber")
     with pytest.raises(InputError, match="--device must be numba, or absent"):
-        assemble("x", loaded, Options(device="H200"))
+        assemble("x", loaded, Options(device="H200"), None)
     with pytest.raises(InputError, match="--device must be numba, or absent"):
         assemble_study("plan", "x", loaded, "H200")
     assemble_study("plan", "x", loaded, "numba")
@@ -196,7 +196,7 @@ def test_a_course_is_the_same_as_light_in_pieces():
     view = make_view(given, (32, 40))
     from cosim import Clock
 
-    light = make_source(given.scene, (32, 40), Clock(40_000), 400).step(None, None)
+    light = given.scene.source(SceneGrid((32, 40), Clock(40_000), 400)).step(None, None)
     begin = np.zeros(32, np.int64)
     end = begin + 12 * PS // 1000
     assert light.integral(0, int(end[0])) == pytest.approx(

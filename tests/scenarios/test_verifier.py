@@ -12,13 +12,13 @@ import pytest
 
 from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
+from cosim.plan.paired import compare, windows, worst
 from cosim.run.machine import BrokenPromise
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import plan_run
 from scenarios.assemble.setup import set_up_camera
 from scenarios.assemble.verifier import Planned, Verifier
 from scenarios.report import write_report
-from sensor.latched.paired import compare, windows, worst
 
 LIES = {
     "reset dead time": ("sensor.dead_time=2 us", "sensor.latched.setting.dead_time_effect"),

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 from scipy.special import ndtri
 
 from cosim.frames import Frame
+from cosim.plan.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
-from sensor.latched.paired import CONFIDENCE
 
 __all__ = ["Judge", "JudgeBase", "deviations"]
 

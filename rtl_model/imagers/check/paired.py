@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
+from cosim.plan.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
-from sensor.latched.paired import CONFIDENCE
 
 __all__ = [
     "STRIP", "PairedError", "Patches", "PlanPatches", "cut_rows", "paired_error", "strips",

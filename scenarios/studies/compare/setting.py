@@ -15,7 +15,7 @@ from scenarios.assemble.camera import camera_setting, choose_lens
 from scenarios.assemble.loading import assign, load, shipped, to_toml
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
-from scenarios.scenes.sections import SceneSection
+from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
 
 __all__ = ["CHIP", "SHAPE", "SceneComparison", "compared_imagers", "load_comparison"]
