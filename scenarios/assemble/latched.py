@@ -14,7 +14,6 @@ from typing import Any
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
-from cosim.run.folder import write_images
 from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -33,7 +32,15 @@ from scenarios.report.latched_run import LatchedRun
 from scenarios.report.page import stream_page
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
-from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import (
+    LATCHED,
+    Shot,
+    interval_latency,
+    spike_rate,
+    take_shots,
+    write_images,
+)
 
 __all__ = ["LatchedMachine", "assemble_latched"]
 
@@ -217,8 +224,8 @@ class LatchedMachine:
         stream = ZarrStream(recording.folder / STREAM)
         window = self.scenario.image.window
         shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
-        files = write_images(recording.folder, shots)
-        metrics = judge(shots) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        files = write_images(recording.folder, shots, LATCHED)
+        metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
         seconds["images"] = time.perf_counter() - begin
         begin = time.perf_counter()
         sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)

@@ -15,7 +15,7 @@ from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.scenario import Scenario
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.reconstruct.fidelity import Shot
+from sensor.reconstruct.shots import Shot
 
 __all__ = ["LatchedRun"]
 
