@@ -1,4 +1,4 @@
-"""What figures of reports share: pyplot, colours, and sheets of pictures."""
+"""Figures that reports share: sheets and overviews of pictures, and the colours of all figures."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def sheet_figure(
     for (name, images), line in zip(rows, axes, strict=True):
         for image, ax in zip(images, line, strict=True):
             small = width > side[0]
-            shown = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
-            ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            scaled = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
+            ax.imshow(scaled, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
             ax.set_xticks([])
             ax.set_yticks([])
             ax.spines[:].set_visible(False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cosim import InputError
 from cosim.run.machine import Machine, Options, Study
+from cosim.run.progress import Progress
 from scenarios.assemble.loading import filmed
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
 from scenarios.assemble.scenario import (
@@ -18,19 +19,10 @@ from scenarios.assemble.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study", "refuse_device"]
+__all__ = ["assemble", "assemble_study"]
 
 
-def refuse_device(device: str | None) -> None:
-    """Raises InputError for an OpenCL device where an imager is simulated."""
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
-
-
-def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
+def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
@@ -51,6 +43,14 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
         from scenarios.assemble.continuous import assemble_continuous
 
         return assemble_continuous(name, scenario)
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.link import assemble_link
+
+        return assemble_link(name, scenario, options.device, progress)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
+
+        return assemble_imager(name, scenario, options)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
@@ -62,10 +62,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         return LinkStudy(name, scenario, device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager_study import ImagerStudy
+        from scenarios.assemble.imager import assemble_imager_study
 
-        refuse_device(device)
-        return ImagerStudy(name, scenario)
+        return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":
