@@ -35,12 +35,12 @@ class _Intervals:
 
 
 class EventStream:
-    """An event file as a spike stream; its planes are computed in memory when they are first needed,
-    a part of the events at a time.
+    """An event file as a spike stream; its planes are computed in memory when they are first
+    needed, a part of the events at a time.
 
-    notes: what planes do not keep of the events, once they have been computed. Raises InputError for
-    what is no event file, and then for damage, for events that planes cannot hold, and where the
-    planes need more memory than is free.
+    notes: what planes do not keep of the events, once they have been computed. Raises InputError
+    for what is no event file, and then for damage, for events that planes cannot hold, and where
+    the planes need more memory than is free.
     """
 
     def __init__(self, path: Path) -> None:
