@@ -15,7 +15,7 @@ from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.reconstruct.fidelity import Shot
+from sensor.reconstruct.shots import Shot
 
 __all__ = ["LatchedRun"]
 

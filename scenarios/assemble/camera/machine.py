@@ -33,8 +33,15 @@ from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
-from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from sensor.reconstruct.images import write_images
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import (
+    LATCHED,
+    Shot,
+    interval_latency,
+    spike_rate,
+    take_shots,
+    write_images,
+)
 
 __all__ = ["LatchedMachine", "assemble_latched"]
 
@@ -222,8 +229,8 @@ class LatchedMachine:
         stream = ZarrStream(recording.folder / STREAM)
         window = self.scenario.image.window
         shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
-        files = write_images(recording.folder, shots)
-        metrics = judge(shots) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        files = write_images(recording.folder, shots, LATCHED)
+        metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
         seconds["images"] = time.perf_counter() - begin
         begin = time.perf_counter()
         sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)

@@ -21,8 +21,9 @@ from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, 
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
-from sensor.reconstruct.fidelity import LEAST_RATE, Shot
+from sensor.reconstruct.fidelity import LEAST_RATE
 from sensor.reconstruct.figure import interval_figure
+from sensor.reconstruct.shots import Shot
 
 __all__ = ["stream_page"]
 
