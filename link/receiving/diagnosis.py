@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import TRAINING, Layout
-from link.mode import TICKS
+from link.mode import TICKS, Mode
 from link.receiving.acquiring import Evidence
 from link.receiving.clocking import global_clock, pilot_signal
 from link.receiving.gap import gap_told
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.receiving.session import Session
-from link.receiving.tags import LEAST_MODULE, find_tags, tag_places
+from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
 from link.verdict import Cause, Verdict
 
 __all__ = ["explain_failure", "explain_loss"]
@@ -203,14 +203,10 @@ def _missing_places(e: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np
     sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
     known = [side for side in sides if side]
     width, height = (side or (known[0] if known else 960) for side in sides)
-    from link.mode import Mode
-
     try:
         layout = Layout(Mode(width, height, 1, 1, "none", 32))
     except ValueError:
         return {}
-    from link.receiving.tags import tag_corners
-
     panel = np.concatenate([tag_corners(layout, corner) for corner in tags])
     camera = np.concatenate([tags[corner][1] for corner in tags])
     if len(tags) > 1:

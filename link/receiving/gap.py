@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from link.coding import Blocks
 from link.receiving.session import Session
 
 __all__ = ["gap_told"]
@@ -15,8 +16,6 @@ _FRAMES: Final = 4
 def gap_told(session: Session) -> str | None:
     """What shows that ticks are missing, or were dark: blocks that are wholly lost, all in one
     stretch, among others that are wholly right. None where frames were lost otherwise."""
-    from link.coding import Blocks
-
     form = Blocks(session.layout)
     found: dict[int, tuple[int, int]] = {}
     for each in session.instants:

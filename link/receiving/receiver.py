@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.spikes.viform import Viform
+from link.coding import Inbox
 from link.detect.catalogue import DETECTORS
 from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire
@@ -160,8 +161,6 @@ class Receiver:
         return (int(until), late) if abs(late) > _JUMP else None
 
     def _begin(self, acquired: Acquired) -> None:
-        from link.coding import Inbox
-
         try:
             inbox = Inbox(acquired.layout, interleave=self._interleave)
         except ValueError as exc:
