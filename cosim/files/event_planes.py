@@ -35,10 +35,10 @@ class _Intervals:
 
 
 class EventStream:
-    """An event file as a spike stream; its planes are made in memory when they are first asked for,
+    """An event file as a spike stream; its planes are computed in memory when they are first needed,
     a part of the events at a time.
 
-    notes: what planes do not keep of the events, once they have been made. Raises InputError for
+    notes: what planes do not keep of the events, once they have been computed. Raises InputError for
     what is no event file, and then for damage, for events that planes cannot hold, and where the
     planes need more memory than is free.
     """
@@ -60,8 +60,8 @@ class EventStream:
     def _made(self) -> Words:
         file, (height, width) = self.file, self.shape
         n = words_for(self.cycles)
-        mend = "keep its events, or cut them into shorter files"
-        check_memory(f"the planes of {self._path}", (4 * n + 8) * height * width, mend)
+        remedy = "keep its events, or cut them into shorter files"
+        check_memory(f"the planes of {self._path}", (4 * n + 8) * height * width, remedy)
         words: Words = np.zeros((n, height, width), np.uint32)
         intervals, full = _Intervals(file), True
         for part in file.parts():

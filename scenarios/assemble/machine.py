@@ -19,16 +19,7 @@ from scenarios.assemble.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study", "refuse_device"]
-
-
-def refuse_device(device: str | None) -> None:
-    """Raises InputError for an OpenCL device where an imager is simulated."""
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
+__all__ = ["assemble", "assemble_study"]
 
 
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
@@ -56,6 +47,10 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.link import assemble_link
 
         return assemble_link(name, scenario, options.device, progress)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
+
+        return assemble_imager(name, scenario, options)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
@@ -67,10 +62,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         return LinkStudy(name, scenario, device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager_study import ImagerStudy
+        from scenarios.assemble.imager import assemble_imager_study
 
-        refuse_device(device)
-        return ImagerStudy(name, scenario)
+        return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":

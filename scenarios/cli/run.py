@@ -53,10 +53,6 @@ def run(
         refuse_leftovers(loaded)
     if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
-    if isinstance(loaded, ImagerScenario):
-        from scenarios.assemble.machine import refuse_device
-
-        refuse_device(device)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -73,14 +69,6 @@ def run(
 
             result, folder = run_board(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        elif isinstance(loaded, ImagerScenario):
-            from rtl_model.imagers.run.page import write_imager_report
-            from scenarios.assemble.run_imager import run_imager
-
-            result, folder = run_imager(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-                report=write_imager_report,
             )  # fmt: skip
         else:
             from cosim.run.machine import Options

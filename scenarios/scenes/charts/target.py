@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light, Piece, Plane, seconds_to_ps
-from scenarios.scenes.charts.target_art import PAPER, draw
+from cosim.light.charts import PAPER, draw
 from scenarios.scenes.kinds.target import TargetScene
 from scenarios.scenes.source import spread_points
 from sensor.imagers import Course

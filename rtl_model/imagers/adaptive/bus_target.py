@@ -9,10 +9,10 @@ from rtl_model.imagers.adaptive.timing import Timing
 from rtl_model.imagers.register_file import RegisterFile
 from sensor.imagers.cmos import CmosSetting
 
-__all__ = ["AdaptiveMachine", "machine"]
+__all__ = ["SteadySequencer", "bus_target"]
 
 
-class AdaptiveMachine:
+class SteadySequencer:
     """lux: on every pixel, all the time. setting: of the chain."""
 
     def __init__(self, timing: Timing, lux: float = 100.0, setting: CmosSetting | None = None):
@@ -50,6 +50,6 @@ class AdaptiveMachine:
         return Statistics(pixels, None) if saturated else Statistics(0, value)
 
 
-def machine() -> AdaptiveMachine:
+def bus_target() -> SteadySequencer:
     """As `viform board virtual` has it: the assumed 256 x 256 at 100 frames/s under 100 lx."""
-    return AdaptiveMachine(Timing.of(*DEFAULT_SHAPE))
+    return SteadySequencer(Timing.of(*DEFAULT_SHAPE))

@@ -17,11 +17,11 @@ from rtl_model.imagers.emccd.sequencer import Cycle, Phase
 from rtl_model.imagers.emccd.timing import Settings, Timing
 from rtl_model.imagers.register_file import RegisterFile
 
-__all__ = ["EmccdMachine", "machine"]
+__all__ = ["EmccdSequencer", "bus_target"]
 
 
-class EmccdMachine:
-    """One camera from power-on, edge 0; `bus.Machine`.
+class EmccdSequencer:
+    """One camera from power-on, edge 0; see `BusTarget`.
 
     pulses: edges at which sync pulses are seen. begun: called with each cycle when it begins.
 
@@ -129,6 +129,6 @@ class EmccdMachine:
         return int(getattr(self.cycle.settings, field)) if self.cycle else 0
 
 
-def machine() -> EmccdMachine:
+def bus_target() -> EmccdSequencer:
     """The camera that a virtual board serves."""
-    return EmccdMachine()
+    return EmccdSequencer()

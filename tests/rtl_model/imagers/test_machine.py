@@ -8,18 +8,23 @@ import zarr
 
 from cosim import InputError, Interrupted
 from cosim.plan.planner import make_plan
-from rtl_model.imagers.run.accuracy import accuracy_imager
-from rtl_model.imagers.run.figures import read_vcd
-from rtl_model.imagers.run.page import write_imager_report
-from rtl_model.imagers.run.paired import compared
-from rtl_model.imagers.run.planning import forecast_imager, ready_imager
+from cosim.run.machine import Options
+from rtl_model.imagers.catalogue import IMAGERS
+from rtl_model.imagers.check.paired import paired_error
+from rtl_model.imagers.report.figures import read_vcd
 from rtl_model.imagers.run.tape import Tape, Taped
+from scenarios.assemble.imager import assemble_imager_study, plan_imager
 from scenarios.assemble.loading import load
-from scenarios.assemble.run_imager import run_imager
-from scenarios.assemble.scenario import ImagerScenario
-from scenarios.cli.accuracy import _text
+from scenarios.assemble.messages import validate
+from scenarios.run import run_scenario
 from sensor.imagers import Exposed
-from tests.scenarios.linear_imager import ELECTRONS, READ, SLOPE, LinearMachine
+from tests.rtl_model.imagers.linear_imager import (
+    ELECTRONS,
+    READ,
+    SLOPE,
+    LinearKind,
+    LinearModel,
+)
 
 REPEATS = 32
 
@@ -34,27 +39,41 @@ def scenario(**keys):
     data = {
         "title": "linear", "duration": "100 ms", "tolerance": 1e-2,
         "scene": {"kind": "target", "chart": "steps", "illuminance": "100 lux"},
-        "imager": {"kind": "adaptive-exposure"},
+        "imager": {"kind": "linear"},
     }  # fmt: skip
     scene = keys.pop("scene", {})
-    return ImagerScenario.model_validate(data | keys | {"scene": data["scene"] | scene})
+    return validate(data | keys | {"scene": data["scene"] | scene})
 
 
-def run(folder, machine, given=None, **keys):
-    return run_imager(
-        "linear", given or scenario(), folder, progress=Silent(), began=0.0,
-        report=lambda run: [], machine=machine, **keys,
+@pytest.fixture(autouse=True)
+def linear(monkeypatch):
+    """The linear imager stands in the catalogue."""
+    kind = LinearKind()
+    monkeypatch.setitem(IMAGERS, "linear", kind)
+    return kind
+
+
+def run(folder, model, given=None, **keys):
+    IMAGERS["linear"].next = model
+    done = run_scenario(
+        "linear", given or scenario(), folder, options=Options(**keys), progress=Silent(),
+        began=0.0, report=lambda machine, run: [],
     )  # fmt: skip
+    return done.result, done.folder
+
+
+def study(**keys):
+    return assemble_imager_study("linear", scenario(**keys), None)
 
 
 def test_frames_are_on_disk_with_their_times(tmp_path):
-    _, folder = run(tmp_path / "a", LinearMachine())
+    _, folder = run(tmp_path / "a", LinearModel())
     document = json.loads((folder / "result.json").read_text())
     assert document["outcome"] == "ok" and document["metrics"]["frames"]["value"] == 10
     assert document["metrics"]["frame_rate"]["value"] == pytest.approx(100)
     stored = zarr.open_group(folder / "frames.zarr", mode="r")
     assert stored["values"].shape == (10, 24, 32)
-    assert (stored["end"][3] - stored["begin"][3] == LinearMachine().exposure).all()
+    assert (stored["end"][3] - stored["begin"][3] == LinearModel().exposure).all()
     # Grey steps of .9 x 100 lux for 2.5 ms, offset 20.
     white = stored["values"][:, 12, 5:7].mean()
     assert white == pytest.approx(20 + 90 * 2.5e-3 * ELECTRONS, rel=0.04)
@@ -66,11 +85,11 @@ def test_frames_are_on_disk_with_their_times(tmp_path):
 def test_an_interrupted_run_goes_on_to_the_same_frames(tmp_path, broken):
     """The controller halves its exposure on the way, so its state must come back as well."""
     bright = scenario(scene={"illuminance": "2000 lux"})
-    run(tmp_path / "whole", LinearMachine(), bright)
+    run(tmp_path / "whole", LinearModel(), bright)
     with pytest.raises(Interrupted, match=f"after {broken} of 10 frames"):
-        run(tmp_path / "cut", LinearMachine(broken=broken), bright)
-    machine = LinearMachine()
-    run(tmp_path / "cut", machine, bright, resume=True)
+        run(tmp_path / "cut", LinearModel(broken=broken), bright)
+    model = LinearModel()
+    run(tmp_path / "cut", model, bright, resume=True)
     both = [zarr.open_group(tmp_path / n / "frames.zarr", mode="r") for n in ("whole", "cut")]
     assert both[0].attrs["state"] == both[1].attrs["state"]
     exposures = both[0].attrs["state"]["exposure"]
@@ -81,22 +100,22 @@ def test_an_interrupted_run_goes_on_to_the_same_frames(tmp_path, broken):
 def test_what_is_on_the_tape_is_not_computed_again(tmp_path):
     everything = scenario(tolerance=0.0)
     with pytest.raises(Interrupted):
-        run(tmp_path / "cut", LinearMachine(broken=8), everything)
-    machine = LinearMachine()
-    run(tmp_path / "cut", machine, everything, resume=True)
-    assert machine.made[-1].pixels.calls == 2  # frames 8 and 9
+        run(tmp_path / "cut", LinearModel(broken=8), everything)
+    model = LinearModel()
+    run(tmp_path / "cut", model, everything, resume=True)
+    assert model.made[-1].pixels.calls == 2  # frames 8 and 9
 
 
 def test_a_tape_cut_anywhere_or_of_another_run_is_met(tmp_path):
     with pytest.raises(Interrupted):
-        run(tmp_path / "cut", LinearMachine(broken=5))
+        run(tmp_path / "cut", LinearModel(broken=5))
     tape = tmp_path / "cut" / "checkpoint.tape"
     whole = tape.read_bytes()
     with pytest.raises(InputError, match="the checkpoint must be one of this same scenario"):
-        run(tmp_path / "cut", LinearMachine(), scenario(seed=9), resume=True)
+        run(tmp_path / "cut", LinearModel(), scenario(seed=9), resume=True)
     tape.write_bytes(whole[:-700])
-    run(tmp_path / "cut", LinearMachine(), resume=True)
-    run(tmp_path / "whole", LinearMachine())
+    run(tmp_path / "cut", LinearModel(), resume=True)
+    run(tmp_path / "whole", LinearModel())
     both = [zarr.open_group(tmp_path / n / "frames.zarr", mode="r") for n in ("whole", "cut")]
     np.testing.assert_array_equal(both[0]["values"][:], both[1]["values"][:])
 
@@ -129,18 +148,18 @@ def test_a_tape_gives_back_windows_and_what_a_comparator_said(tmp_path):
 
 
 def test_the_plan_leaves_out_what_is_small_and_the_check_finds_its_size(tmp_path):
-    result, _ = run(tmp_path / "a", LinearMachine())
+    result, _ = run(tmp_path / "a", LinearModel())
     assert [row["effect"] for row in result.left_out] == ["leak"]
     assert result.error.value < 5e-3 and result.error.ci[1] <= 1e-2  # patches of 256 pixels
-    document = forecast_imager("linear", scenario(tolerance=0.1), LinearMachine())
+    document = study(tolerance=0.1).forecast(Silent())
     assert {"leak", "PRNU"} == {row["effect"] for row in document["left_out"]}
-    assert forecast_imager("linear", scenario(tolerance=0), LinearMachine())["left_out"] == []
+    assert study(tolerance=0).forecast(Silent())["left_out"] == []
 
 
 def test_a_broken_promise_is_put_back(tmp_path):
     """PRNU whose bound is a lie: the check sees it, and the run is done again with it."""
-    machine = LinearMachine()
-    true = machine.make
+    model = LinearModel()
+    true = model.make
 
     def lying():
         imager = true()
@@ -151,8 +170,8 @@ def test_a_broken_promise_is_put_back(tmp_path):
         )
         return imager
 
-    machine.make = lying
-    result, _ = run(tmp_path / "a", machine)
+    model.make = lying
+    result, _ = run(tmp_path / "a", model)
     assert "PRNU" in result.kept and result.outcome == "ok"
     assert result.error.ci[1] <= 1e-2
 
@@ -164,16 +183,16 @@ def test_the_paired_measure_finds_shift_and_noise(size):
     base = rng.normal(400, 10, (REPEATS, 4096))
     planned = np.broadcast_to(base, base.shape)
     full = planned + size * 400 * rng.normal(size=4096)
-    found = compared(planned, full, 1)
+    found = paired_error(planned, full, 1)
     assert found.low <= size <= found.high and found.high - found.low < 0.1 * size + 1e-9
     noisy = planned + rng.normal(0, 10 * max(size, 1e-9), base.shape)
     want = 1 - 1 / np.sqrt(1 + size**2)
-    seen = compared(planned, noisy, 1)
+    seen = paired_error(planned, noisy, 1)
     assert seen.noise == pytest.approx(want, abs=6 * size / np.sqrt(REPEATS * 4096) + 1e-9)
 
 
 def test_accuracy_has_a_row_for_each_tolerance(tmp_path):
-    document = accuracy_imager("linear", scenario(), LinearMachine(), Silent())
+    document = study().ladder(Silent())
     rows = {r["tolerance"]: r for r in document["rows"] if r["tier"] == "exact"}
     assert rows[0.0]["error"] == 0 and rows[0.0]["left_out"] == []
     assert rows[0.1]["left_out"] == ["PRNU", "leak"]
@@ -184,21 +203,8 @@ def test_accuracy_has_a_row_for_each_tolerance(tmp_path):
     assert document["reference"]["ns_per_pixel_cycle"] > 0
 
 
-@pytest.mark.parametrize(("name", "told"), [("adaptive-exposure", True), ("emccd-window", False)])
-def test_accuracy_says_that_decisions_are_not_compared(viform, name, told):
-    command = ["accuracy", name, "--set", "duration=10 ms"]
-    if told:
-        command += ["--set", "imager.rows=16", "--set", "imager.columns=32"]
-    else:
-        command += ["--set", "imager.rows=16"]
-    document = json.loads(viform(*command, "--json").out)
-    assert document["reference"]["decisions"] == ("not compared" if told else "none")
-    assert ("decides" in _text(name, document)) == told
-
-
 def test_a_model_in_two_settings_keeps_what_either_needs():
-    machine = LinearMachine()
-    ready = ready_imager("linear", scenario(tolerance=0.1), machine)
+    ready = plan_imager("linear", scenario(tolerance=0.1))
     assert "read noise" in ready.kept
     effects = list(ready.pixels.effects.values())
     bright = ready.pixels.summary((50.0, 50.0), (1.0, 1.0), 10)  # 1e5 electrons
@@ -218,10 +224,10 @@ def test_a_model_in_two_settings_keeps_what_either_needs():
 def test_a_shipped_scenario_runs_to_its_report(tmp_path, name, assignments, figures):
     short, loaded = load(name, assignments)
     trace = tmp_path / "trace.vcd"
-    result, folder = run_imager(
-        short, loaded, tmp_path / "run", progress=Silent(), began=0.0, trace=trace,
-        report=write_imager_report,
-    )  # fmt: skip
+    done = run_scenario(
+        short, loaded, tmp_path / "run", options=Options(trace=trace), progress=Silent(), began=0.0
+    )
+    result, folder = done.result, done.folder
     assert result.outcome == "ok" and result.error.ci[1] <= loaded.tolerance
     drawn = [file for file in result.files if file.startswith("figures/")]
     assert len(drawn) == figures and all((folder / file).exists() for file in result.files)

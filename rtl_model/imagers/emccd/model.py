@@ -1,4 +1,4 @@
-"""The frame-transfer EMCCD of a scenario: made, foreseen, judged."""
+"""The frame-transfer EMCCD of a scenario: built, foreseen, measured."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.emccd import Cooler, Emccd, Settings, Timing, frame_seconds
-from rtl_model.imagers.run.machine import Expected, Taken, saturation
+from rtl_model.imagers.emccd.cooling import Cooler
+from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.section import EmccdSection
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_seconds
+from rtl_model.imagers.report.imager_run import ImagerRun
+from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
-from rtl_model.imagers.sections import EmccdSection
 from sensor.imagers import PixelModel
 from sensor.imagers.emccd import EmccdPixels, HighVoltage, excess_noise_squared
 
-__all__ = ["STEP", "WARM", "EmccdMachine", "cooler_of"]
+__all__ = ["STEP", "WARM", "EmccdModel", "cooler_of"]
 
 STEP: Final = 1e-5
 """Seconds of one step of exposure."""
@@ -35,8 +38,13 @@ def cooler_of(section: EmccdSection) -> Cooler:
 
 
 @dataclass(frozen=True)
-class EmccdMachine:
-    """See `Machine`. seconds: of the run, in which pulses of external sync come."""
+class EmccdModel(ImagerModel):
+    """See `ImagerModel`.
+
+    Attributes:
+        section: of the scenario.
+        seconds: duration of the run, during which pulses of external sync come.
+    """
 
     section: EmccdSection
     seconds: float
@@ -83,20 +91,20 @@ class EmccdMachine:
     def _written(self, register: str) -> list[int]:
         return [v for _, name, v in self.section.writes if name.removeprefix("emccd_") == register]
 
-    def models(self, pixels: PixelModel) -> Sequence[PixelModel]:
+    def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
         """At every gain that is written."""
         assert isinstance(pixels, EmccdPixels)
         steps = sorted({self.step, *(v for v in self._written("gain") if v < 256)})
         return [replace(pixels, gain=self.voltage.gain(step)) for step in steps]
 
-    def expected(self, view: View, stop: int) -> Expected:
+    def exposures(self, view: View, stop: int) -> ExposureRange:
         """Exposures that are written; frames as the sequence of writes makes them, a cycle that is
         at work not changed."""
         s, timing = self.section, Timing()
         steps = [max(round(s.exposure / STEP), 1), *(v for v in self._written("exposure") if v)]
         span = min(steps) * STEP, max(steps) * STEP
         light = float(view.least.min()) * span[0], float(view.most.max()) * span[1]
-        return Expected(light, span, self._frames(timing, stop))
+        return ExposureRange(light, span, self._frames(timing, stop))
 
     def _frames(self, timing: Timing, stop: int) -> int:
         s = self.section
@@ -125,12 +133,12 @@ class EmccdMachine:
             frames += now * PS <= stop
         return int(frames)
 
-    def metrics(self, taken: Sequence[Taken], view: View, imager: Any) -> dict[str, Metric]:
+    def metrics(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> dict[str, Metric]:
         timing = Timing()
-        rates = [timing.clock_hz / t.state["frame_clocks"] for t in taken]
-        gains = [t.state["gain"] for t in taken]
-        last = taken[-1]
-        celsius = [t.state["kelvin"] - KELVIN for t in taken]
+        rates = [timing.clock_hz / t.state["frame_clocks"] for t in frames]
+        gains = [t.state["gain"] for t in frames]
+        last = frames[-1]
+        celsius = [t.state["kelvin"] - KELVIN for t in frames]
         excess = excess_noise_squared(last.state["gain"], self.pixels.stages)
         return {
             "cycle_rate_slowest": Metric(min(rates), "Hz"),
@@ -141,25 +149,30 @@ class EmccdMachine:
             "effective_read_noise": Metric(self.pixels.read_noise / last.state["gain"], "e"),
             "temperature": Metric(float(np.mean(celsius)), "degC"),
             "temperature_spread": Metric(float(np.std(celsius)), "K"),
-            **saturation(taken),
+            **saturation(frames),
             "pulses_lost": Metric(float(imager.read("emccd_pulses_lost")), "1"),
         }
 
-    def latency(self, taken: Sequence[Taken], view: View) -> list[Latency]:
+    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
         """From the exposure's beginning to the last pixel read, and from each write to the first
         frame that was exposed with it."""
-        spans = [(t.ready - t.begin) * 1e-6 for t in taken]
+        spans = [(t.ready - t.begin) * 1e-6 for t in frames]
         rows = [_row("exposure's beginning to the frame read", spans)]
         waits = []
         for seconds in sorted({w[0] for w in self.section.writes}):
             ps = seconds_to_ps(seconds)
-            later = [t for t in taken if _began(t) > ps]
+            later = [t for t in frames if _began(t) > ps]
             if later:
                 waits.append((later[0].ready - ps) * 1e-6)
         return [*rows, *([_row("register write to the first frame of it", waits)] if waits else [])]
 
+    def sections(self, run: ImagerRun) -> str:
+        from rtl_model.imagers.emccd.pages import emccd_sections  # pages import this module
 
-def _began(frame: Taken) -> int:
+        return emccd_sections(self, run)
+
+
+def _began(frame: FrameFigures) -> int:
     """When a frame's cycle took its parameters, ps: a frame transfer before its exposure."""
     timing = Timing()
     return frame.begin - timing.rows * timing.transfer * PS // timing.clock_hz

@@ -1,9 +1,9 @@
-"""What an observer sees of the patches: cameras' words on displays, compared as radiance.
+"""The paired trial with displays: cameras' words on displays of patches, compared as radiance.
 
-Radiance is relative, white of the panel = 1, as the chosen observer integrates it around each of
-its instants. The truth is the reference camera's words on the display with everything. A moving eye
-sees each patch go on round its edges (`display/panels/pixels.py`): that measures what timing costs
-between the pixels of a tile, and not what an edge between two tiles would add.
+Radiance is relative to the panel's white, as the chosen observer integrates it around each of its
+instants. The truth is the reference camera's words on the display with every effect. For a moving
+eye a patch continues periodically at its edges (`display/trial/pixels.py`): the trial measures what
+timing changes between the pixels of a tile, and not what an edge between two tiles would add.
 """
 
 from __future__ import annotations
@@ -16,46 +16,57 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light
-from cosim.plan.paired import Measured, Paired, Span, Values, Words, compare, worst
+from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, Words, compare, worst
 from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import pack_planes, unpack_planes
-from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye
+from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.setting import DisplaySetting
 from display.trial.pixels import PatchDisplay
-from sensor.latched.patches import PatchCamera
 
-__all__ = ["TRUTH", "Shown", "ShownPaired", "ShownPatches", "left_out_of"]
+__all__ = ["TRUTH", "DisplayPatches", "DisplayTrial", "TrialDisplay", "partial_displays"]
 
 TRUTH = "truth"
+"""Name of the display with every effect."""
 _NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}
-PREFIX = "shown/"
+PREFIX = "display/"
 SPAN = "planes within "
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A display to be checked. full: with everything. run: as planned. cycles: of the run."""
+class TrialDisplay:
+    """A display whose plan is checked.
+
+    Attributes:
+        full: with every effect.
+        run: as planned.
+        cycles: of the run.
+    """
 
     full: DisplaySetting
     run: DisplaySetting
     cycles: int
 
     @property
-    def seen_by(self) -> str:
-        """The observer, in words."""
+    def observer_name(self) -> str:
         return _NAMES.get(type(self.full.observer), "the observer")
 
 
 def _joined(parts: list[tuple[Words, int]]) -> Words:
-    """Words of stretches that follow each other, each of so many cycles."""
+    """Words of consecutive (words, cycles)."""
     if len(parts) == 1:
         return parts[0][0]
     planes = [unpack_planes(words[:, None, :], 0, cycles) for words, cycles in parts]
     return pack_planes(np.concatenate(planes))[:, 0]
 
 
-class ShownPatches:
-    """Displays on patches. settings: by name, each with the name of the camera whose words it
-    shows. floor: spikes a cycle."""
+class DisplayPatches:
+    """Displays on patches.
+
+    Args:
+        plane: the patches.
+        settings: by name, each with the name of the camera whose words the display shows.
+        floor: least rate that an error is relative to, spikes a cycle.
+    """
 
     def __init__(
         self, plane: PatchPlane, settings: dict[str, tuple[str, DisplaySetting]], floor: float
@@ -70,12 +81,12 @@ class ShownPatches:
         self._floor = floor / next(iter(settings.values()))[1].panel.white_rate
 
     def take(self, camera: str, words: Words, cycles: int) -> None:
-        """What a camera latched next, (words, pixels); it is shown at the block's end."""
+        """Takes the next words of a camera, (words, pixels); `show` shows them."""
         if camera in self._of.values():
             self._waiting.setdefault(camera, []).append((words, cycles))
 
     def show(self, block: Block) -> None:
-        """Shows a block whole: spans of planes begin with it, as in the run."""
+        """Shows the words of a whole block: spans of planes begin with it, as in the run."""
         joined = {camera: _joined(parts) for camera, parts in self._waiting.items()}
         self._waiting.clear()
         for name, display in self._displays.items():
@@ -90,7 +101,7 @@ class ShownPatches:
         return compare(self.images(name), self.images(truth), self._floor)[2]
 
     def error(self, name: str, truth: str = TRUTH) -> Measured:
-        """The worst."""
+        """The largest error of a display, over images and patches."""
         return worst(self.images(name), self.images(truth), self._floor)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
@@ -110,55 +121,64 @@ class ShownPatches:
             })  # fmt: skip
 
 
-class ShownPaired(Paired):
-    """Cameras on patches, and displays that show what they latch. shown: None for none."""
+class DisplayTrial(Paired):
+    """Cameras on patches, and displays that show their words.
+
+    Args:
+        plane, cameras, spans: see `Paired`.
+        displays: None for a trial of cameras only.
+    """
 
     def __init__(
         self,
         plane: PatchPlane,
-        cameras: Mapping[str, PatchCamera],
+        cameras: Mapping[str, TrialCamera],
         spans: Sequence[Span],
-        shown: ShownPatches | None,
+        displays: DisplayPatches | None,
     ) -> None:
         super().__init__(plane, cameras, spans)
-        self.shown = shown
+        self.displays = displays
 
     def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
-        if self.shown is not None:
-            self.shown.take(name, words, cycles)
+        if self.displays is not None:
+            self.displays.take(name, words, cycles)
 
     def step(self, light: Light, block: Block) -> Light:
-        """Films the patches of a block and shows them; the light goes on as it came."""
+        """Exposes the patches to a block of light and shows the words; passes the light on."""
         out = super().step(light, block)
-        if self.shown is not None:
-            self.shown.show(block)
+        if self.displays is not None:
+            self.displays.show(block)
         return out
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
-        if self.shown is None:
+        if self.displays is None:
             return super().state()
-        return super().state() | {f"{PREFIX}{k}": v for k, v in self.shown.state().items()}
+        return super().state() | {f"{PREFIX}{k}": v for k, v in self.displays.state().items()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
         mine = {k: v for k, v in state.items() if k.startswith(PREFIX)}
         super().restore({k: v for k, v in state.items() if k not in mine})
-        if self.shown is not None:
-            self.shown.restore({k.removeprefix(PREFIX): v for k, v in mine.items()})
+        if self.displays is not None:
+            self.displays.restore({k.removeprefix(PREFIX): v for k, v in mine.items()})
 
 
-def left_out_of(shown: Shown, names: Sequence[str]) -> dict[str, tuple[str, DisplaySetting]]:
-    """Of each of these effects that the display has left out: the display without it, and the name
-    of the one to compare it with. Coarser spans are compared with the finer ones alone."""
-    made: dict[str, tuple[str, DisplaySetting]] = {}
-    mine = [effect.name for effect in shown.full.kept if effect.name in names]
+def partial_displays(
+    display: TrialDisplay, names: Sequence[str]
+) -> dict[str, tuple[str, DisplaySetting]]:
+    """The display without each of these effects, with the name of the display to compare it with.
+
+    Names of other effects are ignored. Coarser spans are compared with the next finer ones.
+    """
+    partial: dict[str, tuple[str, DisplaySetting]] = {}
+    own = [effect.name for effect in display.full.kept if effect.name in names]
     spans: list[str] = []
-    for name in mine:
+    for name in own:
         if name.startswith(SPAN):
             before = f"without {spans[-1]}" if spans else TRUTH
             spans.append(name)
-            made[name] = before, shown.full.without(spans)
+            partial[name] = before, display.full.without(spans)
         else:
-            made[name] = TRUTH, shown.full.without([name])
-    return made
+            partial[name] = TRUTH, display.full.without([name])
+    return partial

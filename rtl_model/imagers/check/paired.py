@@ -1,12 +1,12 @@
-"""What a plan has cost: patches of the run's own exposures, converted again and again with
-everything and as planned, with the same random numbers.
+"""The error of a plan: patches of a run's exposures are converted repeatedly, with every effect and
+as planned, with the same random numbers.
 
-Of every pixel the mean and the temporal variance over the repeats are known in both ways. The error
-of a patch is the larger of two: the RMS over its pixels of the mean's change, over the patch's mean
-(at least one DN), and the change of its temporal noise, over that noise (at least what one DN's
-rounding makes). The repeats' own noise in the mean's change is taken off: E[(mean of d)^2] is the
-squared shift plus var(d)/R. Limits hold at 99.9 % for all patches together, a pixel's square being
-taken as one of many alike.
+The repeats give the mean and the temporal variance of every pixel in both ways. The error of a
+patch is the larger of two: the RMS over its pixels of the mean's change, relative to the patch's
+mean (at least one DN), and the change of its temporal noise, relative to that noise (at least the
+noise of rounding to one DN). The noise of R repeats is subtracted from the mean's change d:
+E[(mean of d)^2] is the squared shift plus var(d)/R. Limits hold at 99.9 % for all patches together;
+squares of pixels are taken as samples of one distribution.
 """
 
 from __future__ import annotations
@@ -17,13 +17,18 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtri
 
 from cosim.plan.paired import CONFIDENCE
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = [
-    "ROUNDING", "STRIP", "Compared", "Patches", "PlanPatches", "compared", "cut_rows", "strips",
+    "STRIP", "PairedError", "Patches", "PlanPatches", "cut_rows", "paired_error", "strips",
+    "watched_frames",
 ]  # fmt: skip
+
+WATCHED: Final = 4
+"""Frames, evenly spaced, whose exposures the plan is checked on."""
 
 REPEATS: Final = (32, 256)
 """Conversions of each patch in each way, least and most: `VALUES` of a strip between."""
@@ -42,9 +47,13 @@ Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Compared:
-    """mean, noise: relative change of a patch's mean and of its temporal noise, with the low and
-    high limit of the larger."""
+class PairedError:
+    """The error of a patch.
+
+    Attributes:
+        mean, noise: relative change of its mean and of its temporal noise.
+        low, high: limits of the larger of the two.
+    """
 
     mean: float
     noise: float
@@ -56,10 +65,13 @@ class Compared:
         return max(self.mean, self.noise)
 
 
-def compared(planned: Values, full: Values, many: int) -> Compared:
-    """planned, full: (repeats, pixels) DN of one patch, paired. many: of patches in all."""
-    from scipy.special import ndtri
+def paired_error(planned: Values, full: Values, many: int) -> PairedError:
+    """The error of one patch.
 
+    Args:
+        planned, full: (repeats, pixels) DN, as planned and with every effect.
+        many: number of patches for which the limits hold together.
+    """
     repeats, pixels = full.shape
     wide = -float(ndtri((1 - CONFIDENCE) / 4 / max(many, 1)))
     step = planned - full
@@ -75,12 +87,17 @@ def compared(planned: Values, full: Values, many: int) -> Compared:
     change = abs(float(gain.mean())) / under
     doubt = wide * float(gain.std()) / np.sqrt(pixels) / under
     low, high = max(change - doubt, 0.0), change + doubt
-    return Compared(mean, change, max(mean_low, low), max(mean_high, high))
+    return PairedError(mean, change, max(mean_low, low), max(mean_high, high))
+
+
+def watched_frames(frames: int) -> list[int]:
+    """Numbers of the frames to check, evenly spaced within a run of so many."""
+    return sorted({int((n + 0.5) * frames / WATCHED) for n in range(WATCHED)})
 
 
 def strips(rows: Exposed) -> list[slice]:
-    """Strips of rows that stand for a frame: near its top, in its middle, near its bottom."""
-    # Of rows that are exposed together only a window may be read.
+    """Strips of rows that represent a frame: near its top, in its middle, near its bottom."""
+    # A frame transfer exposes all rows together and may read a window of them.
     window = getattr(rows, "read", None) or (0, rows.lux_seconds.shape[0])
     begin, end = window[0], sum(window)
     spare = max(end - begin - STRIP, 0)
@@ -89,7 +106,7 @@ def strips(rows: Exposed) -> list[slice]:
 
 
 def cut_rows(rows: Exposed, at: slice) -> Exposed:
-    """These rows alone."""
+    """The exposure of these rows alone."""
     every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
     return replace(
         rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
@@ -98,10 +115,16 @@ def cut_rows(rows: Exposed, at: slice) -> Exposed:
 
 
 class Patches:
-    """Watches a run's exposures and compares chosen ones.
+    """Compares ways of converting chosen exposures of a run.
 
-    ways: sets of effects that are kept, by name, each held against `full`, all of them. frames:
-    numbers of the frames that are looked at.
+    Attributes:
+        count: patches that have been compared.
+
+    Args:
+        full: all effects.
+        ways: sets of effects that are kept, by name; each is compared with `full`.
+        seed: of the temporal noise.
+        frames: numbers of the frames to compare.
     """
 
     def __init__(
@@ -111,11 +134,10 @@ class Patches:
         self._full, self._seed, self._frames = full, seed, frozenset(frames)
         self._ways = dict(ways)
         self._pairs: dict[str, list[tuple[Values, Values]]] = {name: [] for name in ways}
-        self.seen = 0
-        """Patches."""
+        self.count = 0
 
     def __call__(self, rows: Exposed, pixels: PixelModel) -> None:
-        """Looks at rows that have just been converted, if their frame is one of the chosen."""
+        """Compares rows that have just been converted, if their frame is one of the chosen."""
         if rows.frame not in self._frames or not self._ways:
             return
         for at in strips(rows):
@@ -139,19 +161,19 @@ class Patches:
             return [part.reshape(many, -1) for part in parts if part.size]
 
         full = repeats(self._full)
-        self.seen += len(full)
+        self.count += len(full)
         for name, kept in self._ways.items():
             self._pairs[name] += zip(repeats(kept), full, strict=True)
 
-    def of(self, name: str) -> Compared | None:
-        """The worst patch of one way; None where nothing was looked at. Its upper limit holds for
-        all of them."""
+    def of(self, name: str) -> PairedError | None:
+        """The worst patch of one way, with the largest upper limit of all patches; None if there
+        was none."""
         pairs = self._pairs.get(name, [])
-        found = [compared(planned, full, len(pairs)) for planned, full in pairs]
-        if not found:
+        errors = [paired_error(planned, full, len(pairs)) for planned, full in pairs]
+        if not errors:
             return None
-        worst = max(found, key=lambda c: c.value)
-        return replace(worst, high=max(c.high for c in found))
+        worst = max(errors, key=lambda error: error.value)
+        return replace(worst, high=max(error.high for error in errors))
 
 
 class PlanPatches(Patches):
@@ -167,10 +189,10 @@ class PlanPatches(Patches):
         super().__init__(full, ways, seed, frames)
         self._out = list(out)
 
-    def planned(self) -> Compared | None:
-        """Of the plan; None where nothing was looked at."""
-        return self.of(_PLAN) if self._out else Compared(0.0, 0.0, 0.0, 0.0)
+    def planned(self) -> PairedError | None:
+        """Of the plan; None if no frame was compared."""
+        return self.of(_PLAN) if self._out else PairedError(0.0, 0.0, 0.0, 0.0)
 
-    def measured(self, effect: str) -> Compared | None:
+    def measured(self, effect: str) -> PairedError | None:
         """Of leaving out one effect alone."""
         return self.of(effect if len(self._out) > 1 else _PLAN)

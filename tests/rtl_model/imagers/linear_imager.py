@@ -4,6 +4,7 @@ that halves its exposure when a frame is too bright. For tests of what is common
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from cosim.compute.streams import Stream
 from cosim.frames import Frame
 from cosim.plan.effects import Bound, Effect
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.run.machine import Expected
-from sensor.imagers import ImagerSummary, normal, poisson
+from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.run.model import ExposureRange, ImagerModel
+from rtl_model.imagers.section import ImagerSection
+from sensor.imagers import Exposed, ImagerSummary, normal, poisson
 
 ELECTRONS = 2000.0
 """Photoelectrons in one lux second."""
@@ -86,8 +89,6 @@ class LinearImager:
     def film(self, scene, until, *, seed, kept, trace=None):
         rows = self.pixels.shape[0]
         number = 0
-        from sensor.imagers import Exposed
-
         while (number + 1) * FRAME <= until:
             if number == self.broken:
                 raise KeyboardInterrupt
@@ -105,7 +106,7 @@ class LinearImager:
 
 
 @dataclass
-class LinearMachine:
+class LinearModel(ImagerModel):
     shape: tuple = (24, 32)
     exposure: int = FRAME // 4
     broken: int | None = None
@@ -115,16 +116,29 @@ class LinearMachine:
         self.made.append(LinearImager(self.shape, self.exposure, self.broken))
         return self.made[-1]
 
-    def models(self, pixels):
-        return [pixels]
-
-    def expected(self, view, stop):
+    def exposures(self, view, stop):
         seconds = self.exposure * 1e-12
         light = float(view.least.min()) * seconds, float(view.most.max()) * seconds
-        return Expected(light, (seconds, seconds), stop // FRAME)
+        return ExposureRange(light, (seconds, seconds), stop // FRAME)
 
-    def metrics(self, taken, view, imager):
-        return {"mean": Metric(taken[-1].mean, "DN")}
+    def metrics(self, frames, view, imager):
+        return {"mean": Metric(frames[-1].mean, "DN")}
 
-    def latency(self, taken, view):
+    def latency(self, frames, view):
         return [Latency("exposure", 1.0, 1.0, 1.0)]
+
+
+class LinearSection(ImagerSection):
+    kind: Literal["linear"]
+
+
+class LinearKind(ImagerKind):
+    """Gives the model that a test has put in its place."""
+
+    name, title, section = "linear", "linear imager", LinearSection
+
+    def __init__(self):
+        self.next = LinearModel()
+
+    def model(self, section, seconds):
+        return self.next

@@ -9,7 +9,7 @@ from __future__ import annotations
 from rtl_model.imagers.ebaps.exposure import WINDOW
 from rtl_model.imagers.ebaps.sequencer import Read, Sequencer, Shot
 
-__all__ = ["machine"]
+__all__ = ["bus_target"]
 
 _WANTED = 20_000_000
 """ns."""
@@ -21,6 +21,6 @@ def _steady(shot: Shot) -> Read:
     return Read(total, total, 1)
 
 
-def machine() -> Sequencer:
-    """A `Machine` for the bus."""
+def bus_target() -> Sequencer:
+    """A `BusTarget`."""
     return Sequencer(_steady)

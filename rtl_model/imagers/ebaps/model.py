@@ -1,4 +1,4 @@
-"""The EBAPS board of a scenario: made, foreseen, judged."""
+"""The EBAPS board of a scenario: how it is built, what a run may meet, what its frames say."""
 
 from __future__ import annotations
 
@@ -8,31 +8,30 @@ from typing import Any
 
 import numpy as np
 
+from cosim.light.charts import ASPECT, bar_width, regions
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.ebaps import (
-    DARKS,
-    LIVE,
-    Ebaps,
-    ExposureRule,
-    Timing,
-    residual_variance,
-)
-from rtl_model.imagers.run.machine import Expected, Taken
+from rtl_model.imagers.ebaps.darks import DARKS, residual_variance
+from rtl_model.imagers.ebaps.exposure import ExposureRule
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.judge import EbapsJudge
+from rtl_model.imagers.ebaps.regions import LIVE
+from rtl_model.imagers.ebaps.section import EbapsSection
+from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.imagers.report.imager_run import ImagerRun
+from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
-from rtl_model.imagers.sections import EbapsSection
-from scenarios.scenes.charts.target_art import ASPECT, bar_width, regions
 from sensor.imagers import PixelModel
 from sensor.imagers.ebaps import EbapsPixels
 
-__all__ = ["KELVIN", "EbapsMachine", "live", "settled_at"]
+__all__ = ["KELVIN", "EbapsModel", "live", "settled_at"]
 
 KELVIN = 273.15
 
 
 @dataclass(frozen=True)
-class EbapsMachine:
-    """See `Machine`."""
+class EbapsModel(ImagerModel):
+    """See `ImagerModel`."""
 
     section: EbapsSection
 
@@ -61,7 +60,7 @@ class EbapsMachine:
         write_all(imager, s.writes)
         return imager
 
-    def models(self, pixels: PixelModel) -> Sequence[PixelModel]:
+    def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
         """At every high voltage that is written."""
         assert isinstance(pixels, EbapsPixels)
         volts = {-self.section.high_voltage}
@@ -71,7 +70,7 @@ class EbapsMachine:
         }  # fmt: skip
         return [pixels.at(volts=v) for v in sorted(volts)]
 
-    def expected(self, view: View, stop: int) -> Expected:
+    def exposures(self, view: View, stop: int) -> ExposureRange:
         """Exposures from the shortest to the longest where the loop is on."""
         s, rule, timing = self.section, ExposureRule(), Timing()
         written = [
@@ -86,12 +85,12 @@ class EbapsMachine:
         while timing.ps(timing.ready(frames)) <= stop:
             frames += 1
         light = float(view.least.min()) * span[0], float(view.most.max()) * span[1]
-        return Expected(light, span, frames)
+        return ExposureRange(light, span, frames)
 
-    def metrics(self, taken: Sequence[Taken], view: View, imager: Any) -> dict[str, Metric]:
-        shown = live(taken)
-        at = settled_at(taken)
-        last = shown[-1] if shown else taken[-1]
+    def metrics(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> dict[str, Metric]:
+        shown = live(frames)
+        at = settled_at(frames)
+        last = shown[-1] if shown else frames[-1]
         return {
             "exposure": Metric(last.state["exposure_ns"] * 1e-6, "ms"),
             "mean_brightness": Metric(last.state["mean"], "DN"),
@@ -104,7 +103,7 @@ class EbapsMachine:
             "gain": Metric(
                 self.pixels.tube.gain(last.state["high_voltage"]), "electrons/photoelectron"
             ),
-            "dark_frames": Metric(sum(t.state["key"] for t in taken), "1"),
+            "dark_frames": Metric(sum(t.state["key"] for t in frames), "1"),
             **self._seen(view, imager),
         }
 
@@ -133,9 +132,9 @@ class EbapsMachine:
         made["contrast_to_noise"] = Metric(step * np.sqrt(ASPECT) * bar / sigma, "1")
         return made
 
-    def latency(self, taken: Sequence[Taken], view: View) -> list[Latency]:
+    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
         """From a row's exposure's beginning to the frame's last pixel read."""
-        spans = [(t.ready - t.begin) * 1e-6 for t in live(taken)]
+        spans = [(t.ready - t.begin) * 1e-6 for t in live(frames)]
         if not spans:
             return []
         return [
@@ -145,17 +144,27 @@ class EbapsMachine:
             )
         ]  # fmt: skip
 
+    def judge(
+        self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int
+    ) -> EbapsJudge:
+        return EbapsJudge(imager, full, kept, seed)
 
-def live(taken: Sequence[Taken]) -> list[Taken]:
+    def sections(self, run: ImagerRun) -> str:
+        from rtl_model.imagers.ebaps.pages import ebaps_sections  # pages import this module
+
+        return ebaps_sections(self, run)
+
+
+def live(frames: Sequence[FrameFigures]) -> list[FrameFigures]:
     """Frames of the scene, those of the dark aside."""
-    return [t for t in taken if not t.state["key"]]
+    return [t for t in frames if not t.state["key"]]
 
 
-def settled_at(taken: Sequence[Taken]) -> int | None:
+def settled_at(frames: Sequence[FrameFigures]) -> int | None:
     """Number of the first live frame from which on all say that the loop rests; None where the
     last does not."""
     found = None
-    for frame in reversed(live(taken)):
+    for frame in reversed(live(frames)):
         if not frame.state["settled"]:
             break
         found = frame.number

@@ -5,13 +5,17 @@ import numpy as np
 import pytest
 
 from cosim import PS
-from rtl_model.imagers.adaptive import AdaptiveExposure, light_for
-from rtl_model.imagers.ebaps import Ebaps
-from rtl_model.imagers.run.decisions import Decided, Decisions
+from cosim.run.machine import Options
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.judge import AdaptiveJudge
+from rtl_model.imagers.adaptive.loop import light_for
+from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.run.tape import NoTape, Taped
-from rtl_model.imagers.run.view import make_view
 from scenarios.assemble.loading import load
-from scenarios.assemble.run_imager import run_imager
+from scenarios.assemble.view import make_view
+from scenarios.run import run_scenario
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.ebaps import EbapsPixels
@@ -43,13 +47,15 @@ def ebaps(**registers):
 def filmed(imager, scene, stop, kept, seed):
     """The exposures of the run, and what the check says of its decisions."""
     full = frozenset(imager.pixels.effects)
-    decisions = Decisions(imager, full, kept, seed)
+    judge = {"adaptive-exposure": AdaptiveJudge, "ebaps": EbapsJudge}[imager.name]
+    left_out = bool(full - kept)
+    decisions = Decisions(judge(imager, full, kept, seed) if left_out else None, full, seed)
     imager.pixels = Taped(imager.pixels, NoTape(), decisions.see)
     exposures = []
     for frame in imager.film(scene, stop, seed=seed, kept=kept):
         decisions.frame(frame)
         exposures.append(int(frame.end[-1] - frame.begin[-1]))
-    return exposures, decisions.decided()
+    return exposures, decisions.result()
 
 
 def first_difference(one, other):
@@ -61,17 +67,17 @@ def test_adaptive_exposure_far_from_every_limit_says_that_nothing_could_flip():
     """192 DN at the shortest exposure, from the first frame on; all noise left out."""
     scene = Still(np.full(SHAPE, light_for(1, 192.0)))
     _, decided = filmed(adaptive(), scene, PS // 8, frozenset({"shot noise"}), 1)
-    assert decided.looked > 8 and decided == Decided(decided.looked, 0, None, 0.0)
-    assert decided.told().startswith("no decision of its controller could turn out otherwise")
+    assert decided.examined > 8 and decided == DecisionCheck(decided.examined, 0, None, 0.0)
+    assert decided.text().startswith("no decision of its controller could turn out otherwise")
 
 
 def test_adaptive_exposure_at_a_limit_flips_and_its_change_is_told():
     """126 DN without the pattern is lengthened to 252; with it some pixel reads 128 and keeps."""
     scene = Still(np.full(SHAPE, light_for(1, 126.5)))
     _, decided = filmed(adaptive(), scene, PS // 8, frozenset(), 1)
-    assert decided.flipped == 0 and decided.close == 1
+    assert decided.differs_at == 0 and decided.close == 1
     assert decided.change == pytest.approx(1.0, abs=0.05)  # twice the exposure
-    assert "full physics decides otherwise on frame 0" in decided.told()
+    assert "full physics decides otherwise on frame 0" in decided.text()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -94,9 +100,9 @@ def test_adaptive_exposure_flips_where_full_physics_does(seed):
             assert kept == full
         elif differs is None:
             # Only the last two frames' decisions are not seen in an exposure.
-            assert decided.flipped is None or decided.flipped >= len(exposures) - 2
+            assert decided.differs_at is None or decided.differs_at >= len(exposures) - 2
         else:
-            assert decided.flipped == differs - 2
+            assert decided.differs_at == differs - 2
             flips += 1
     assert flips
 
@@ -121,13 +127,13 @@ def test_an_ebaps_in_the_middle_of_its_window_could_not_flip_and_at_its_edge_doe
             runs.append(filmed(camera, scene, PS // 4, way, 3))
         (exposures, decided), (truth, _) = runs
         differs = first_difference(exposures, truth)
-        assert (decided.flipped is not None) == flips == (differs is not None)
+        assert (decided.differs_at is not None) == flips == (differs is not None)
         if flips:
-            assert decided.flipped == 0 and differs == 2
+            assert decided.differs_at == 0 and differs == 2
             # One step of 0.64 ms; of the value, a part of which is the black level.
             assert 0.4 * 0.64 / 17.024 < decided.change < 1.1 * 0.64 / 16.384
         else:
-            assert decided.close == 0 and "no decision" in decided.told()
+            assert decided.close == 0 and "no decision" in decided.text()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -147,9 +153,9 @@ def test_an_ebaps_flips_where_full_physics_does(seed):
         (exposures, decided), (truth, _) = made
         differs = first_difference(exposures, truth)
         if decided is None or differs is None:
-            assert decided is None or (decided.flipped or 99) >= len(exposures) - 2
+            assert decided is None or (decided.differs_at or 99) >= len(exposures) - 2
         else:
-            assert decided.flipped is not None and decided.flipped < differs
+            assert decided.differs_at is not None and decided.differs_at < differs
 
 
 def test_a_run_puts_back_what_changes_a_decision(tmp_path):
@@ -166,15 +172,15 @@ def test_a_run_puts_back_what_changes_a_decision(tmp_path):
         lux = light_for(1, 126.0) / white
         _, loaded = load("adaptive-exposure", [*keys, f"scene.illuminance={lux:g} lux"])
         lines = []
-        result, _ = run_imager(
-            "x", loaded, tmp_path / str(tolerance), progress=Silent(), began=0.0,
-            report=lambda run, lines=lines: lines.append(run.filmed.decided) or [],
+        done = run_scenario(
+            "x", loaded, tmp_path / str(tolerance), options=Options(), progress=Silent(), began=0.0,
+            report=lambda _, run, lines=lines: lines.append(run.recording.chain.decisions) or [],
         )  # fmt: skip
-        found[tolerance] = result, lines[0]
+        found[tolerance] = done.result, lines[0]
     result, decided = found[1.0]
-    assert decided.flipped is not None and decided.change == pytest.approx(0.5, abs=0.05)
+    assert decided.differs_at is not None and decided.change == pytest.approx(0.5, abs=0.05)
     assert result.error.ci[1] >= result.error.value >= decided.change
-    assert f"full physics decides otherwise on frame {decided.flipped}" in result.error.kind
+    assert f"full physics decides otherwise on frame {decided.differs_at}" in result.error.kind
     result, decided = found[0.3]
     assert result.outcome == "ok" and result.error.ci[1] <= 0.3
-    assert decided is None or decided.flipped is None
+    assert decided is None or decided.differs_at is None

@@ -1,4 +1,4 @@
-"""The adaptive-exposure sensor of a scenario: made, foreseen, judged."""
+"""The adaptive-exposure sensor of a scenario: built, foreseen, measured."""
 
 from __future__ import annotations
 
@@ -11,22 +11,20 @@ import numpy as np
 
 from cosim import InputError
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.adaptive import (
-    MINIMUM_CLOCKS,
-    AdaptiveExposure,
-    Search,
-    Sequencer,
-    Timing,
-    decide,
-)
-from rtl_model.imagers.run.machine import Expected, Taken, saturation
+from rtl_model.imagers.adaptive.decision import Search, decide
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.judge import AdaptiveJudge
+from rtl_model.imagers.adaptive.section import AdaptiveSection
+from rtl_model.imagers.adaptive.sequencer import Sequencer
+from rtl_model.imagers.adaptive.timing import MINIMUM_CLOCKS, Timing
+from rtl_model.imagers.report.imager_run import ImagerRun
+from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
-from rtl_model.imagers.sections import AdaptiveSection
 from sensor.imagers import PixelModel, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 
-__all__ = ["HALF", "AdaptiveMachine", "Change", "changes", "right"]
+__all__ = ["HALF", "AdaptiveModel", "Change", "changes", "right"]
 
 FULL: Final = 255
 """Largest value of 8 bits; the controller says 256 for no value."""
@@ -38,8 +36,8 @@ MARGIN: Final = 2.0
 
 
 @dataclass(frozen=True)
-class AdaptiveMachine:
-    """See `Machine`."""
+class AdaptiveModel(ImagerModel):
+    """See `ImagerModel`."""
 
     section: AdaptiveSection
 
@@ -89,10 +87,10 @@ class AdaptiveMachine:
         write_all(imager, s.writes)
         return imager
 
-    def models(self, pixels: PixelModel) -> Sequence[PixelModel]:
+    def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
         return [pixels]
 
-    def expected(self, view: View, stop: int) -> Expected:
+    def exposures(self, view: View, stop: int) -> ExposureRange:
         """Exposures that the controller chooses for the brightest pixel, without noise, and half
         and double of them."""
         s, timing, setting = self.section, self.timing, self.setting
@@ -122,44 +120,43 @@ class AdaptiveMachine:
             lux = view.scenery.lux
             dark = float(lux.min()) / max(float(lux.max()), 1e-300)
         if not s.adapt:
-            return Expected(
+            return ExposureRange(
                 (min(light) * dark, max(light)), (min(seconds), max(seconds)), len(spans)
             )
         least, most = unit / timing.clock.hz, (unit << s.longest) / timing.clock.hz
-        return Expected(
+        return ExposureRange(
             (min(light) * dark / MARGIN, max(light) * MARGIN),
             (max(min(seconds) / MARGIN, least), min(max(seconds) * MARGIN, most)),
             len(spans),
         )  # fmt: skip
 
-    def metrics(self, taken: Sequence[Taken], view: View, imager: Any) -> dict[str, Metric]:
-        met = changes(taken, view)
-        frames = [c.frames for c in met]
+    def metrics(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> dict[str, Metric]:
+        delays = [change.frames for change in changes(frames, view)]
         settled = (
-            None if None in frames else max((f for f in frames if f is not None), default=None)
+            None if None in delays else max((f for f in delays if f is not None), default=None)
         )
         step = self.setting.lsb / self.setting.responsivity / self.setting.gain
-        fine = [t for t in taken if right(t)] or list(taken)
+        fine = [t for t in frames if right(t)] or list(frames)
         seconds = [t.seconds for t in fine]
         covered = FULL * max(seconds) / min(seconds)
-        last = taken[-1]
+        last = frames[-1]
         largest = last.state["largest"]
         return {
             "exposure": Metric(last.seconds * 1e6, "us"),
-            "exposure_shortest": Metric(min(t.seconds for t in taken) * 1e6, "us"),
-            "exposure_longest": Metric(max(t.seconds for t in taken) * 1e6, "us"),
+            "exposure_shortest": Metric(min(t.seconds for t in frames) * 1e6, "us"),
+            "exposure_longest": Metric(max(t.seconds for t in frames) * 1e6, "us"),
             "frames_to_settle": Metric(settled, "frames"),
-            **saturation(taken),
+            **saturation(frames),
             "saturated_pixels": Metric(last.state["saturated"], "pixels"),
             "largest": Metric(largest if largest <= FULL else None, "DN"),
             "dynamic_range": Metric(20 * np.log10(covered), "dB"),
             "brightest": Metric(256 * step / min(seconds), "lux"),
             "dimmest": Metric(step / max(seconds), "lux"),
-            "resets_disturbed": Metric(sum(t.state["disturbed"] for t in taken), "1"),
+            "resets_disturbed": Metric(sum(t.state["disturbed"] for t in frames), "1"),
         }
 
-    def latency(self, taken: Sequence[Taken], view: View) -> list[Latency]:
-        delays = [c.delay * 1e-6 for c in changes(taken, view) if c.delay is not None]
+    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
+        delays = [c.delay * 1e-6 for c in changes(frames, view) if c.delay is not None]
         if not delays:
             return []
         return [
@@ -168,6 +165,16 @@ class AdaptiveMachine:
                 float(np.median(delays)), max(delays),
             )
         ]  # fmt: skip
+
+    def judge(
+        self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int
+    ) -> AdaptiveJudge:
+        return AdaptiveJudge(imager, full, kept, seed)
+
+    def sections(self, run: ImagerRun) -> str:
+        from rtl_model.imagers.adaptive.pages import adaptive_sections  # pages import this module
+
+        return adaptive_sections(self, run)
 
 
 def _brightest(view: View, begin: int, end: int) -> float:
@@ -178,7 +185,7 @@ def _brightest(view: View, begin: int, end: int) -> float:
     return float(view.most.max()) * (end - begin) / 1e12
 
 
-def right(frame: Taken) -> bool:
+def right(frame: FrameFigures) -> bool:
     """Whether the decision that followed from a frame kept its exposure."""
     return frame.state["next_multiplier"] == frame.state["multiplier"] and not frame.state["flag"]
 
@@ -196,7 +203,7 @@ class Change:
     delay: int | None
 
 
-def changes(taken: Sequence[Taken], view: View) -> list[Change]:
+def changes(frames: Sequence[FrameFigures], view: View) -> list[Change]:
     """The jumps of a still scene's course, the run's beginning first."""
     if not isinstance(view.scenery, Still):
         return []
@@ -208,11 +215,11 @@ def changes(taken: Sequence[Taken], view: View) -> list[Change]:
     found = []
     ends = [ps for ps, *_ in jumps[1:]] + [2**62]
     for (ps, before, after), until in zip(jumps, ends, strict=True):
-        inside = [t for t in taken if ps < t.end and t.ready < until]
+        inside = [t for t in frames if ps < t.end and t.ready < until]
         settled = next((t for t in inside if t.begin >= ps and right(t)), None)
         if settled is None:
             found.append(Change(ps, before, after, None, None))
         else:
-            frames = settled.number - inside[0].number
-            found.append(Change(ps, before, after, frames, settled.ready - ps))
+            later = settled.number - inside[0].number
+            found.append(Change(ps, before, after, later, settled.ready - ps))
     return found
