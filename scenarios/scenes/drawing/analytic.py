@@ -10,32 +10,49 @@ import numpy as np
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
 from cosim.light.source import Sketch
 
-__all__ = ["AnalyticScene", "AnalyticSource", "spread_points"]
-
-
-class AnalyticScene(Protocol):
-    """A scene in closed form: reflectance (H, W) float32 in [0, 1] at any instant (s), an upper
-    bound of any edge's speed (pixels/s), the box that holds all change between two instants, and
-    a few pixels worth looking at."""
-
-    @property
-    def shape(self) -> tuple[int, int]: ...
-    def reflectance(self, t: float) -> Plane: ...
-    def speed(self) -> float: ...
-    def moving(self, start: float, stop: float) -> Box: ...
-    def points(self) -> list[tuple[int, int, str]]: ...
+__all__ = ["MOTION_STEP", "AnalyticScene", "AnalyticSource"]
 
 
 MOTION_STEP = 1.0
-"""Pixels that an edge may move between two instants at which an analytic scene is drawn; in
-between, its light runs linearly. An edge then brings every pixel it passes the right light in all,
-at the right time to half this step."""
+"""Largest distance, in pixels, that an edge moves between two instants at which an analytic scene
+is drawn. The light is linear in between. Every pixel that an edge passes then receives the right
+total light, at the right time to half this step."""
+
+
+class AnalyticScene(Protocol):
+    """A scene in closed form.
+
+    Attributes:
+        shape: rows and columns.
+    """
+
+    @property
+    def shape(self) -> tuple[int, int]: ...
+
+    def reflectance(self, t: float) -> Plane:
+        """Reflectance at an instant in seconds, (H, W) float32 in [0, 1]."""
+        ...
+
+    def speed(self) -> float:
+        """Upper bound of the speed of any edge, pixels/s."""
+        ...
+
+    def moving(self, start: float, stop: float) -> Box:
+        """Region that contains all change between two instants in seconds."""
+        ...
+
+    def points(self) -> list[tuple[int, int, str]]:
+        """Pixels that figures show: row, column, name."""
+        ...
 
 
 class AnalyticSource:
-    """An analytic scene under `illuminance` lux, drawn every few cycles of `clock`.
+    """An analytic scene, drawn every few cycles; the `Source` of a run.
 
-    Knots lie on whole cycles counted from 0, so they do not depend on how a run is split.
+    The instants are whole cycles counted from 0, so they do not depend on how a run is split.
+
+    Attributes:
+        pursuit: speed along the rows that an eye follows, pixels/s; None for a scene without one.
     """
 
     def __init__(self, scene: AnalyticScene, illuminance: float, clock: Clock) -> None:
@@ -43,7 +60,6 @@ class AnalyticSource:
         self._lux = np.float32(illuminance)
         self.shape = scene.shape
         self.pursuit: float | None = getattr(scene, "pursuit", None)
-        """Pixels a second along the rows that an eye follows, of a scene that says so."""
         speed = scene.speed()
         self._every = max(1, min(64, math.floor(MOTION_STEP * clock.hz / speed))) if speed else 0
         self._planes: dict[int, Plane] = {}
@@ -64,7 +80,7 @@ class AnalyticSource:
         return self._planes[cycle]
 
     def _piece(self, cycle: int) -> Piece:
-        """The piece that starts at this knot."""
+        """The piece that starts at this cycle, which is a multiple of `_every`."""
         if cycle not in self._pieces:
             start, stop = self._clock.edge(cycle), self._clock.edge(cycle + self._every)
             box = self._scene.moving(start / PS, stop / PS)
@@ -97,14 +113,3 @@ class AnalyticSource:
 
     def points(self) -> list[tuple[int, int, str]]:
         return self._scene.points()
-
-
-def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, str]]:
-    """Pixels spread over a plane, for scenes that name none: low-discrepancy (R2) sequence."""
-    height, width = shape
-    g = 1.32471795724474602596  # plastic number: its powers space the points evenly
-    places = [
-        (int(height * ((0.5 + i / g) % 1)), int(width * ((0.5 + i / g**2) % 1)))
-        for i in range(1, n + 1)
-    ]
-    return [(row, column, f"row {row}, column {column}") for row, column in places]
