@@ -11,7 +11,8 @@ from link.coding import Inbox
 from link.detect.catalogue import DETECTORS
 from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire
-from link.receiving.diagnosis import explain_failure, explain_loss
+from link.receiving.diagnosis.failure import explain_failure
+from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
 from link.receiving.recording import Recording
 from link.receiving.session import Session
