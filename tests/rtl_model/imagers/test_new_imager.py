@@ -178,12 +178,6 @@ class GlobalShutterModel(ImagerModel):
         microseconds = self.section.exposure * 1e6
         return [Latency("exposure", microseconds, microseconds, microseconds)]
 
-    def sections(self, run: ImagerRun) -> str:
-        first: FrameFigures = run.frames[0]
-        return "<h2>Global shutter</h2>" + table(
-            ["what", "value"], [["mean of the first frame", f"{first.mean:.4g} DN"]]
-        )
-
 
 class GlobalShutterComparison(Comparison):
     """See `Comparison`."""
@@ -209,6 +203,12 @@ class GlobalShutterKind(ImagerKind):
 
     def model(self, section: GlobalShutterSection, seconds: float) -> GlobalShutterModel:
         return GlobalShutterModel(section)
+
+    def sections(self, model: GlobalShutterModel, run: ImagerRun) -> str:
+        first: FrameFigures = run.frames[0]
+        return "<h2>Global shutter</h2>" + table(
+            ["what", "value"], [["mean of the first frame", f"{first.mean:.4g} DN"]]
+        )
 
     def comparison(self) -> GlobalShutterComparison:
         return GlobalShutterComparison()
