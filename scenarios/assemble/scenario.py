@@ -9,7 +9,7 @@ from pydantic import Field, TypeAdapter
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
 from link.section import LinkScenario
-from rtl_model.bringup.section import BoardSection
+from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.sections import ImagerLens, ImagerSection
 from scenarios.scenes.sections import SceneSection
 from sensor.sections.sensor import SensorSection

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import BaudReport, Cause, LineFault, find_baud
 from rtl_model.host.uartbone import FINAL, PATIENCE_S
 from rtl_model.registers import MAGIC
@@ -146,7 +146,7 @@ def _spoken(bench: Bench, data: bytes) -> StageFault:
 
 def _off(bench: Bench, seen: str) -> StageFault | None:
     """The fault "baud" where the board answers at another rate, else None."""
-    nominal = bench.given_baud
+    nominal = bench.nominal_baud
     bench.note("no sound answer comes back: looking for the board's baud, which may take a minute")
     try:
         found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log)

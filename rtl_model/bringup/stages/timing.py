@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import NamedTuple
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 
 __all__ = ["check_timing", "clock_rate"]
 
@@ -29,17 +29,17 @@ def check_timing(bench: Bench) -> Figures:
     """Differences of `sensor_frame_clock` must be whole ticks, for both clocks and a longer tick;
     the real frequency is told in ppm with its uncertainty. StageFault tick or clock."""
     size = bench.geometry
-    bench.put("sensor_run", 0)
+    bench.write("sensor_run", 0)
     figures: Figures = {"tick_clocks": size.tick_clocks}
     compared = 0
     for clocks, select in (
         (size.tick_clocks, 0), (size.tick_clocks, 1), (size.tick_clocks + 7, 0), (1, 0),
     ):  # fmt: skip
-        bench.put("sensor_tick_clocks", clocks)
-        bench.put("sensor_clock_select", select)
+        bench.write("sensor_tick_clocks", clocks)
+        bench.write("sensor_clock_select", select)
         compared += _ticks(bench, max(clocks, size.tick_minimum) << select, select)
-    bench.put("sensor_tick_clocks", size.tick_clocks)
-    bench.put("sensor_clock_select", 0)
+    bench.write("sensor_tick_clocks", size.tick_clocks)
+    bench.write("sensor_clock_select", 0)
     hz, doubt = clock_rate(bench)
     ppm, doubt_ppm = 1e6 * (hz / size.clock_hz - 1), 1e6 * doubt / size.clock_hz
     figures |= {"differences": compared, "clock_hz": hz, "clock_doubt_hz": doubt}
@@ -67,23 +67,23 @@ def check_timing(bench: Bench) -> Figures:
 
 def _ticks(bench: Bench, period: int, select: int) -> int:
     """Holds differences of frame clocks against whole periods; how many were held."""
-    before = bench.sure("sensor_frame_clock")
-    bench.put("sensor_run", 1)
+    before = bench.read_stable("sensor_frame_clock")
+    bench.write("sensor_run", 1)
     end = bench.port.now() + 2.0 + 100 * bench.ticks_s(1, select)
     starts: list[int] = []  # of frames that began under these settings
     while len(starts) <= _DIFFERENCES:
-        now = bench.get("sensor_frame_clock")
+        now = bench.read("sensor_frame_clock")
         if now != (starts[-1] if starts else before):
             starts.append(now)
         elif bench.port.now() > end:
-            bench.put("sensor_run", 0)
+            bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",
                 f"{len(starts)} frames began where {_DIFFERENCES + 1} were waited for",
                 "check the scan's counter and the pixel clock",
             )
         bench.bone.pause(bench.ticks_s(1, select))
-    bench.put("sensor_run", 0)
+    bench.write("sensor_run", 0)
     for one, other in pairwise(starts):
         passed = (other - one) % _WORD
         if passed % period:
@@ -115,7 +115,7 @@ def _read(bench: Bench) -> Reading:
     scale = bench.bone.time_scale
     for _ in range(_READINGS):
         begun = bench.port.now()
-        count = bench.get("ctrl_uptime")
+        count = bench.read("ctrl_uptime")
         ended = bench.port.now()
         # The line takes its time for six bytes before and four after, if it is a line at all.
         spare = 0.9 * scale

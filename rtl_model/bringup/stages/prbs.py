@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import Board, prbs
 from rtl_model.host.prbs import ORDERS
 
@@ -19,11 +19,11 @@ def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _
     board = Board(bench.bone, bench.csr, verify=False)
     for order in orders:
         made = prbs.exchange(board, order, words)
-        if sum(map(bool, made.wrong)) > 1 and bench.line is not None:
+        if sum(map(bool, made.wrong)) > 1 and bench.monitor is not None:
             # More than one word: their request may have gone astray, which does not happen twice.
             again = prbs.exchange(board, order, words)
             if not any(again.wrong):
-                bench.line.misplaced()
+                bench.monitor.count_misplaced()
                 made = again
         figures["bits"] += 2 * 32 * words
         if any(made.wrong):
@@ -42,7 +42,7 @@ def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _
                 "check the level at the board's receiver and the baud",
                 figures | {"bits_wrong": made.errors},
             )
-    bench.put("prbs_order", 31)
+    bench.write("prbs_order", 31)
     return figures | {"bits_wrong": 0}
 
 

@@ -3,9 +3,9 @@ closed form."""
 
 from __future__ import annotations
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.closed_form import spikes_of
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.stages.spike_count import count_spikes
+from rtl_model.bringup.bench.stage import Figures, StageFault
 
 __all__ = ["LEVELS", "RULES", "check_threshold"]
 
@@ -18,23 +18,23 @@ _WORD = 1 << 32
 
 def check_threshold(bench: Bench) -> Figures:
     """Runs constant light under each setting for some frames and compares the count of spikes,
-    which must be exactly rows x columns x `spikes_of`. StageFault rate, or stands-still."""
+    which must be exactly rows x columns x `count_spikes`. StageFault rate, or stands-still."""
     size = bench.geometry
-    bench.put("sensor_run", 0)
-    bench.put("sensor_pattern", 1)
-    bench.put("sensor_level", _ELECTRONS)
-    bench.put("sensor_rows", (size.rows - 1) << 16)
-    bench.put("sensor_columns", (size.columns - 1) << 16)
-    bench.put("sensor_tick_clocks", size.tick_clocks)
+    bench.write("sensor_run", 0)
+    bench.write("sensor_pattern", 1)
+    bench.write("sensor_level", _ELECTRONS)
+    bench.write("sensor_rows", (size.rows - 1) << 16)
+    bench.write("sensor_columns", (size.columns - 1) << 16)
+    bench.write("sensor_tick_clocks", size.tick_clocks)
     rates: list[dict[str, object]] = []
     frames_run = 0
     for select in (0, 1):
-        bench.put("sensor_clock_select", select)
+        bench.write("sensor_clock_select", select)
         for rule in range(len(RULES)):
-            bench.put("sensor_reset_rule", rule)
+            bench.write("sensor_reset_rule", rule)
             for level in range(LEVELS):
                 frames, spikes = _run(bench, level, select)
-                each = spikes_of(frames, _ELECTRONS << select, level, rule)
+                each = count_spikes(frames, _ELECTRONS << select, level, rule)
                 must = size.rows * size.columns * each % _WORD
                 frames_run += frames
                 rates.append({
@@ -52,38 +52,38 @@ def check_threshold(bench: Bench) -> Figures:
                         _mend(size.rows * size.columns, spikes - must),
                         {"settings": len(rates), "electrons": _ELECTRONS, "rates": rates},
                     )
-    bench.put("sensor_clock_select", 0)
-    bench.put("sensor_reset_rule", 0)
-    bench.put("sensor_threshold", 7)
+    bench.write("sensor_clock_select", 0)
+    bench.write("sensor_reset_rule", 0)
+    bench.write("sensor_threshold", 7)
     return {"settings": len(rates), "frames": frames_run, "spikes_wrong": 0,
             "electrons": _ELECTRONS, "rates": rates}  # fmt: skip
 
 
 def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     """Frames and spikes of a run from no charge, once the last frame is read."""
-    bench.put("sensor_threshold", level)
-    bench.put("sensor_clear", 1)
-    before = bench.sure("sensor_frame_clock")
-    bench.put("sensor_run", 1)
+    bench.write("sensor_threshold", level)
+    bench.write("sensor_clear", 1)
+    before = bench.read_stable("sensor_frame_clock")
+    bench.write("sensor_run", 1)
     patience = bench.ticks_s(_LEAST_FRAMES, select)
     end = bench.port.now() + 10 * patience + 2.0
     # Until the first frame begins, the counters are those of the run before.
-    while bench.get("sensor_frame_clock") == before or bench.get("sensor_frames") < _LEAST_FRAMES:
+    while bench.read("sensor_frame_clock") == before or bench.read("sensor_frames") < _LEAST_FRAMES:
         if bench.port.now() > end:
-            bench.put("sensor_run", 0)
+            bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",
-                f"the sensor began {bench.get('sensor_frames')} frames where "
+                f"the sensor began {bench.read('sensor_frames')} frames where "
                 f"{_LEAST_FRAMES} were waited for",
                 "check the scan's counter and the pixel clock",
             )
         bench.bone.pause(patience / 4)
-    bench.put("sensor_run", 0)
+    bench.write("sensor_run", 0)
     while True:
-        frames = bench.get("sensor_frames")
-        read = bench.get("sensor_rows_read")
-        if read == frames * bench.geometry.rows % _WORD and frames == bench.sure("sensor_frames"):
-            return frames, bench.sure("sensor_spikes")
+        frames = bench.read("sensor_frames")
+        read = bench.read("sensor_rows_read")
+        if read == frames * bench.geometry.rows % _WORD and frames == bench.read_stable("sensor_frames"):
+            return frames, bench.read_stable("sensor_spikes")
         if bench.port.now() > end + 2.0:
             raise StageFault(
                 "rows",

@@ -1,65 +1,88 @@
-"""The page of a bring-up: every stage, captured planes beside the expected, the threshold sweep."""
+"""The report of a bring-up: every stage, captured planes and the expected ones, threshold sweep."""
 
 from __future__ import annotations
 
 import html
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cosim.report.parts import cards, plot, table, write_page
 from cosim.run.result import viform_version
-from rtl_model.bringup import Report, Stage, write_junit
-from rtl_model.bringup.figures import planes_figure, threshold_figure
-from rtl_model.bringup.text import summary
+from rtl_model.bringup.bench.stage import Report, Stage
+from rtl_model.bringup.report.figures import planes_figure, threshold_figure
+from rtl_model.bringup.report.junit import write_junit
+from rtl_model.bringup.report.summary import summary
 
-__all__ = ["JUNIT", "write_board_report"]
+__all__ = ["TITLE", "Sections", "make_sections", "subtitle", "write_board_report"]
 
+TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
 _NOT_SHOWN = {"rates", "first_wrong", "note"}
 
 
-def write_board_report(report: Report, folder: Path, notes: list[str] | None = None) -> list[str]:
-    """Writes report.html, its figures and junit.xml into `folder`; their names.
+@dataclass(frozen=True)
+class Sections:
+    """What every report of a bring-up contains.
 
-    notes: lines for the page's head.
+    Attributes:
+        cards: HTML of the large figures at the top.
+        sections: HTML of the sections, in their order.
+        files: names of the files written, in the report's folder.
     """
-    names = ["report.html", JUNIT]
+
+    cards: str
+    sections: list[str]
+    files: list[str]
+
+
+def write_board_report(report: Report, folder: Path) -> list[str]:
+    """Writes report.html, its figures and junit.xml into `folder`; returns their names."""
+    page = make_sections(report, folder)
+    head = (
+        f"<h1>{TITLE}</h1><p class='soft'>{html.escape(subtitle(report))}, "
+        f"viform {viform_version()}.</p>"
+    )
+    write_page(folder, TITLE, head + _cause(report) + page.cards + "".join(page.sections))
+    return ["report.html", *page.files]
+
+
+def make_sections(report: Report, folder: Path) -> Sections:
+    """Writes figures and junit.xml into `folder`; returns the parts of the page."""
+    files = [JUNIT]
     pictures = []
     if report.bursts:
         name = "figures/planes.png"
         planes_figure(report.bursts, folder / name)
-        names.append(name)
+        files.append(name)
         pictures.append(_planes(report, folder / name))
     rates = report.figure("threshold", "rates")
     if rates:
         name = "figures/threshold.png"
         threshold_figure(rates, folder / name)
-        names.append(name)
+        files.append(name)
         pictures.append(
             "<h2>Threshold sweep</h2><p>Constant light of "
             f"{report.figure('threshold', 'electrons')} electrons a 40 kHz tick. Lines: the "
             "closed form; points: counted by the board.</p>" + plot(folder / name, "rates")
         )
-    body = _head(report, notes or []) + _cards(report) + _stages(report)
-    body += "".join(pictures) + "".join(_figures(stage) for stage in report.stages)
-    write_page(folder, "Bring-up of a board", body)
     write_junit(report, folder / JUNIT)
-    return names
+    tables = [_figures(stage) for stage in report.stages]
+    return Sections(_cards(report), [_stages(report), *pictures, *tables], files)
 
 
-def _head(report: Report, notes: list[str]) -> str:
+def subtitle(report: Report) -> str:
+    """The board in one line: its identifier, port and baud."""
     board = (report.board or {}).get("identifier", "no board was identified")
     kind = "simulated board" if report.simulated else "board"
-    told = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
-    cause = "" if report.cause is None else (
-        f"<p><b>Stage {html.escape(str(report.failed_stage))} failed:</b> "
-        f"{html.escape(report.cause)}.</p>"
-    )  # fmt: skip
-    return (
-        f"<h1>Bring-up of a board</h1><p class='soft'>{html.escape(str(board))}; {kind} at "
-        f"{html.escape(report.port)}, {report.baud} baud, viform {viform_version()}.</p>"
-        f"<ul>{told}</ul>{cause}"
-    )
+    return f"{board}; {kind} at {report.port}, {report.baud} baud"
+
+
+def _cause(report: Report) -> str:
+    if report.cause is None:
+        return ""
+    stage = html.escape(str(report.failed_stage))
+    return f"<p><b>Stage {stage} failed:</b> {html.escape(report.cause)}.</p>"
 
 
 def _cards(report: Report) -> str:
@@ -89,18 +112,18 @@ def _stages(report: Report) -> str:
         [stage.name, stage.outcome, f"{stage.seconds:.2f} s", summary(stage)]
         for stage in report.stages
     ]
-    return "<h2>Stages</h2>" + table(["stage", "outcome", "took", "what was found"], rows)
+    return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
 
 
 def _planes(report: Report, path: Path) -> str:
-    told = []
+    lines = []
     for burst in report.bursts:
         if burst.wrong is not None:
             text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.mend}."
-            told.append(f"<li>{html.escape(text)}</li>")
-    wrong = "".join(told) or "<li>No bit is wrong.</li>"
+            lines.append(f"<li>{html.escape(text)}</li>")
+    wrong = "".join(lines) or "<li>No bit is wrong.</li>"
     return (
-        "<h2>Captured planes</h2><p>Each burst begins without charge; what it must contain is the "
+        "<h2>Captured planes</h2><p>Each burst starts without charge; the expected planes are the "
         f"cycle model's. The first wrong bit is circled.</p><ul>{wrong}</ul>"
         + plot(path, "captured planes and wrong bits")
     )

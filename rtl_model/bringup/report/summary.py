@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rtl_model.bringup import Stage
+from rtl_model.bringup.bench.stage import Stage
 
 __all__ = ["summary"]
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cosim import InputError
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Cause, LineFault
 from rtl_model.registers import MAGIC, VERSION, identifier
@@ -21,10 +21,10 @@ def check_identity(bench: Bench) -> Figures:
     board = Board(bench.bone, bench.csr)
     if not bench.csr.ours:
         raise _foreign(board, "the csr.csv given is not of a Viform board")
-    magic = bench.sure("ctrl_magic")
+    magic = bench.read_stable("ctrl_magic")
     if magic != MAGIC:
         raise _foreign(board, f"the first register reads {magic:#010x}, not {MAGIC:#010x}")
-    version = bench.sure("ctrl_version")
+    version = bench.read_stable("ctrl_version")
     if version >> 16 != VERSION >> 16:
         raise StageFault(
             "version",
@@ -56,7 +56,7 @@ def check_identity(bench: Bench) -> Figures:
             "build the board anew: header and parameters are of different builds",
             figures,
         )
-    minimum = bench.sure("sensor_tick_minimum")
+    minimum = bench.read_stable("sensor_tick_minimum")
     if minimum != geometry.tick_minimum:
         raise StageFault(
             "geometry",

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 
 from cosim.files.whole import whole
-from rtl_model.bringup.stage import Report
+from rtl_model.bringup.bench.stage import Report
 
 __all__ = ["junit_xml", "write_junit"]
 

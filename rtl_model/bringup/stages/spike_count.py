@@ -3,10 +3,10 @@ held against. Nothing of the cycle model stands in it."""
 
 from __future__ import annotations
 
-__all__ = ["spikes_of"]
+__all__ = ["count_spikes"]
 
 
-def spikes_of(frames: int, electrons: int, level: int, rule: int) -> int:
+def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
     """Returns the spikes of one pixel in `frames` ticks from no charge.
 
     electrons: of one tick as the sensor counts them (twice those of 40 kHz at 20 kHz), 0 to 510.

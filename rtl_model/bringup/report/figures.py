@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.files.whole import whole
 from cosim.report.figures import INK, LINE, MARK, pyplot
-from rtl_model.bringup import Burst
+from rtl_model.bringup.bench.bench import Burst
 
 __all__ = ["planes_figure", "threshold_figure"]
 

@@ -21,13 +21,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
-from rtl_model.bringup.evidence import Evidence
+from rtl_model.bringup.bench.evidence import Evidence
 from rtl_model.geometry import Geometry
 from rtl_model.host import CsrMap, LineFault, Uartbone
 from rtl_model.host.uartbone import FINAL
 from rtl_model.registers import REGISTERS, Register, identifier
 
-__all__ = ["Line"]
+__all__ = ["LineMonitor"]
 
 _TRIES = 12  # to read the counters twice alike
 _COUNTERS = 7  # words from uart_rx_bytes to uart_writes_crc
@@ -68,7 +68,7 @@ class _Sums(NamedTuple):
     bus_errors: int
 
 
-class Line:
+class LineMonitor:
     """Both ends' sums from a moment on. `evidence` says what happened since then, and begins anew.
 
     Nothing is known before `begin`, which reads the board's counters; these must be ours.
@@ -79,7 +79,7 @@ class Line:
         self._before: _Sums | None = None
         self._block = csr.register("uart_rx_bytes").address
         self._memories = min(csr.base("identifier_mem"), csr.base("pattern_mem"))
-        self._seen = _Seen()
+        self._seen = _WrongAnswers()
         self._errors = 0  # of the board's bus, when last looked at
         self._busy = False
         self.geometry: Geometry | None = None
@@ -97,11 +97,11 @@ class Line:
             early = 0
         self._seen.early += early
 
-    def evidence(self, repeats: int = 0) -> Evidence:
+    def take_evidence(self, repeats: int = 0) -> Evidence:
         """What happened since `begin` or the last evidence. repeats: reads sent again meanwhile."""
         before, retried = self._before, self._bone.retried
         now = self._before = self._sums()
-        seen, self._seen = self._seen, _Seen()
+        seen, self._seen = self._seen, _WrongAnswers()
         repeats += self._bone.retried - retried
         if before is None or now is None:
             return Evidence(known=False, repeats=repeats)
@@ -133,7 +133,7 @@ class Line:
             return replace(made, address=seen.address)
         return replace(made, address=seen.address, answers=seen.answers, open=seen.open)
 
-    def reset_follows(self) -> None:
+    def expect_reset(self) -> None:
         """Keeps what the board's reset is about to clear: the errors of its bus."""
         if self._before is None:
             return
@@ -141,7 +141,7 @@ class Line:
         self._seen.errors += max(0, self._bus_errors() - self._before.bus_errors)
         self._before = self._before._replace(bus_errors=0)
 
-    def misplaced(self) -> None:
+    def count_misplaced(self) -> None:
         """A request or a write did once not what it does when it is sent again."""
         self._bone.retried += 1
         self._seen.misplaced += 1
@@ -160,7 +160,7 @@ class Line:
             return
         self._examine_all(self._seen, [(address, got, right)])
 
-    def _examine(self, seen: _Seen, address: int, got: list[int], right: list[int]) -> None:
+    def _examine(self, seen: _WrongAnswers, address: int, got: list[int], right: list[int]) -> None:
         errors, before = self._bus_errors(), self._errors
         self._errors = errors
         if errors > before:  # an access to no register
@@ -246,7 +246,7 @@ class Line:
         words = bone.read(self._block, _COUNTERS, retry=False)
         return _Reading(words, bone.bytes_sent, bone.bytes_asked - 4 * _COUNTERS)
 
-    def _look_back(self, seen: _Seen, now: _Sums) -> None:
+    def _look_back(self, seen: _WrongAnswers, now: _Sums) -> None:
         """Readings of the counters that did not fit, though not a byte was lost or added: what
         they had to be follows from the one that did."""
         if not seen.unfit:
@@ -258,7 +258,7 @@ class Line:
         wrong = [other for other in others if other[1] != other[2]]
         self._examine_all(seen, wrong[:_EXAMINED])
 
-    def _examine_all(self, seen: _Seen, others: list[_Other]) -> None:
+    def _examine_all(self, seen: _WrongAnswers, others: list[_Other]) -> None:
         self._busy = True
         try:
             for address, got, right in others:
@@ -300,7 +300,7 @@ def _summed(bone: Uartbone, last: _Reading, errors: int) -> _Sums:
 
 
 @dataclass
-class _Seen:
+class _WrongAnswers:
     """Answers that were wrong once."""
 
     address: int = 0

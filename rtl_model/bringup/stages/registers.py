@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.registers import REGISTERS, Register, parameters, reset_value
 
 __all__ = ["check_registers"]
@@ -22,20 +22,20 @@ def check_registers(bench: Bench) -> Figures:
     """Walking ones, addresses as data, pattern memory's address lines, and a reset. StageFault
     stuck-bit, alias, memory or reset."""
     rows = [entry for entry in REGISTERS if entry.mode == "rw" and entry.name not in _NOT_PLAIN]
-    kept = {entry.name: bench.sure(entry.name) for entry in rows}
+    kept = {entry.name: bench.read_stable(entry.name) for entry in rows}
     try:
         for entry in rows:
-            bench.twice(partial(_walk, bench, entry), "stuck-bit")
-            bench.put(entry.name, kept[entry.name])
-        bench.twice(lambda: _address_in_data(bench, rows), "alias")
-        words = bench.twice(lambda: _address_lines(bench), "memory")
-        if bench.line is not None:
-            bench.line.reset_follows()
-        compared = bench.twice(lambda: _reset(bench), "reset")
+            bench.repeat(partial(_walk, bench, entry), "stuck-bit")
+            bench.write(entry.name, kept[entry.name])
+        bench.repeat(lambda: _address_in_data(bench, rows), "alias")
+        words = bench.repeat(lambda: _address_lines(bench), "memory")
+        if bench.monitor is not None:
+            bench.monitor.expect_reset()
+        compared = bench.repeat(lambda: _reset(bench), "reset")
     finally:
         for name, value in kept.items():
-            bench.put(name, value)
-    bench.twice(lambda: _restored(bench, kept), "restore")
+            bench.write(name, value)
+    bench.repeat(lambda: _restored(bench, kept), "restore")
     return {
         "registers": len(rows),
         "bits_walked": sum(entry.width for entry in rows),
@@ -47,9 +47,9 @@ def check_registers(bench: Bench) -> Figures:
 def _restored(bench: Bench, kept: dict[str, int]) -> None:
     """Sets registers back and holds them against that."""
     for name, value in kept.items():
-        bench.put(name, value)
+        bench.write(name, value)
     for name, value in kept.items():
-        got = bench.sure(name)
+        got = bench.read_stable(name)
         if got != value:
             raise StageFault(
                 "restore", f"{name} was set back to {value:#x} and reads {got:#x}", _BUS_MEND
@@ -61,8 +61,8 @@ def _walk(bench: Bench, entry: Register) -> None:
     mask = (1 << entry.width) - 1
     seen: list[tuple[int, int]] = []
     for value in [*(1 << n for n in range(32)), 0xFFFFFFFF, 0]:
-        bench.put(entry.name, value)
-        seen.append((value & mask, bench.confirmed(entry.name, value & mask)))
+        bench.write(entry.name, value)
+        seen.append((value & mask, bench.read_expecting(entry.name, value & mask)))
     if all(must == got for must, got in seen):
         return
     high, low = 0, mask  # bits that were ever read 1, and those that always were
@@ -87,9 +87,9 @@ def _address_in_data(bench: Bench, rows: list[Register]) -> None:
     held = {}
     for entry in rows:
         held[entry.name] = (entry.address * 0x01000193 ^ entry.address) & ((1 << entry.width) - 1)
-        bench.put(entry.name, held[entry.name])
+        bench.write(entry.name, held[entry.name])
     for entry in rows:
-        got = bench.confirmed(entry.name, held[entry.name])
+        got = bench.read_expecting(entry.name, held[entry.name])
         if got != held[entry.name]:
             raise StageFault(
                 "alias",
@@ -130,14 +130,14 @@ def _address_lines(bench: Bench) -> int:
 def _reset(bench: Bench) -> int:
     """Writes ctrl_reset and holds every register that has a value after it against the table;
     returns how many."""
-    before = bench.get("ctrl_uptime")
-    bench.put("ctrl_reset", 1)
+    before = bench.read("ctrl_uptime")
+    bench.write("ctrl_reset", 1)
     values = parameters(bench.geometry)
     compared = 0
     for entry in REGISTERS:
         if entry.mode == "wo" or entry.name in _CHANGE or entry.name.startswith("uart_"):
             continue
-        must, got = reset_value(entry, values), bench.sure(entry.name)
+        must, got = reset_value(entry, values), bench.read_stable(entry.name)
         if must != got:
             raise StageFault(
                 "reset",
@@ -146,7 +146,7 @@ def _reset(bench: Bench) -> int:
                 {"register": entry.name},
             )
         compared += 1
-    after = bench.get("ctrl_uptime")
+    after = bench.read("ctrl_uptime")
     if (after - before) & 0xFFFFFFFF > 1 << 31:
         raise StageFault(
             "reset", "ctrl_uptime began anew with ctrl_reset", "check that counter's reset"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rtl_model.bringup.stage import Figures
+from rtl_model.bringup.bench.stage import Figures
 
 __all__ = ["Evidence"]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.deadline import OutOfTime
-from rtl_model.bringup.stage import StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.deadline import OutOfTime
+from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.host import LineFault
 
 __all__ = ["Uptime"]
@@ -44,7 +44,7 @@ class Uptime:
 
     def _read(self) -> tuple[int, float] | None:
         try:
-            return self._bench.get("ctrl_uptime"), self._bench.port.now()
+            return self._bench.read("ctrl_uptime"), self._bench.port.now()
         except (LineFault, OutOfTime):
             return None
 
@@ -53,6 +53,6 @@ class Uptime:
         if self._bench.board:
             return self._bench.geometry.clock_hz
         try:
-            return self._bench.sure("ctrl_clock_hz")
+            return self._bench.read_stable("ctrl_clock_hz")
         except (LineFault, OutOfTime):
             return None

@@ -6,8 +6,8 @@ import zlib
 
 import numpy as np
 
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.stage import Figures, StageFault
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ports import latency_timer
 
 __all__ = ["check_counters"]
@@ -29,11 +29,11 @@ def check_counters(bench: Bench) -> Figures:
     """Writes and reads `ctrl_scratch` in round trips, then a burst of words back to back; holds the
     board's counters of bytes, words and errors against what was sent. StageFault by the counter's
     name, "scratch" where a word came back changed, "restarted" where the uptime fell."""
-    scratch = bench.sure("ctrl_scratch")
+    scratch = bench.read_stable("ctrl_scratch")
     counted = tuple(bench.bone.read_twice(bench.address("uart_writes"), 2))
-    before = {name: bench.sure(name) for name in ERRORS}
-    bytes_before, sent_before = bench.get("uart_rx_bytes"), bench.bone.bytes_sent
-    uptime = bench.get("ctrl_uptime")
+    before = {name: bench.read_stable(name) for name in ERRORS}
+    bytes_before, sent_before = bench.read("uart_rx_bytes"), bench.bone.bytes_sent
+    uptime = bench.read("ctrl_uptime")
     written: list[int] = []
     random = np.random.Generator(np.random.Philox(1))
     times = []
@@ -42,15 +42,15 @@ def check_counters(bench: Bench) -> Figures:
     for _ in range(_ROUND_TRIPS):
         value = int(random.integers(1 << 32))
         begun = bench.port.now()
-        bench.put("ctrl_scratch", value)
-        got = bench.confirmed("ctrl_scratch", value)
+        bench.write("ctrl_scratch", value)
+        got = bench.read_expecting("ctrl_scratch", value)
         times.append(bench.port.now() - begun)
         written.append(value)
-        if got not in (value, _SCRATCH_RESET) and bench.line is not None:
-            bench.put("ctrl_scratch", value)
+        if got not in (value, _SCRATCH_RESET) and bench.monitor is not None:
+            bench.write("ctrl_scratch", value)
             written.append(value)
-            if bench.confirmed("ctrl_scratch", value) == value:
-                bench.line.misplaced()
+            if bench.read_expecting("ctrl_scratch", value) == value:
+                bench.monitor.count_misplaced()
                 continue
         if got != value and wrong is None:
             got_first = got
@@ -61,7 +61,7 @@ def check_counters(bench: Bench) -> Figures:
     figures = _speed(bench, times)
     figures["words_written"] = len(written)
     for name, value in before.items():
-        after = bench.sure(name)
+        after = bench.read_stable(name)
         figures[name.removeprefix("uart_")] = after - value
         if after > value:
             raise StageFault(
@@ -83,12 +83,12 @@ def check_counters(bench: Bench) -> Figures:
         raise StageFault("scratch", wrong, "check cable, ground, levels and baud", figures)
     _check_written(bench, written, counted, figures)
     _check_bytes(bench, bytes_before, sent_before, figures)
-    later = bench.get("ctrl_uptime")
+    later = bench.read("ctrl_uptime")
     if later == uptime:
         raise StageFault(
             "clock", "ctrl_uptime stands still", "check the reset of the counter", figures
         )
-    bench.put("ctrl_scratch", scratch)
+    bench.write("ctrl_scratch", scratch)
     return figures
 
 
@@ -155,7 +155,7 @@ def _check_written(
 
 def _check_bytes(bench: Bench, before: int, sent_before: int, figures: Figures) -> None:
     """Holds the board's count of bytes against the host's: a reading counts its own request."""
-    arrived = (bench.get("uart_rx_bytes") - before) & 0xFFFFFFFF  # it may have run over
+    arrived = (bench.read("uart_rx_bytes") - before) & 0xFFFFFFFF  # it may have run over
     sent = bench.bone.bytes_sent - sent_before
     figures |= {"bytes_sent": sent, "bytes_counted": arrived}
     if arrived < sent:
