@@ -6,8 +6,9 @@ from typing import Any
 
 from cosim.run.progress import Progress
 from link.section import LinkScenario
-from link.trial.accuracy import accuracy_link
-from link.trial.forecast import forecast_link
+from link.setup.setup import set_up_link
+from link.trial.forecast import link_forecast
+from link.trial.ladder import link_ladder
 
 __all__ = ["LinkStudy"]
 
@@ -19,7 +20,8 @@ class LinkStudy:
         self._name, self._scenario, self._device = name, scenario, device
 
     def forecast(self, progress: Progress) -> dict[str, Any]:
-        return forecast_link(self._name, self._scenario, self._device, progress)
+        setup = set_up_link(self._scenario, self._device, progress)
+        return link_forecast(self._name, setup, progress)
 
     def ladder(self, progress: Progress) -> dict[str, Any]:
-        return accuracy_link(self._scenario, self._device, progress)
+        return link_ladder(set_up_link(self._scenario, self._device, progress), progress)

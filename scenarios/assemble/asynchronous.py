@@ -12,7 +12,7 @@ from scenarios.assemble.readout import (
     with_section,
 )
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.run import EventSpec
@@ -54,7 +54,7 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
     white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
     chosen = scenario.sensor.lens.f_number is None
     shape = (setting.chip.height, setting.chip.width)
-    source = make_source(scenario.scene, shape, setting.clock, cycles, aligned=False)
+    source = scenario.scene.source(SceneGrid(shape, setting.clock, cycles, aligned=False))
     targets = getattr(source, "targets", [])
     return EventSpec(
         name=name,

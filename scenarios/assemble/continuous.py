@@ -12,7 +12,7 @@ from scenarios.assemble.readout import (
     with_section,
 )
 from scenarios.assemble.scenario import Scenario
-from scenarios.scenes import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.continuous.from_section import continuous_setting, longest_step
 from sensor.continuous.machine import ContinuousMachine
@@ -43,7 +43,9 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
         )  # fmt: skip
     instants = choose_instants(scenario, cycles)
     lens = choose_lens(scenario, camera)
-    source = make_source(scenario.scene, (chip.height, chip.width), clock, cycles, aligned=False)
+    source = scenario.scene.source(
+        SceneGrid((chip.height, chip.width), clock, cycles, aligned=False)
+    )
     return ContinuousMachine(
         ContinuousSpec(
             name=name,

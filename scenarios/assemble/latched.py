@@ -14,26 +14,27 @@ from typing import Any
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
-from cosim.run.folder import write_images
 from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from display.chain.display import DisplayChain, make_display_chain, short_run_notes
+from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.glass import Glass, make_glass, short_of
-from scenarios.assemble.glass_result import Shown, finish_glass, judge_seen, write_eye_images
 from scenarios.assemble.loading import to_toml
 from scenarios.assemble.planning import RunPlan
+from scenarios.assemble.probe_camera import SpikeProbeCamera
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.setup import CameraSetup, set_up_camera
 from scenarios.assemble.verifier import ARITHMETIC, Verifier
-from scenarios.report.glass import glass_page
-from scenarios.report.glass_tables import display_lines
+from scenarios.report.display import display_page
+from scenarios.report.display_tables import display_lines
 from scenarios.report.latched_run import LatchedRun
 from scenarios.report.page import stream_page
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
+from sensor.reconstruct.images import write_images
 
 __all__ = ["LatchedMachine", "assemble_latched"]
 
@@ -44,7 +45,7 @@ class _Images:
 
     shots: list[Shot]
     sizes: Sizes | None
-    shown: Shown | None
+    display: DisplayOutcome | None
     metrics: dict[str, Metric]
     latency: list[Latency]
     files: list[str]
@@ -62,7 +63,7 @@ class LatchedMachine:
         plan: what is kept where.
         camera: simulated, or a board in its place.
         verifier: checks the plan beside the recording; None if a board makes the spikes.
-        glass: the display, None without one.
+        display: the display, None without one.
         advice: what the user must know before the run, its scene aside.
         boards: open boards of the run.
         opened: closes them.
@@ -75,7 +76,7 @@ class LatchedMachine:
     plan: RunPlan
     camera: SpikeCamera | BoardCamera
     verifier: Verifier | None
-    glass: Glass | None
+    display: DisplayChain | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
@@ -120,16 +121,20 @@ class LatchedMachine:
             tier="exact" if ARITHMETIC in effects else None,
         )  # fmt: skip
         camera, verifier = _planned(plan, setup, self.boards)
-        glass = self.glass
-        if glass is not None and plan.display is not None:
-            glass.close()
-            pursuit = glass.velocity, glass.told
-            glass = make_glass(
-                setup.scenario, setup.setting, setup.cycles, setup.instants, plan.display, pursuit,
-                glass.points,
+        display = self.display
+        if display is not None and plan.display is not None:
+            display.close()
+            display = make_display_chain(
+                display.section, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
+                setup.instants, plan.display, display.pursuit, display.points,
             )  # fmt: skip
         return replace(
-            self, plan=plan, camera=camera, verifier=verifier, source=setup.source(), glass=glass
+            self,
+            plan=plan,
+            camera=camera,
+            verifier=verifier,
+            source=setup.source(),
+            display=display,
         )
 
     def chain(self, folder: Path) -> BlockChain:
@@ -142,20 +147,20 @@ class LatchedMachine:
             "recorder": recorder,
             **({} if self.boards.panel is None else {"sink": self.boards.panel}),
         }
-        if self.glass is not None:
-            stages = self.glass.stages(stages)
+        if self.display is not None:
+            stages = self.display.stages(stages)
         height, width = self.camera.shape
         return BlockChain(
             f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
             self._identity(), folder,
-            every_s=30.0 if self.glass is None else 60.0,  # a display's state is half a gigabyte
+            every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
         )  # fmt: skip
 
     def _identity(self) -> str:
         """Text that depends on the scenario, what is left out of it, the program's version, what
         draws the display, and the clip's content."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
-        text += self.plan.tier + ("" if self.glass is None else self.glass.identity())
+        text += self.plan.tier + ("" if self.display is None else self.display.identity())
         for name, tiles in self.plan.plan.kept.items():
             text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
         path = getattr(self.scenario.scene, "path", None)
@@ -167,7 +172,7 @@ class LatchedMachine:
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         setup, seconds, verifier = self.setup, recording.seconds, self.verifier
-        images = self._views(recording) if self.glass is not None else self._images(recording)
+        images = self._views(recording) if self.display is not None else self._images(recording)
         throughput = self._throughput(recording)
         beyond = [] if verifier is None else verifier.beyond()
         faults = self.boards.faults(self.camera)
@@ -176,7 +181,7 @@ class LatchedMachine:
         return Outcome(
             outcome="failed" if faults else outcome,
             simulated_s=setup.cycles / setup.setting.clock.hz,
-            renderer=None if self.glass is None else self.glass.shown.renderer.name,
+            renderer=None if self.display is None else self.display.panel_stage.renderer.name,
             error=Error(None, NO_ERROR, None) if verifier is None else verifier.told(),
             kept=[] if verifier is None else list(self.plan.plan.everywhere),
             left_out=[] if verifier is None else verifier.left_out(),
@@ -193,7 +198,7 @@ class LatchedMachine:
             throughput=throughput,
             files=[STREAM, *images.files],
             notes=[*self.source.degraded, *beyond, *faults],
-            table=[] if images.shown is None else display_lines(images.shown),
+            table=[] if images.display is None else display_lines(images.display),
             views=images,
         )
 
@@ -206,7 +211,7 @@ class LatchedMachine:
             Throughput("sensor", cycles * self.pixels / seconds["sensor"], "pixel-cycles/s"),
             Throughput("recorder", bits, "bit/s"),
             *(
-                [] if self.glass is None
+                [] if self.display is None
                 else [Throughput("display", cycles / seconds["display"], "planes/s")]
             ),
         ]  # fmt: skip
@@ -227,21 +232,23 @@ class LatchedMachine:
 
     def _views(self, recording: Recording) -> _Images:
         """What the observers of the display see."""
-        glass, seconds = self.glass, recording.seconds
-        assert glass is not None
+        display, seconds = self.display, recording.seconds
+        assert display is not None
         begin = time.perf_counter()
         with ThreadPoolExecutor(1) as pool:  # each of the two leaves much of two cores idle
-            probing = pool.submit(glass.probes, self.setup.setting, self.setup.device)
-            judged = judge_seen(glass)
+            probing = pool.submit(
+                display.probes, SpikeProbeCamera(self.setup.setting, self.setup.device)
+            )
+            fidelity = chain_fidelity(display)
             seconds["images"] = time.perf_counter() - begin
-            shown = finish_glass(glass, judged, probing.result())
+            outcome = DisplayOutcome.of(display, fidelity, probing.result())
         seconds["probes"] = time.perf_counter() - begin - seconds["images"]
         begin = time.perf_counter()
-        files = write_eye_images(recording.folder, shown)
-        rate = glass.shown.fired / (self.setup.cycles * self.pixels)
-        metrics = shown.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
+        files = write_observer_images(recording.folder, outcome)
+        rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
+        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
         seconds["images"] += time.perf_counter() - begin
-        return _Images([], None, shown, metrics, shown.latency(), files)
+        return _Images([], None, outcome, metrics, outcome.latency(), files)
 
     def judged(self, run: Run) -> LatchedRun:
         """The run as its pages read it."""
@@ -249,16 +256,16 @@ class LatchedMachine:
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
-            images.shown,
+            images.display,
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
         judged = self.judged(run)
-        return stream_page(judged) if judged.shown is None else glass_page(judged)
+        return stream_page(judged) if judged.display is None else display_page(judged)
 
     def close(self) -> None:
-        if self.glass is not None:
-            self.glass.close()
+        if self.display is not None:
+            self.display.close()
         self.opened.close()
 
 
@@ -274,19 +281,19 @@ def assemble_latched(
         notes = list(setup.camera.notes)
         pursuit = setup.pursuit()
         plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
-        glass = None
-        if plan.display is not None:
+        display = None
+        if plan.display is not None and setup.scenario.display is not None:
             seconds = setup.cycles / setup.setting.clock.hz
-            notes += [pursuit[1], *short_of(plan.display.panel.luminance, seconds)]
-            glass = make_glass(
-                setup.scenario, setup.setting, setup.cycles, setup.instants, plan.display, pursuit,
-                source.points(),
+            notes += [pursuit.note, *short_run_notes(plan.display.panel.luminance, seconds)]
+            display = make_display_chain(
+                setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
+                setup.instants, plan.display, pursuit, source.points(),
             )  # fmt: skip
-            stack.callback(glass.close)
+            stack.callback(display.close)
         camera, verifier = _planned(plan, setup, boards)
         notes += boards.notes(camera)
         return LatchedMachine(
-            name, scenario, setup, source, plan, camera, verifier, glass, notes, boards,
+            name, scenario, setup, source, plan, camera, verifier, display, notes, boards,
             stack.pop_all(),
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from cosim.config.toml import to_toml
 from cosim.run.inputs import PATHS
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
-from scenarios.scenes.sections import scene_keys
+from scenarios.scenes.catalogue import scene_keys
 
 __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 

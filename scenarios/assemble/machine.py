@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cosim import InputError
 from cosim.run.machine import Machine, Options, Study
+from cosim.run.progress import Progress
 from scenarios.assemble.loading import filmed
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
 from scenarios.assemble.scenario import (
@@ -30,7 +31,7 @@ def refuse_device(device: str | None) -> None:
         )  # fmt: skip
 
 
-def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
+def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
@@ -51,6 +52,10 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
         from scenarios.assemble.continuous import assemble_continuous
 
         return assemble_continuous(name, scenario)
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.link import assemble_link
+
+        return assemble_link(name, scenario, options.device, progress)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 

@@ -14,7 +14,7 @@ from cosim.plan.paired import windows
 from cosim.plan.planner import SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
-from display.effects import SHOWN, seen_planes
+from display.effects import SHOWN, effective_planes
 from scenarios.assemble.shown import Shown
 from scenarios.assemble.verifier import Planned, Verifier
 from sensor import CameraSetting
@@ -112,7 +112,7 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
 def _through_observer(scene: Summary, display: DisplaySetting) -> Summary:
     """The scene with the window that a display's observer takes a rate over: as many planes as
     count alike in its images, if those are fewer."""
-    planes = seen_planes(display.observer, display.panel, scene.cycles)
+    planes = effective_planes(display.observer, display.panel, scene.cycles)
     return replace(scene, window=max(1, min(scene.window, round(planes))))
 
 

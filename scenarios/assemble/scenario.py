@@ -11,7 +11,7 @@ from display.section import DisplaySection
 from link.section import LinkScenario
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.sections import ImagerLens, ImagerSection
-from scenarios.scenes.sections import SceneSection
+from scenarios.scenes.catalogue import SceneSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [

@@ -10,13 +10,12 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
+from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.camera import LensedCamera, lensed_camera
-from scenarios.assemble.display import display_of
-from scenarios.assemble.glass import follow
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.scenario import Scenario
 from scenarios.assemble.stages import LensStage, SceneStage
-from scenarios.scenes import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.survey import SceneSurvey, survey_scene
 
@@ -72,7 +71,7 @@ class CameraSetup:
     def source(self) -> Source:
         """The scene on the chip's pixels. A source may be run through once only."""
         scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
-        return make_source(scene, self.shape, self.setting.clock, self.cycles, aligned)
+        return scene.source(SceneGrid(self.shape, self.setting.clock, self.cycles, aligned))
 
     def stages(self, source: Source) -> dict[str, Any]:
         """Scene and lens, by name."""
@@ -87,19 +86,21 @@ class CameraSetup:
         floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
         return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
-    def pursuit(self) -> tuple[float, str]:
-        """What a pursuing eye follows, pixels a second, and where that is from."""
-        if self.scenario.display is None:
-            return 0.0, ""
-        return follow(self.scenario, self.source(), self.end)
+    def pursuit(self) -> Pursuit:
+        """What the pursuing eye of a display follows."""
+        section = self.scenario.display
+        if section is None:
+            return Pursuit(0.0, "")
+        return pursuit_of(self.source(), self.end, section.pursuit)
 
-    def display(self, pursuit: tuple[float, str]) -> DisplaySetting | None:
+    def display(self, pursuit: Pursuit) -> DisplaySetting | None:
         """The display with every effect, None without one."""
-        if self.scenario.display is None:
+        section = self.scenario.display
+        if section is None:
             return None
-        return display_of(
-            self.scenario, self.setting, self.white_rate, self.instants, self.cycles, pursuit[0]
-        )
+        clock, skew = self.setting.clock, self.setting.row_skew
+        panel = section.panel(self.shape, clock, skew, self.white_rate)
+        return section.setting(panel, self.instants, self.cycles, pursuit.velocity)
 
     def plan(
         self, survey: SceneSurvey, tolerance: float, display: DisplaySetting | None, **choice: Any

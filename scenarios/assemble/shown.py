@@ -20,7 +20,7 @@ from cosim.plan.paired import Measured, Paired, Span, Values, Words, compare, wo
 from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import pack_planes, unpack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye
-from display.panels.pixels import PatchDisplay
+from display.trial.pixels import PatchDisplay
 from sensor.latched.patches import PatchCamera
 
 __all__ = ["TRUTH", "Shown", "ShownPaired", "ShownPatches", "left_out_of"]

@@ -45,7 +45,7 @@ def run(
     a test board up."""
     from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, Scenario
     from scenarios.cli import BEGAN
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
@@ -81,21 +81,6 @@ def run(
             result, folder = run_imager(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
                 report=write_imager_report,
-            )  # fmt: skip
-        elif isinstance(loaded, LinkScenario):
-            from link.evaluation.finished import LinkRun
-            from link.report.page import write_link_report
-            from scenarios.assemble.run_link import run_link
-
-            def report_link(run: LinkRun) -> list[str]:
-                verdict.append(f"{run.verdict.cause.value}: {run.verdict.told}")
-                if run.delivered and run.result.outcome == "failed":  # a board's loop
-                    verdict.append(run.notes[-1])
-                return write_link_report(run)
-
-            result, folder = run_link(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=report_link,
             )  # fmt: skip
         else:
             from cosim.run.machine import Options

@@ -10,7 +10,7 @@ from cosim.light.lens import Lens
 from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
-from scenarios.assemble.glass_result import Shown
+from display.chain.outcome import DisplayOutcome
 from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.scenario import Scenario
 from sensor import CameraSetting
@@ -32,7 +32,7 @@ class LatchedRun:
         stream: the recording.
         shots: images at the instants; empty with a display.
         sizes: sizes of the stream in several codes, None with a display.
-        shown: the display, None without one.
+        display: outcome of the display, None without one.
     """
 
     run: Run
@@ -46,7 +46,7 @@ class LatchedRun:
     stream: ZarrStream
     shots: list[Shot]
     sizes: Sizes | None
-    shown: Shown | None
+    display: DisplayOutcome | None
 
     @property
     def folder(self) -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.report.figures import interval_figure, overview_figure, sheet_figure
+from cosim.report.figures import overview_figure, sheet_figure
 from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
 from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
@@ -22,6 +22,7 @@ from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
 from sensor.reconstruct.fidelity import LEAST_RATE, Shot
+from sensor.reconstruct.figure import interval_figure
 
 __all__ = ["stream_page"]
 

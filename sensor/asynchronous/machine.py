@@ -12,7 +12,6 @@ from typing import Final
 from cosim import Interrupted, Light
 from cosim.files import write_events
 from cosim.light.steps import light_steps
-from cosim.run.folder import write_images
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows
@@ -28,6 +27,7 @@ from sensor.asynchronous.setting import channel_model
 from sensor.asynchronous.shots import first_instants, take_event_shots
 from sensor.asynchronous.verify import KIND, Checked, check_plan
 from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.images import write_images
 from sensor.sections.asynchronous import AsynchronousSection
 
 __all__ = ["AsynchronousMachine"]

@@ -11,7 +11,6 @@ from typing import Final
 from cosim import InputError, Intensities, Light, join_intensities
 from cosim.files.intensities import write_intensities
 from cosim.light.steps import light_steps
-from cosim.run.folder import write_images
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, latency_rows
@@ -28,6 +27,7 @@ from sensor.continuous.shots import (
     take_shots,
 )
 from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.images import write_images
 from sensor.sections.sensor import SPIKING
 
 __all__ = ["ContinuousMachine"]

@@ -13,8 +13,8 @@ from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.spikes.viform import count_spikes
-from link.run.prepare import ready_link
 from link.sending import Transmission
+from link.setup.setup import set_up_link
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
@@ -131,7 +131,7 @@ class FourPlanes:
 
 def test_a_links_planes_come_back_bit_for_bit() -> None:
     _, scenario = load("light-link", LINK)
-    sent = ready_link(scenario, "numba", SilentProgress()).sent
+    sent = set_up_link(scenario, "numba", SilentProgress()).sent
     with open_loop(scenario) as loop:
         assert loop is not None
         loop.send(FourPlanes(sent), SilentProgress())  # type: ignore[arg-type]

@@ -68,7 +68,7 @@ def test_the_display_s_cost_counts_planes_and_looks(document):
     ]
     asked: list[tuple[int, int]] = []
 
-    class Counting(cost.PlainRenderer):
+    class Counting(cost.GoldenRenderer):
         def step(self, words, cycles, views):  # type: ignore[no-untyped-def]
             asked.append((cycles, views.weight.shape[1]))
             super().step(words, cycles, views)

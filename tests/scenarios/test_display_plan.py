@@ -14,8 +14,8 @@ import pytest
 from cosim import Block, Bound
 from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
+from display.chain.pursuit import Pursuit
 from display.effects.costs import SHOWN, SPAN_COST
-from scenarios.assemble.display import display_of
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.setup import set_up_camera
@@ -56,9 +56,9 @@ class Made:
         self.setting, self.cycles, self.instants = setup.setting, setup.cycles, setup.instants
         self.lens, self.white = setup.lens, setup.white_rate
         self.seen = setup.survey()
-        shown = display_of(self.scenario, self.setting, self.white, self.instants, self.cycles)
-        assert shown is not None
-        self.display = shown
+        display = setup.display(Pursuit(0.0, ""))
+        assert display is not None
+        self.display = display
 
     def plan(self, tolerance: float, display: DisplaySetting | None = None, **more: Any) -> RunPlan:
         return plan_run(

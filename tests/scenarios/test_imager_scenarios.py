@@ -19,7 +19,7 @@ from scenarios.assemble.loading import filmed, linked, load, shipped, to_toml
 from scenarios.assemble.machine import refuse_device
 from scenarios.assemble.messages import validate
 from scenarios.scenes.charts.target_art import CHARTS, draw, regions
-from scenarios.scenes.making import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 
 IMAGERS = ("adaptive-exposure", "ebaps-night", "emccd-window")
 
@@ -187,7 +187,7 @@ def test_a_course_is_the_same_as_light_in_pieces():
     view = make_view(given, (32, 40))
     from cosim import Clock
 
-    light = make_source(given.scene, (32, 40), Clock(40_000), 400).step(None, None)
+    light = given.scene.source(SceneGrid((32, 40), Clock(40_000), 400)).step(None, None)
     begin = np.zeros(32, np.int64)
     end = begin + 12 * PS // 1000
     assert light.integral(0, int(end[0])) == pytest.approx(

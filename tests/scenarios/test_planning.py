@@ -15,7 +15,7 @@ from cosim.plan.tiles import TileGrid
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.setup import set_up_camera
-from scenarios.scenes import make_source
+from scenarios.scenes.kinds.grid import SceneGrid
 
 SHAPE, CYCLES = (96, 160), 200
 SCENES = ("step", "star", "wave", "film")
@@ -24,7 +24,7 @@ SCENES = ("step", "star", "wave", "film")
 def made(name: str, *assignments: str):
     _, scenario = load(name, list(assignments))
     setting = set_up_camera(scenario, "numba").setting
-    return make_source(scenario.scene, SHAPE, setting.clock, CYCLES, True), setting.clock
+    return scenario.scene.source(SceneGrid(SHAPE, setting.clock, CYCLES, True)), setting.clock
 
 
 @pytest.mark.parametrize("name", SCENES)

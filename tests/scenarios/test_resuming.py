@@ -39,7 +39,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a run began")
 
     for name in (
-        "run.assemble", "assemble.run_link.run_link", "assemble.run_imager.run_imager",
+        "run.assemble", "assemble.run_imager.run_imager",
     ):  # fmt: skip
         monkeypatch.setattr(f"scenarios.{name}", fail)
 

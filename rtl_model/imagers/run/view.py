@@ -12,8 +12,8 @@ from cosim.light.lens import Lens
 from cosim.light.survey import survey
 from scenarios.assemble.scenario import ImagerScenario
 from scenarios.scenes.charts.target import target_course, target_plane
-from scenarios.scenes.making import make_source
-from scenarios.scenes.sections import TargetScene
+from scenarios.scenes.kinds.grid import SceneGrid
+from scenarios.scenes.kinds.target import TargetScene
 from sensor.imagers import LightScenery, Scenery, Still
 
 __all__ = ["LIGHT_CLOCK", "View", "make_view"]
@@ -73,13 +73,13 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
         name = scene.chart if scene.path is None else ""
         return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
     cycles = clock.cycle_at(stop) + 1
-    source = make_source(scene, shape, clock, cycles)
+    source = scene.source(SceneGrid(shape, clock, cycles))
 
     def light(begin: int, end: int) -> Light:
         first = clock.cycle_at(begin)
         return source.step(None, Block(first, clock.cycle_at(max(end - 1, begin)) + 1 - first))
 
-    looked = survey(make_source(scene, shape, clock, cycles), clock, cycles)
+    looked = survey(scene.source(SceneGrid(shape, clock, cycles)), clock, cycles)
     least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
     scenery = _Lensed(LightScenery(shape, light), gain)
     steady = bool(looked.steady.all())

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light, Piece, Plane, seconds_to_ps
 from scenarios.scenes.charts.target_art import PAPER, draw
-from scenarios.scenes.sections import TargetScene
+from scenarios.scenes.kinds.target import TargetScene
 from scenarios.scenes.source import spread_points
 from sensor.imagers import Course
 

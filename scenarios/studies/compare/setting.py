@@ -14,7 +14,7 @@ from scenarios.assemble.camera import choose_lens
 from scenarios.assemble.loading import assign, load, shipped, to_toml
 from scenarios.assemble.messages import validate
 from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
-from scenarios.scenes.sections import SceneSection
+from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
 
 __all__ = ["CHIP", "IMAGERS", "SHAPE", "Comparison", "load_comparison"]
