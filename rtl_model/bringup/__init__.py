@@ -4,7 +4,7 @@
 `machine` the run of a [board] scenario.
 """
 
-from rtl_model.bringup.bench.stage import STAGES, Report, Stage
+from rtl_model.bringup.bench.stage import Stage
 from rtl_model.bringup.run import bring_up
 
-__all__ = ["STAGES", "Report", "Stage", "bring_up"]
+__all__ = ["Stage", "bring_up"]

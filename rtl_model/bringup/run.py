@@ -9,19 +9,19 @@ from pathlib import Path
 
 from cosim import InputError
 from rtl_model.bringup.bench.bench import Bench
-from rtl_model.bringup.stages.bytes import check_bytes
-from rtl_model.bringup.stages.counters import check_counters
 from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.bench.evidence import Evidence
-from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.bringup.bench.monitor import LineMonitor
+from rtl_model.bringup.bench.stage import STAGES, Figures, Report, Stage, StageFault
+from rtl_model.bringup.bench.uptime import Uptime
+from rtl_model.bringup.stages.bytes import check_bytes
+from rtl_model.bringup.stages.counters import check_counters
+from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.bringup.stages.patterns import check_patterns
 from rtl_model.bringup.stages.prbs import check_prbs
 from rtl_model.bringup.stages.registers import check_registers
-from rtl_model.bringup.bench.stage import STAGES, Figures, Report, Stage, StageFault
 from rtl_model.bringup.stages.threshold import check_threshold
 from rtl_model.bringup.stages.timing import check_timing
-from rtl_model.bringup.bench.uptime import Uptime
 from rtl_model.host import (
     Cause,
     LineFault,

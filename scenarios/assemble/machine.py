@@ -7,6 +7,7 @@ Verilog tools take seconds to load.
 from __future__ import annotations
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
 from scenarios.assemble.loading import filmed
@@ -56,6 +57,10 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.link import assemble_link
 
         return assemble_link(name, scenario, options.device, progress)
+    if isinstance(scenario, BoardScenario):
+        from rtl_model.bringup.machine.machine import BoardMachine
+
+        return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 

@@ -68,13 +68,7 @@ def run(
     table: list[str] = []
     verdict: list[str] = []
     try:
-        if isinstance(loaded, BoardScenario):
-            from scenarios.assemble.run_board import run_board
-
-            result, folder = run_board(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        elif isinstance(loaded, ImagerScenario):
+        if isinstance(loaded, ImagerScenario):
             from rtl_model.imagers.run.page import write_imager_report
             from scenarios.assemble.run_imager import run_imager
 

@@ -51,13 +51,12 @@ class BoardMachine:
         csr_map(None if section.csr is None else Path(section.csr))  # refused before the run
         self.bits = 0 if geometry is None else section.frames * geometry.rows * geometry.columns
         self._stack = ExitStack()
-        self._endpoint = self._stack.enter_context(
-            open_endpoint(
-                section.port, section.baud, section.time_scale,
-                level="bytes" if geometry is None else section.level, faults=section.faults,
-                geometry=geometry,
-            )  # fmt: skip
-        )
+        endpoint = open_endpoint(
+            section.port, section.baud, section.time_scale,
+            level="bytes" if geometry is None else section.level, faults=section.faults,
+            geometry=geometry,
+        )  # fmt: skip
+        self._endpoint = self._stack.enter_context(endpoint)
         self.device = (
             f"board at {self._endpoint.url}" if geometry is None
             else f"virtual board, level {section.level}"

@@ -60,8 +60,8 @@ def _capture_burst(
     if captured.planes.shape != (frames, size.rows, size.columns):
         raise StageFault(
             "frames-lost",
-            f"{name}: {len(captured.planes)} of {frames} frames were captured, {captured.lost} rows "
-            "found no room",
+            f"{name}: {len(captured.planes)} of {frames} frames were captured, "
+            f"{captured.lost} rows found no room",
             "take fewer frames",
         )
     burst = compare_burst(name, captured, size, registers, image)

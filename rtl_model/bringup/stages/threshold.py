@@ -4,8 +4,8 @@ closed form."""
 from __future__ import annotations
 
 from rtl_model.bringup.bench.bench import Bench
-from rtl_model.bringup.stages.spike_count import count_spikes
 from rtl_model.bringup.bench.stage import Figures, StageFault
+from rtl_model.bringup.stages.spike_count import count_spikes
 
 __all__ = ["LEVELS", "RULES", "check_threshold"]
 
@@ -82,7 +82,9 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     while True:
         frames = bench.read("sensor_frames")
         read = bench.read("sensor_rows_read")
-        if read == frames * bench.geometry.rows % _WORD and frames == bench.read_stable("sensor_frames"):
+        if read == frames * bench.geometry.rows % _WORD and frames == bench.read_stable(
+            "sensor_frames"
+        ):
             return frames, bench.read_stable("sensor_spikes")
         if bench.port.now() > end + 2.0:
             raise StageFault(

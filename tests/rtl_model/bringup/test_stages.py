@@ -2,14 +2,15 @@
 
 import pytest
 
-from rtl_model.bringup import STAGES, Stage, bring_up
-from rtl_model.bringup.report.junit import junit_xml
+from rtl_model.bringup import Stage, bring_up
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
-from rtl_model.bringup.stages.identity import check_identity
-from rtl_model.bringup.run import _CHECKS
-from rtl_model.bringup.report.summary import summary
+from rtl_model.bringup.bench.stage import STAGES
 from rtl_model.bringup.bench.uptime import Uptime
+from rtl_model.bringup.report.junit import junit_xml
+from rtl_model.bringup.report.summary import summary
+from rtl_model.bringup.run import _CHECKS
+from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from rtl_model.verilated import build_crc
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent

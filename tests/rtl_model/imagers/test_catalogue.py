@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
-from rtl_model.host import Board, Cause, LineFault, Uartbone, imager_map, read_csr, recognised
+from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised
+from rtl_model.host.csr import imager_map
 from rtl_model.imagers import IMAGERS, ImagerBus, design, line_of, machine
 from rtl_model.imagers.catalogue import by_number
 from rtl_model.imagers.document import document
 from rtl_model.imagers.emccd import window_table
-from rtl_model.registers import faults
+from rtl_model.registers.checks import faults
 from rtl_model.virtual import VirtualBoard
 from tests.rtl_model.host.conftest import ModelPort
 

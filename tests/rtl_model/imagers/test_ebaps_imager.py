@@ -19,7 +19,7 @@ from rtl_model.imagers.ebaps import (
     machine,
     region_bytes,
 )
-from rtl_model.registers import faults
+from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.ebaps import Chart, EbapsPixels, wanted_exposure
 

@@ -8,7 +8,8 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from rtl_model.host import Board, Uartbone, imager_map
+from rtl_model.host import Board, Uartbone
+from rtl_model.host.csr import imager_map
 from rtl_model.imagers import line_of
 from rtl_model.imagers.emccd import (
     DESIGN,
@@ -21,7 +22,7 @@ from rtl_model.imagers.emccd import (
     frame_clocks,
     run_cooling,
 )
-from rtl_model.registers import faults
+from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.emccd import HighVoltage
 from tests.rtl_model.host.conftest import ModelPort

@@ -9,7 +9,8 @@ import pytest
 
 from cosim import InputError
 from rtl_model.imagers import HEAD, IMAGER_MAGIC, Design, RegisterFile, line_of, machine
-from rtl_model.registers import REGISTERS, Register, faults
+from rtl_model.registers import REGISTERS, Register
+from rtl_model.registers.checks import faults
 
 OWN = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),

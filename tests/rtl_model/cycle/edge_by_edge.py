@@ -1,5 +1,7 @@
-"""The sensor clock by clock in plain numpy: slow, and the truth that the compiled scan is held
-against. One step of `PlainSensor.edge` is one rising edge, as the Verilog has it."""
+"""The sensor one rising edge at a time in numpy: slow, and the reference of the compiled scan.
+
+`EdgeByEdgeSensor.edge` does what the Verilog does at one rising edge.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,13 @@ from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS, parameters, quantum, reset_value
 
-__all__ = ["PlainSensor"]
+__all__ = ["EdgeByEdgeSensor"]
 
 _NAMES = {entry.address: entry for entry in REGISTERS if entry.name.startswith("sensor_")}
 _PATTERN = next(memory.address for memory in MEMORIES if memory.name == "pattern_mem")
 
 
-class PlainSensor:
+class EdgeByEdgeSensor:
     """The registers `sensor_*`, the pattern memory and the pixels of a board at clock 0."""
 
     def __init__(self, geometry: Geometry) -> None:

@@ -1,4 +1,4 @@
-"""The row scan in numpy: the truth of the kernel."""
+"""The row scan in numpy: the reference of the OpenCL kernel, in results and in speed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from cosim.files.raw_layout import BLOCK_BYTES, HALF, RAW_SIZE
 from cosim.spikes.viform import Words, unpack_planes
 from rtl_model.readout.window import Window
 
-__all__ = ["plain_readout"]
+__all__ = ["read_in_numpy"]
 
 
-def plain_readout(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
+def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
     """Raw bytes of `cycles` cycles, (cycles, blocks, 64) uint8. words: (n, 1000, 1000)."""
     window = Window() if window is None else window.checked()
     halves = unpack_planes(words, 0, cycles).reshape(cycles, 2 * RAW_SIZE[1], HALF)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from rtl_model.cycle import PlainSensor, System
+from rtl_model.cycle import System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
+from tests.rtl_model.cycle.edge_by_edge import EdgeByEdgeSensor
 
 ADDRESS = {register.name: register.address for register in REGISTERS}
 PATTERN = next(memory.address for memory in MEMORIES if memory.name == "pattern_mem")
@@ -64,7 +65,7 @@ def random_writes(geometry, seed, clocks):
 def test_random_writes_at_random_clocks(geometry, seed):
     clocks = 4000
     writes = random_writes(geometry, seed, clocks)
-    truth = PlainSensor(geometry).run(clocks, writes)
+    truth = EdgeByEdgeSensor(geometry).run(clocks, writes)
     made = System(geometry).run(clocks, writes)
     assert truth.size > 150
     assert np.bitwise_count(truth["bits"]).sum() > 150
@@ -87,7 +88,7 @@ def test_every_threshold_and_rule(threshold, rule):
         for n in range(geometry.pattern_bytes // 4)
     ]
     clocks = 3000
-    truth = PlainSensor(geometry).run(clocks, writes)
+    truth = EdgeByEdgeSensor(geometry).run(clocks, writes)
     made = System(geometry).run(clocks, writes)
     np.testing.assert_array_equal(made, truth)
     assert truth["bits"].any()
