@@ -54,7 +54,7 @@ class PanelStage:
         mapping: Callable[[Words], Words] | None = None,
     ) -> None:
         self._batch, self._observers = setting.batch, dict(observers)
-        self._panel = setting.shown
+        self._panel = setting.simulated_panel
         self._cycles, self._mapping = cycles, mapping
         self.film = None if motion is None else Film(motion)
         self._exposures = max(

@@ -59,7 +59,7 @@ def _time(
     height, width = shown[0][1].shape[1:]
     rows = height if most == math.inf else max(1, min(height, int(most) // width))
     # The stream's own size: what a panel of another costs is the same a pixel.
-    panel = replace(setting.shown, shape=(rows, width))
+    panel = replace(setting.simulated_panel, shape=(rows, width))
     ready = replace(setting, panel=panel)
     draws = [
         (block, np.ascontiguousarray(words[:, :rows]), ready.views(block.start, block.cycles))

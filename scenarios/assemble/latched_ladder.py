@@ -28,9 +28,9 @@ from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display import DisplaySetting
 from display.trial.cost import display_ns, golden_ns
+from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.planning import RunPlan
 from scenarios.assemble.setup import CameraSetup
-from scenarios.assemble.shown import TRUTH, ShownPaired, ShownPatches
 from scenarios.assemble.verifier import Planned
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
@@ -95,7 +95,7 @@ def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
 
 def _paired(
     setup: CameraSetup, rungs: Sequence[_Rung], display: DisplaySetting | None
-) -> ShownPaired:
+) -> DisplayTrial:
     """The reference and every rung on the same patches."""
     survey, setting = rungs[0].plan.survey, setup.setting
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
@@ -103,16 +103,16 @@ def _paired(
     for rung in rungs:
         planned = Planned(rung.tier, rung.plan.setting, rung.plan.flags)
         cameras[rung.name] = planned.on(plane, survey.grid, setup.device)
-    shown = None
+    patches = None
     if display is not None:
         displays = {TRUTH: ("reference", display)}
         displays |= {
             rung.name: (rung.name, rung.plan.display)
             for rung in rungs if rung.plan.display is not None
         }  # fmt: skip
-        shown = ShownPatches(plane, displays, survey.scene.floor)
+        patches = DisplayPatches(plane, displays, survey.scene.floor)
     spans = windows(setup.instants, setup.scenario.image.window, setup.cycles)
-    return ShownPaired(plane, cameras, spans, shown)
+    return DisplayTrial(plane, cameras, spans, patches)
 
 
 def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
@@ -139,8 +139,8 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     rows = []
     for rung, ns in zip(rungs, spent, strict=True):
         error = (
-            worst(paired.rates(rung.name), truth, floor) if paired.shown is None
-            else paired.shown.error(rung.name)
+            worst(paired.rates(rung.name), truth, floor) if paired.displays is None
+            else paired.displays.error(rung.name)
         )  # fmt: skip
         for at, tolerance in enumerate(rung.tolerances):
             rows.append(Row(

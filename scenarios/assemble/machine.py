@@ -20,16 +20,7 @@ from scenarios.assemble.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study", "refuse_device"]
-
-
-def refuse_device(device: str | None) -> None:
-    """Raises InputError for an OpenCL device where an imager is simulated."""
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
+__all__ = ["assemble", "assemble_study"]
 
 
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
@@ -57,11 +48,13 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.link import assemble_link
 
         return assemble_link(name, scenario, options.device, progress)
-    if isinstance(scenario, BoardScenario):
-        from rtl_model.bringup.machine.machine import BoardMachine
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
 
-        return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
-    raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
+        return assemble_imager(name, scenario, options)
+    from rtl_model.bringup.machine.machine import BoardMachine
+
+    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
@@ -72,10 +65,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         return LinkStudy(name, scenario, device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager_study import ImagerStudy
+        from scenarios.assemble.imager import assemble_imager_study
 
-        refuse_device(device)
-        return ImagerStudy(name, scenario)
+        return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":

@@ -13,10 +13,10 @@ from cosim import InputError
 from scenarios.assemble.scenario import (
     AnyScenario,
     BoardScenario,
-    ImagerScenario,
     LinkScenario,
     Scenario,
     export,
+    imager_scenario,
 )
 
 __all__ = ["first_fault", "validate"]
@@ -194,7 +194,7 @@ def validate(data: dict[str, Any]) -> AnyScenario:
     if "board" in data:
         whole = BoardScenario
     elif "imager" in data:
-        whole = ImagerScenario
+        whole = imager_scenario()
     elif "link" in data:
         whole = LinkScenario
     try:

@@ -15,7 +15,7 @@ from cosim.plan.planner import SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
 from display.effects import SHOWN, effective_planes
-from scenarios.assemble.shown import Shown
+from display.trial.paired import TrialDisplay
 from scenarios.assemble.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
@@ -91,13 +91,13 @@ class RunPlan:
         self, full: CameraSetting, seed: int, device: Device | None, stop_early: bool = True
     ) -> Verifier:
         """The stage that checks this plan. full: the camera with every effect."""
-        shown = None
+        trial = None
         if self.display is not None and self.full_display is not None:
-            shown = Shown(self.full_display, self.display, self.survey.scene.cycles)
+            trial = TrialDisplay(self.full_display, self.display, self.survey.scene.cycles)
         return Verifier(
             full, self.plan, self.survey.grid, sorted(self.patches(seed)),
             Planned(self.tier, self.setting, self.flags), self.spans, self.survey.scene.floor,
-            device, stop_early, shown,
+            device, stop_early, trial,
         )  # fmt: skip
 
 
@@ -167,5 +167,5 @@ def plan_run(
     flags = _flags(plan, survey.grid) if tier == "fast" else None
     gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
     spans = windows(instants, survey.scene.window, scene.cycles)
-    shown = None if display is None else display.without(gone)
-    return RunPlan(plan, survey, tier, setting.without(gone), flags, own, spans, shown, display)
+    planned = None if display is None else display.without(gone)
+    return RunPlan(plan, survey, tier, setting.without(gone), flags, own, spans, planned, display)

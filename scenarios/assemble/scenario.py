@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cache, reduce
+from operator import or_
 from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, create_model
 
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
 from link.section import LinkScenario
 from rtl_model.bringup.machine.section import BoardSection
-from rtl_model.imagers.sections import ImagerLens, ImagerSection
+from rtl_model.imagers.catalogue import IMAGERS
+from rtl_model.imagers.section import ImagerLens, ImagerSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.sections.sensor import SensorSection
 
@@ -22,6 +25,7 @@ __all__ = [
     "LinkScenario",
     "Scenario",
     "export",
+    "imager_scenario",
 ]
 
 
@@ -84,12 +88,27 @@ class BoardScenario(Section):
 AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario
 
 
+def imager_scenario() -> type[ImagerScenario]:
+    """The class that a scenario with an [imager] is checked with: its section is that of one of the
+    imagers in the catalogue, by `kind`."""
+    return _with_sections(tuple(kind.section for kind in IMAGERS.values()))
+
+
+@cache
+def _with_sections(sections: tuple[type[ImagerSection], ...]) -> type[ImagerScenario]:
+    one: Any = Annotated[reduce(or_, sections), Field(discriminator="kind")]
+    return create_model(
+        "ImagerScenario", __base__=ImagerScenario, __doc__=ImagerScenario.__doc__, imager=(one, ...)
+    )
+
+
 def export() -> dict[str, Any]:
     """JSON Schema of any scenario: one with a scene, of a link, of a board, or of an imager."""
-    if not _exported:
-        whole: TypeAdapter[AnyScenario] = TypeAdapter(AnyScenario)
-        _exported.update(whole.json_schema(mode="validation"))
-    return _exported
+    return _export(imager_scenario())
 
 
-_exported: dict[str, Any] = {}
+@cache
+def _export(imager: type[ImagerScenario]) -> dict[str, Any]:
+    kinds: Any = Scenario | LinkScenario | BoardScenario | imager
+    whole: TypeAdapter[Any] = TypeAdapter(kinds)
+    return whole.json_schema(mode="validation")

@@ -23,7 +23,13 @@ from cosim.plan.planner import Plan
 from cosim.plan.tiles import TileGrid
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
-from scenarios.assemble.shown import TRUTH, Shown, ShownPaired, ShownPatches, left_out_of
+from display.trial.paired import (
+    TRUTH,
+    DisplayPatches,
+    DisplayTrial,
+    TrialDisplay,
+    partial_displays,
+)
 from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
@@ -68,7 +74,7 @@ def _finding(effect: str, promised: float, measured: float, tile: int | None) ->
     return Finding(effect, message, promised, measured, tile)
 
 
-class Verifier(ShownPaired):
+class Verifier(DisplayTrial):
     """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
     BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
     set."""
@@ -84,13 +90,13 @@ class Verifier(ShownPaired):
         floor: float,
         device: Device | None,
         stop_early: bool = True,
-        shown: Shown | None = None,
+        display: TrialDisplay | None = None,
     ) -> None:
         self._plan, self._floor, self._stop_early = plan, floor, stop_early
         plane = PatchPlane(grid, tiles)
         left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
-        self._unshown = {} if shown is None else left_out_of(shown, left)
-        self._left = [name for name in left if name not in self._unshown]
+        self._partial = {} if display is None else partial_displays(display, left)
+        self._left = [name for name in left if name not in self._partial]
         cameras = {
             "reference": PatchCamera(setting, plane, "reference"),
             "run": run.on(plane, grid, device),
@@ -99,18 +105,18 @@ class Verifier(ShownPaired):
             cameras["all"] = PatchCamera(setting, plane, "exact")
         for name in self._left:
             cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
-        self._display, patches = shown, None
-        if shown is not None:
-            displays = {TRUTH: ("reference", shown.full), "run": ("run", shown.run)}
-            for name, (_, without) in self._unshown.items():
+        self._display, patches = display, None
+        if display is not None:
+            displays = {TRUTH: ("reference", display.full), "run": ("run", display.run)}
+            for name, (_, without) in self._partial.items():
                 displays[f"without {name}"] = "reference", without
-            patches = ShownPatches(plane, displays, floor)
+            patches = DisplayPatches(plane, displays, floor)
         super().__init__(plane, cameras, spans, patches)
 
     def step(self, light: Light, block: Block) -> Light:
         out = super().step(light, block)
         if self._display is not None and block.stop == self._display.cycles and self._stop_early:
-            found = self._dimmed()  # its images are whole
+            found = self._broken_by_display()  # its images are whole
             if found:
                 raise BrokenPromise(found)
         return out
@@ -141,11 +147,11 @@ class Verifier(ShownPaired):
                 )
         return found
 
-    def _dimmed(self) -> list[Finding]:
+    def _broken_by_display(self) -> list[Finding]:
         """The same of what the display left out, from whole images."""
         found = []
         tiles = np.array(self.plane.tiles)
-        for name, high in self._unseen().items():
+        for name, high in self._display_changes().items():
             promised = np.broadcast_to(self._plan.promise[name][tiles], high.shape)
             over = np.where(high > promised, high / np.maximum(promised, 1e-300), 0)
             if over.any():
@@ -155,24 +161,24 @@ class Verifier(ShownPaired):
                 )
         return found
 
-    def _unseen(self) -> dict[str, Values]:
+    def _display_changes(self) -> dict[str, Values]:
         """Upper limit of what each effect that the display left out changed, (images, patches)."""
-        if self.shown is None:
+        if self.displays is None:
             return {}
         return {
-            name: self.shown.limit(f"without {name}", before)
-            for name, (before, _) in self._unshown.items()
+            name: self.displays.limit(f"without {name}", before)
+            for name, (before, _) in self._partial.items()
         }
 
     def broken(self) -> list[Finding]:
         """Promises that were not kept, over the whole run."""
-        return self._broken(self.spans) + self._dimmed()
+        return self._broken(self.spans) + self._broken_by_display()
 
     def error(self) -> Measured:
         """The run against the reference: of radiance as the display's observer integrates it where
         there is a display, else of rates."""
-        if self.shown is not None:
-            return self.shown.error("run")
+        if self.displays is not None:
+            return self.displays.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
     def told(self) -> Error:
@@ -180,7 +186,7 @@ class Verifier(ShownPaired):
         found, patches = self.error(), len(self.plane.tiles)
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
         if self._display is not None:
-            kind = f"radiance as {self._display.seen_by} integrates it, {kind}"
+            kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
         return Error(found.value, kind, (found.low, found.high))
 
     def measured(self) -> dict[str, float]:
@@ -189,7 +195,7 @@ class Verifier(ShownPaired):
         return {
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
             for name in self._left
-        } | {name: float(high.max()) for name, high in self._unseen().items()}
+        } | {name: float(high.max()) for name, high in self._display_changes().items()}
 
     def shortfall(self, tier: Tier) -> list[Finding]:
         """What to reinstate because the whole error exceeds the tolerance: the effect whose absence

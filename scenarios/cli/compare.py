@@ -21,8 +21,7 @@ def compare(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="override a key of scene, lens, spike, adaptive-exposure, ebaps or emccd, or "
-            "duration",
+            help="override a key of scene, lens, spike or an imager such as ebaps, or duration",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,

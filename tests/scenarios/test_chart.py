@@ -12,8 +12,8 @@ from scenarios.scenes.charts.chart import PURSUIT, SLOW, STRIPS, Chart
 from scenarios.scenes.charts.chart_art import DARK, MIDDLE, WEDGE
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.clips.film import FilmSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.kinds.grid import SceneGrid
-from scenarios.scenes.source import AnalyticSource
 
 SHAPE = (240, 300)
 CHART = Chart(SHAPE)

@@ -16,10 +16,10 @@ from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.chain.pursuit import Pursuit
 from display.effects.costs import SHOWN, SPAN_COST
+from display.trial.paired import TRUTH
 from scenarios.assemble.loading import load
 from scenarios.assemble.planning import RunPlan, plan_run
 from scenarios.assemble.setup import set_up_camera
-from scenarios.assemble.shown import TRUTH
 from scenarios.assemble.verifier import Verifier
 
 SPANS = ("planes within 8", "planes within 64")
@@ -137,7 +137,7 @@ def test_the_check_is_of_radiance_and_its_promises_hold(glass):
     assert set(measured) == set(plan.plan.left_out) and check.broken() == []
     for name, value in measured.items():
         assert 0 < value <= plan.plan.promise[name].max()
-    truth = check.shown.images(TRUTH)
+    truth = check.displays.images(TRUTH)
     # White is 1, and the star is neither black nor white all over.
     assert 0.05 < truth.mean() < 1
     told = check.told()
@@ -199,5 +199,5 @@ def test_a_check_goes_on_from_its_state(glass):
         if start == 192:
             second.restore(first.state())
         (first if start < 192 else second).step(light, block)
-    np.testing.assert_array_equal(whole.shown.images("run"), second.shown.images("run"))
+    np.testing.assert_array_equal(whole.displays.images("run"), second.displays.images("run"))
     assert whole.error() == second.error()

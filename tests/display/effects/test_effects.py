@@ -116,7 +116,11 @@ def test_settings_leave_out_what_they_are_told():
     assert full.without(names[:2]) == eight.without(["planes within 64"])
     none = full.without(names)
     assert none.kept == () and (none.batch, none.row_timing) == (64, False)
-    assert none.panel.rise == 0 and none.shown.row_scan == 0 and full.shown == full.panel
+    assert (
+        none.panel.rise == 0
+        and none.simulated_panel.row_scan == 0
+        and full.simulated_panel == full.panel
+    )
     plain = DisplaySetting(replace(PANEL, row_scan=0.0), EYE)
     assert [e.name for e in plain.kept] == names[:2]
 

@@ -14,7 +14,8 @@ from scipy.stats import norm
 from cosim.light.radiometry import photons_per_lux
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.ebaps import EbapsPixels
-from sensor.imagers.emccd import EmccdPixels, dark_current, excess_noise_squared
+from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
+from sensor.imagers.emccd.dark import dark_current
 from sensor.laboratory import Bench, Report, measure_camera
 
 FAR = float(norm.isf(0.5e-6) / norm.isf(0.005))

@@ -12,7 +12,8 @@ from scipy.stats import norm
 
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
-from sensor.imagers import Exposed, negative_binomial, poisson
+from sensor.imagers import Exposed, poisson
+from sensor.imagers.draws import negative_binomial
 from sensor.laboratory import Bench, Estimate, LinearPixels, Report, measure_camera
 
 SECONDS = 0.01
