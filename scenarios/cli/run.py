@@ -44,10 +44,10 @@ def run(
     """Run a scenario: film it, show it where it has a display, make images and a report; or bring
     a test board up."""
     from cosim.run.machine import Options
-    from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, Scenario
-    from scenarios.cli import BEGAN
+    from scenarios.assemble.schema.loading import load
+    from scenarios.assemble.schema.scenario import BoardScenario, ImagerScenario, Scenario
+    from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)

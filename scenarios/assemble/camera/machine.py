@@ -20,21 +20,28 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from display.chain.display import DisplayChain, make_display_chain, short_run_notes
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from scenarios.assemble.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.loading import to_toml
-from scenarios.assemble.planning import RunPlan
-from scenarios.assemble.probe_camera import SpikeProbeCamera
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.setup import CameraSetup, set_up_camera
-from scenarios.assemble.verifier import ARITHMETIC, Verifier
-from scenarios.report.display import display_page
-from scenarios.report.display_tables import display_lines
-from scenarios.report.latched_run import LatchedRun
-from scenarios.report.page import stream_page
+from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.display import display_page
+from scenarios.assemble.camera.pages.display_tables import display_lines
+from scenarios.assemble.camera.pages.stream import stream_page
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
+from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
+from scenarios.assemble.camera.verifier import ARITHMETIC, Verifier
+from scenarios.assemble.schema.loading import to_toml
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
-from sensor.reconstruct.fidelity import Shot, interval_latency, judge, spike_rate, take_shots
-from sensor.reconstruct.images import write_images
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import (
+    LATCHED,
+    Shot,
+    interval_latency,
+    spike_rate,
+    take_shots,
+    write_images,
+)
 
 __all__ = ["LatchedMachine", "assemble_latched"]
 
@@ -222,8 +229,8 @@ class LatchedMachine:
         stream = ZarrStream(recording.folder / STREAM)
         window = self.scenario.image.window
         shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
-        files = write_images(recording.folder, shots)
-        metrics = judge(shots) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        files = write_images(recording.folder, shots, LATCHED)
+        metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
         seconds["images"] = time.perf_counter() - begin
         begin = time.perf_counter()
         sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)

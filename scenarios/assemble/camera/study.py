@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.run.progress import Progress
-from scenarios.assemble.boards import refuse_boards
-from scenarios.assemble.latched_forecast import forecast
-from scenarios.assemble.latched_ladder import accuracy
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.forecast import forecast
+from scenarios.assemble.camera.ladder import accuracy
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.scenario import Scenario
 
 __all__ = ["LatchedStudy"]
 

@@ -12,8 +12,8 @@ from typing import Any
 from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.run.inputs import PATHS
-from scenarios.assemble.messages import validate
-from scenarios.assemble.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
 from scenarios.scenes.catalogue import scene_keys
 
 __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]

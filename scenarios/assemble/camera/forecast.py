@@ -11,8 +11,8 @@ from cosim import BLOCK, Block
 from cosim.light.light import PlaneMap
 from cosim.plan.forecast import Speeds, forecast_document
 from cosim.plan.patches import PatchPlane
-from scenarios.assemble.planning import RunPlan
-from scenarios.assemble.setup import CameraSetup
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 

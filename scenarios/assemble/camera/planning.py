@@ -16,7 +16,7 @@ from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
 from display.effects import SHOWN, effective_planes
 from display.trial.paired import TrialDisplay
-from scenarios.assemble.verifier import Planned, Verifier
+from scenarios.assemble.camera.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast.promise import fast_bound

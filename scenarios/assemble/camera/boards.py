@@ -20,7 +20,7 @@ from cosim.run.result import Metric
 from cosim.spikes.viform import unpack_planes
 from display import fit_words
 from rtl_model.registers import quantum
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE

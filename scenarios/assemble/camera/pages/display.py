@@ -20,11 +20,11 @@ from cosim.run.machine import Page
 from display.chain.clip import RATE, chosen_tiles, write_display_clip
 from display.chain.outcome import TRUTH, DisplayOutcome
 from display.panels.panel import metric_key
-from scenarios.report.display_figures import latency_figure, wave_figure
-from scenarios.report.display_tables import band_tables, display_table, light_table
-from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
-from scenarios.report.latched_run import LatchedRun
-from scenarios.report.machine import machine
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.display_figures import latency_figure, wave_figure
+from scenarios.assemble.camera.pages.display_tables import band_tables, display_table, light_table
+from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, kept, left_out_card
 
 __all__ = ["display_page"]
 

@@ -15,14 +15,15 @@ from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
 from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
-from scenarios.report.kept import error_card, full_physics_card, kept, left_out_card
-from scenarios.report.latched_run import LatchedRun
-from scenarios.report.machine import machine
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, kept, left_out_card
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
-from sensor.reconstruct.fidelity import LEAST_RATE, Shot
+from sensor.reconstruct.fidelity import LEAST_RATE
 from sensor.reconstruct.figure import interval_figure
+from sensor.reconstruct.shots import Shot
 
 __all__ = ["stream_page"]
 
@@ -156,13 +157,11 @@ def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
 
 
 def _playback(run: LatchedRun) -> str:
-    from scenarios.cli.output import SilentProgress
-
     every = max(1, run.stream.cycles // _CLIP_FRAMES)
     path = run.folder / "playback.mp4"
     write_clip(
         run.stream, path, window=run.scenario.image.window, every=every,
-        scale=max(run.white_rate, LEAST_RATE), rate=25.0, progress=SilentProgress(), largest=640,
+        scale=max(run.white_rate, LEAST_RATE), rate=25.0, largest=640,
     )  # fmt: skip
     slower = 25.0 * every / run.stream.clock.hz
     return (

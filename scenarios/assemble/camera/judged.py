@@ -11,11 +11,11 @@ from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
 from display.chain.outcome import DisplayOutcome
-from scenarios.assemble.planning import RunPlan
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.reconstruct.fidelity import Shot
+from sensor.reconstruct.shots import Shot
 
 __all__ = ["LatchedRun"]
 

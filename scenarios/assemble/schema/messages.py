@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
-from scenarios.assemble.scenario import (
+from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
     LinkScenario,

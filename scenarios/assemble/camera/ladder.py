@@ -29,9 +29,9 @@ from cosim.spikes.viform import Words
 from display import DisplaySetting
 from display.trial.cost import display_ns, golden_ns
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
-from scenarios.assemble.planning import RunPlan
-from scenarios.assemble.setup import CameraSetup
-from scenarios.assemble.verifier import Planned
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.camera.verifier import Planned
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.report.parts import table
-from scenarios.report.latched_run import LatchedRun
+from scenarios.assemble.camera.judged import LatchedRun
 from sensor.sections.provenance import fault_rows, optics_rows
 
 __all__ = ["machine"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER, Lens
-from scenarios.assemble.scenario import LinkScenario, Scenario
+from scenarios.assemble.schema.scenario import LinkScenario, Scenario
 from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electrons
 from sensor.circuit import Circuit, Lumped
 from sensor.sections.sensor import SensorSection

@@ -11,10 +11,10 @@ from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
-from scenarios.assemble.camera import LensedCamera, lensed_camera
-from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.stages import LensStage, SceneStage
+from scenarios.assemble.camera.lensed import LensedCamera, lensed_camera
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.stages import LensStage, SceneStage
+from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.survey import SceneSurvey, survey_scene

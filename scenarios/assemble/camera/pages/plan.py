@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.report.figures import INK, LINE, MARK, pyplot
 from cosim.report.parts import plot, table
-from scenarios.report.latched_run import LatchedRun
+from scenarios.assemble.camera.judged import LatchedRun
 
 __all__ = ["error_card", "full_physics_card", "kept", "left_out_card"]
 
