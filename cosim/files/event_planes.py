@@ -35,12 +35,14 @@ class _Intervals:
 
 
 class EventStream:
-    """An event file as a spike stream; its planes are computed in memory when they are first needed,
-    a part of the events at a time.
+    """An event file as a spike stream.
 
-    notes: what planes do not keep of the events, once they have been computed. Raises InputError for
-    what is no event file, and then for damage, for events that planes cannot hold, and where the
-    planes need more memory than is free.
+    Its planes are computed in memory when they are first needed, a part of the events at a time.
+    Raises InputError for a file of another kind, and when the planes are computed: for damage, for
+    events that planes cannot hold, and where the planes need more memory than is free.
+
+    Attributes:
+        notes: what planes do not keep of the events, once they have been computed.
     """
 
     def __init__(self, path: Path) -> None:
