@@ -100,10 +100,10 @@ def report_metrics(reports: Intensities, setting: ContinuousSetting) -> dict[str
 
 def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]:
     """Effects that act, by name."""
-    made = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
-    made += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
-    made += ["converter", "report clock"]
-    return made + [e.name for e in camera.kept if e not in camera.effects]
+    names = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
+    names += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
+    names += ["converter", "report clock"]
+    return names + [e.name for e in camera.kept if e not in camera.effects]
 
 
 def notes_of(setting: ContinuousSetting, white: float) -> list[str]:

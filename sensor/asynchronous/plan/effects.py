@@ -229,8 +229,8 @@ def _nothing_gained(model: EventModel) -> list[EventEffect]:
         # those that are held, by Cauchy and Schwarz with a normal law's fourth moment.
         q, top = float(model.threshold), scene.brightest
         p = gammainc(q, top * q * max(shortest - delay, 0)) if model.shot else 0.0
-        late = np.maximum(top - 1 / shortest, 0)
-        return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + late) / scene.scale)
+        held = np.maximum(top - 1 / shortest, 0)
+        return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + held) / scene.scale)
 
     made = [
         EventEffect("shortest width", "Huang 2022 section 4.4", "estimate", 0.0, held),

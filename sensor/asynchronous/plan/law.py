@@ -92,8 +92,8 @@ def weak_error(
     whole, spread = LEAST * mean[good], LEAST * variance[good]
     n = int(good.sum())
 
-    def off(found: Reals) -> tuple[float, float]:
-        apart = found - whole
+    def off(charges: Reals) -> tuple[float, float]:
+        apart = charges - whole
         return float(apart.sum() / whole.sum()), float((apart**2 / spread).mean() - 1)
 
     engine, reference = off(sums[good]), off(single)
