@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.run.printed import Row, listed, number, unprinted
 from rtl_model.imagers.ebaps.axi import region_offset
 from rtl_model.imagers.ebaps.cameralink import (
     CHANNELS,
@@ -30,7 +31,6 @@ from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, region_bytes
 from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
 from rtl_model.imagers.ebaps.settling import settle, settling_exposure
 from rtl_model.imagers.ebaps.timing import CLOCK_HZ, Timing
-from scenarios.studies.paper.row import Row, listed, number, unprinted
 from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
 
 __all__ = ["ebaps_rows"]

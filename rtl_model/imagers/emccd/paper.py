@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from cosim.light.radiometry import photons_per_lux
+from cosim.run.printed import Row, listed, number, unprinted
 from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
-from rtl_model.imagers.emccd.plain import PlainSequencer
+from rtl_model.imagers.emccd.counters import CounterSequencer
 from rtl_model.imagers.emccd.registers import DESIGN
 from rtl_model.imagers.emccd.sequencer import Cycle, Phase
 from rtl_model.imagers.emccd.timing import (
@@ -19,7 +20,6 @@ from rtl_model.imagers.emccd.timing import (
     frame_clocks,
     window_table,
 )
-from scenarios.studies.paper.row import Row, listed, number, unprinted
 from sensor.imagers import Exposed
 from sensor.imagers.emccd import (
     SUMMARY_PEAK,
@@ -164,7 +164,7 @@ def _small() -> Timing:
 def _shifts(timing: Timing, settings: Settings) -> int:
     """Rows that leave the store after the second transfer, counted clock by clock."""
     small = _small()
-    plain = PlainSequencer(small, Settings(1, settings.first, settings.rows))
+    plain = CounterSequencer(small, Settings(1, settings.first, settings.rows))
     seen, high = 0, 0
     for _ in range(frame_clocks(small, Settings(1, settings.first, settings.rows))):
         signals = plain.tick()
@@ -193,7 +193,7 @@ def _frame() -> list[Row]:
     """The frame time, whose formula is lost, and Table 2, which is lost too."""
     timing = Timing()
     small, settings = _small(), Settings(1, 100, 128)
-    plain = PlainSequencer(small, settings)
+    plain = CounterSequencer(small, settings)
     clocks = 0
     while plain.cycles < 2:
         plain.tick()

@@ -1,4 +1,4 @@
-"""`PlainSequencer`: the same sequencer clock by clock, by counters that count down, as a chip has
+"""`CounterSequencer`: the same sequencer clock by clock, by counters that count down, as a chip has
 it. Slow; it proves that `Sequencer` and `signals_of` know every edge to the clock."""
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rtl_model.imagers.adaptive.codes import gray, johnson, ring
 from rtl_model.imagers.adaptive.timing import Timing
 
-__all__ = ["PlainSequencer", "Tick"]
+__all__ = ["CounterSequencer", "Tick"]
 
 TIMER_BITS = 32
 """Of the free-running counter of work cycles."""
@@ -40,7 +40,7 @@ class Tick:
     sampled: int | None
 
 
-class PlainSequencer:
+class CounterSequencer:
     """exposures: of the frames to come, clocks; it runs until the last of them has been read."""
 
     def __init__(self, timing: Timing, exposures: list[int]) -> None:

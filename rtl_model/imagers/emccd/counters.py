@@ -6,10 +6,10 @@ from __future__ import annotations
 from rtl_model.imagers.emccd.sequencer import Phase
 from rtl_model.imagers.emccd.timing import Settings, Timing
 
-__all__ = ["PlainSequencer"]
+__all__ = ["CounterSequencer"]
 
 
-class PlainSequencer:
+class CounterSequencer:
     """One call a clock. Attributes are the state as it stands between edges.
 
     held: the parameters as they were last written. work: those of the cycle that runs.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cosim import PS
+from cosim.run.printed import Row, listed, number, unprinted
 from rtl_model.imagers.adaptive.codes import changed_bits, ring
 from rtl_model.imagers.adaptive.decision import (
     HALF_SCALE,
@@ -28,7 +29,6 @@ from rtl_model.imagers.adaptive.response import (
 )
 from rtl_model.imagers.adaptive.sequencer import frames_of
 from rtl_model.imagers.adaptive.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing
-from scenarios.studies.paper.row import Row, listed, number, unprinted
 from sensor.imagers.cmos import BITS, CmosSetting
 
 __all__ = ["adaptive_rows"]

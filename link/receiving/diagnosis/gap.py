@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from typing import Final
 
+from link.coding import Blocks
 from link.receiving.session import Session
 
-__all__ = ["gap_told"]
+__all__ = ["gap_text"]
 
 _FRAMES: Final = 4
 """Frames in a row that are lost, and that are right beside them, from which a stream has a gap."""
 
 
-def gap_told(session: Session) -> str | None:
-    """What shows that ticks are missing, or were dark: blocks that are wholly lost, all in one
-    stretch, among others that are wholly right. None where frames were lost otherwise."""
-    from link.coding import Blocks
+def gap_text(session: Session) -> str | None:
+    """What shows that ticks are missing or were dark; None if frames were lost in another way.
 
+    It is one stretch of blocks that are lost completely, between others that are right.
+    """
     form = Blocks(session.layout)
-    found: dict[int, tuple[int, int]] = {}
+    blocks: dict[int, tuple[int, int]] = {}
     for each in session.instants:
         block = each.group // form.groups
-        found[block] = each.tick, found.get(block, (0, 0))[1] + each.right
-    ticks, right = zip(*(found[block] for block in sorted(found)), strict=True)
+        blocks[block] = each.tick, blocks.get(block, (0, 0))[1] + each.right
+    ticks, right = zip(*(blocks[block] for block in sorted(blocks)), strict=True)
     lost = [n for n, frames in enumerate(right) if frames == 0]
     if not lost or lost[0] == 0 or lost[-1] - lost[0] + 1 > len(lost):
         return None
