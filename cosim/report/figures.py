@@ -62,8 +62,8 @@ def sheet_figure(
     for (name, images), line in zip(rows, axes, strict=True):
         for image, ax in zip(images, line, strict=True):
             small = width > side[0]
-            shown = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
-            ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            scaled = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
+            ax.imshow(scaled, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
             ax.set_xticks([])
             ax.set_yticks([])
             ax.spines[:].set_visible(False)

@@ -1,4 +1,4 @@
-"""The folder of a run: found, with room for the stream, and claimed for one run at a time."""
+"""The folder of a run: its name, its room for the stream, and its lock for one run at a time."""
 
 from __future__ import annotations
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from cosim import InputError
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
-from scenarios.assemble.loading import filmed
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
-from scenarios.assemble.scenario import (
+from scenarios.assemble.schema.loading import filmed
+from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
     ImagerScenario,
@@ -19,16 +19,7 @@ from scenarios.assemble.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study", "refuse_device"]
-
-
-def refuse_device(device: str | None) -> None:
-    """Raises InputError for an OpenCL device where an imager is simulated."""
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
+__all__ = ["assemble", "assemble_study"]
 
 
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
@@ -41,7 +32,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
         if scenario.sensor.readout == "synchronous":
-            from scenarios.assemble.latched import assemble_latched
+            from scenarios.assemble.camera.machine import assemble_latched
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
@@ -56,6 +47,10 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.link import assemble_link
 
         return assemble_link(name, scenario, options.device, progress)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
+
+        return assemble_imager(name, scenario, options)
     raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
 
 
@@ -67,10 +62,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         return LinkStudy(name, scenario, device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager_study import ImagerStudy
+        from scenarios.assemble.imager import assemble_imager_study
 
-        refuse_device(device)
-        return ImagerStudy(name, scenario)
+        return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":
@@ -87,6 +81,6 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         refuse_options("asynchronous", False, device)
         return study_asynchronous(name, camera)
-    from scenarios.assemble.latched_study import LatchedStudy
+    from scenarios.assemble.camera.study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

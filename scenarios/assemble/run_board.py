@@ -20,8 +20,8 @@ from rtl_model.bringup.waves import check_trace, write_waves
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone, open_port, pattern
 from rtl_model.virtual import nominal_clock
-from scenarios.assemble.loading import to_toml
-from scenarios.assemble.scenario import BoardScenario
+from scenarios.assemble.schema.loading import to_toml
+from scenarios.assemble.schema.scenario import BoardScenario
 
 __all__ = ["run_board"]
 

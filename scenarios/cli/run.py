@@ -43,20 +43,16 @@ def run(
 ) -> None:
     """Run a scenario: film it, show it where it has a display, make images and a report; or bring
     a test board up."""
-    from scenarios.assemble.loading import load
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, Scenario
-    from scenarios.cli import BEGAN
+    from scenarios.assemble.schema.loading import load
+    from scenarios.assemble.schema.scenario import BoardScenario, ImagerScenario, Scenario
+    from scenarios.cli.start import BEGAN
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
         refuse_leftovers(loaded)
     if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
-    if isinstance(loaded, ImagerScenario):
-        from scenarios.assemble.machine import refuse_device
-
-        refuse_device(device)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -73,14 +69,6 @@ def run(
 
             result, folder = run_board(
                 name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        elif isinstance(loaded, ImagerScenario):
-            from rtl_model.imagers.run.page import write_imager_report
-            from scenarios.assemble.run_imager import run_imager
-
-            result, folder = run_imager(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-                report=write_imager_report,
             )  # fmt: skip
         else:
             from cosim.run.machine import Options

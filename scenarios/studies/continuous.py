@@ -27,8 +27,8 @@ from cosim import (
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.people.wave import Wave
-from scenarios.scenes.source import AnalyticSource
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp
 from sensor.continuous import ContinuousCamera
 from sensor.continuous.from_section import continuous_setting

@@ -27,7 +27,7 @@ from sensor.asynchronous.setting import channel_model
 from sensor.asynchronous.shots import first_instants, take_event_shots
 from sensor.asynchronous.verify import KIND, Checked, check_plan
 from sensor.reconstruct.fidelity import judge
-from sensor.reconstruct.images import write_images
+from sensor.reconstruct.shots import write_images
 from sensor.sections.asynchronous import AsynchronousSection
 
 __all__ = ["AsynchronousMachine"]

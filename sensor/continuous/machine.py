@@ -27,7 +27,7 @@ from sensor.continuous.shots import (
     take_shots,
 )
 from sensor.reconstruct.fidelity import judge
-from sensor.reconstruct.images import write_images
+from sensor.reconstruct.shots import write_images
 from sensor.sections.sensor import SPIKING
 
 __all__ = ["ContinuousMachine"]

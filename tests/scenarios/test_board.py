@@ -19,10 +19,10 @@ from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
 from rtl_model.virtual import VirtualBoard
-from scenarios.assemble.boards import BoardCamera
-from scenarios.assemble.camera import resized
+from scenarios.assemble.camera.boards import BoardCamera
+from scenarios.assemble.camera.lensed import resized
 from scenarios.assemble.link_loop import open_loop
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting

@@ -16,8 +16,8 @@ from cosim import InputError
 from cosim.run.machine import Options, Run
 from cosim.run.result import Result
 from scenarios.assemble.asynchronous import study_asynchronous
-from scenarios.assemble.loading import load
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.scenario import Scenario
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor.asynchronous import effects, ladder

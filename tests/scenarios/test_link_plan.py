@@ -23,7 +23,7 @@ from link.trial.check import LinkCheck, check_link, compare, goodput_change
 from link.trial.patches import LinkPatches, Variant
 from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
 from link.trial.study import LinkStudy
-from scenarios.assemble.loading import linked, load
+from scenarios.assemble.schema.loading import linked, load
 from sensor import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)

@@ -9,8 +9,8 @@ from cosim import InputError
 from rtl_model.bringup import bring_up
 from rtl_model.bringup.place import virtual_board
 from rtl_model.bringup.report import write_board_report
-from scenarios.assemble.loading import load
 from scenarios.assemble.run_board import run_board
+from scenarios.assemble.schema.loading import load
 
 
 class Silent:

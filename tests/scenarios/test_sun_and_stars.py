@@ -17,7 +17,7 @@ from cosim.files import read_events
 from cosim.light.steps import light_steps
 from cosim.run.machine import Options, Run
 from cosim.run.result import Result
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario

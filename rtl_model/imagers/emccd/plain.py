@@ -1,5 +1,5 @@
 """The EMCCD's sequencer clock by clock, counters and all, as one would write it in Verilog: the
-truth that `sequencer.py` and `machine.py` are held against."""
+truth that `sequencer.py` and `bus_target.py` are held against."""
 
 from __future__ import annotations
 

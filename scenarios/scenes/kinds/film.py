@@ -39,7 +39,7 @@ class FilmScene(Section):
                 Path(self.path), grid.shape, self.illuminance, grid.clock, grid.cycles, self.start,
                 self.frame_rate,
             )  # fmt: skip
-        from scenarios.scenes.source import AnalyticSource
+        from scenarios.scenes.drawing.analytic import AnalyticSource
 
         if self.drawn == "chart":
             from scenarios.scenes.charts.chart import Chart

@@ -26,7 +26,7 @@ class StarScene(Section):
     def source(self, grid: SceneGrid) -> Source:
         # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
         from scenarios.scenes.charts.star import Star
-        from scenarios.scenes.source import AnalyticSource
+        from scenarios.scenes.drawing.analytic import AnalyticSource
 
         star = Star(grid.shape, spokes=self.spokes, revolutions=self.rotation)
         return AnalyticSource(star, self.illuminance, grid.clock)

@@ -24,7 +24,7 @@ class WaveScene(Section):
 
     def source(self, grid: SceneGrid) -> Source:
         # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        from scenarios.scenes.drawing.analytic import AnalyticSource
         from scenarios.scenes.people.wave import Wave
-        from scenarios.scenes.source import AnalyticSource
 
         return AnalyticSource(Wave(grid.shape, rate=self.rate), self.illuminance, grid.clock)

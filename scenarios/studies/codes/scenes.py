@@ -16,12 +16,12 @@ from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.stage import blocks
 from scenarios.scenes.catalogue import SceneSection
+from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.kinds.film import FilmScene
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.star import StarScene
 from scenarios.scenes.kinds.step import StepScene
 from scenarios.scenes.kinds.wave import WaveScene
-from scenarios.scenes.source import AnalyticSource
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.latched.effects import SHOT_NOISE
 

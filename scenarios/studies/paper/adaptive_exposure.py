@@ -5,32 +5,29 @@ from __future__ import annotations
 import math
 
 from cosim import PS
-from rtl_model.imagers.adaptive import (
-    CLOCK_HZ,
-    DESIGN,
-    FRAME_RATE,
+from rtl_model.imagers.adaptive.codes import changed_bits, ring
+from rtl_model.imagers.adaptive.decision import (
     HALF_SCALE,
-    MINIMUM_CLOCKS,
     MULTIPLIER_BITS,
     PRINTED_MULTIPLIER_BITS,
     Search,
-    Timing,
+    decide,
+    lengthening,
+    shortened,
+)
+from rtl_model.imagers.adaptive.latency import latency
+from rtl_model.imagers.adaptive.loop import light_for, search_path, shortest_exposure
+from rtl_model.imagers.adaptive.registers import DESIGN
+from rtl_model.imagers.adaptive.response import (
     brightest_lux,
     combined_response,
     darkest_lux,
-    decide,
     exponential_deviation,
-    frames_of,
-    latency,
-    lengthening,
-    light_for,
     light_range_db,
     longest_exposure,
-    search_path,
-    shortened,
-    shortest_exposure,
 )
-from rtl_model.imagers.adaptive.codes import changed_bits, ring
+from rtl_model.imagers.adaptive.sequencer import frames_of
+from rtl_model.imagers.adaptive.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing
 from scenarios.studies.paper.row import Row, listed, number, unprinted
 from sensor.imagers.cmos import BITS, CmosSetting
 

@@ -4,36 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtl_model.imagers.ebaps import (
+from rtl_model.imagers.ebaps.axi import region_offset
+from rtl_model.imagers.ebaps.cameralink import (
     CHANNELS,
-    CLOCK_HZ,
-    DARKS,
-    DEFAULT_EXPOSURE,
-    DESIGN,
-    DRIVES,
-    HIGH_VOLTAGE,
     LINK_HZ,
-    LIVE,
-    REGIONS,
     SERIAL_BITS,
+    WORD_BITS,
+    LinkTiming,
+    deserialise,
+    serialise,
+)
+from rtl_model.imagers.ebaps.darks import DARKS
+from rtl_model.imagers.ebaps.drive import DRIVES, drive_records
+from rtl_model.imagers.ebaps.exposure import (
+    DEFAULT_EXPOSURE,
     SHORTEST_EXPOSURE,
     STEP,
     WINDOW,
-    WORD_BITS,
-    Ebaps,
     ExposureRule,
     Linear,
-    LinkTiming,
-    Timing,
-    deserialise,
-    drive_records,
     follow,
-    region_bytes,
-    region_offset,
-    serialise,
-    settle,
-    settling_exposure,
 )
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, region_bytes
+from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
+from rtl_model.imagers.ebaps.settling import settle, settling_exposure
+from rtl_model.imagers.ebaps.timing import CLOCK_HZ, Timing
 from scenarios.studies.paper.row import Row, listed, number, unprinted
 from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
 

@@ -7,18 +7,16 @@ import math
 import numpy as np
 
 from cosim.light.radiometry import photons_per_lux
-from rtl_model.imagers.emccd import (
-    DESIGN,
-    Cooler,
-    Cycle,
-    Phase,
-    PlainSequencer,
+from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
+from rtl_model.imagers.emccd.plain import PlainSequencer
+from rtl_model.imagers.emccd.registers import DESIGN
+from rtl_model.imagers.emccd.sequencer import Cycle, Phase
+from rtl_model.imagers.emccd.timing import (
     Settings,
     Timing,
     after_printed,
     exposure_range,
     frame_clocks,
-    run_cooling,
     window_table,
 )
 from scenarios.studies.paper.row import Row, listed, number, unprinted

@@ -18,7 +18,7 @@ from display.probes.light import edge_light, phased_light
 from display.probes.metrics import display_metrics, probe_display
 from display.probes.waveform import every_drive, panel_light
 from display.quality.blur import blur_edge_width
-from scenarios.assemble.probe_camera import SpikeProbeCamera
+from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from sensor import CHIPS, EFFECTS, CameraSetting
 
 CLOCK = Clock(40_000)

@@ -12,9 +12,9 @@ from display import CameraPlane, FramePanel, LightPlanes, Span
 from display.observe.slow_motion import Film, SlowMotion
 from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
-from scenarios.assemble.stages import SceneStage
+from scenarios.assemble.camera.stages import SceneStage
 from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
-from scenarios.scenes.source import AnalyticSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
 
 MS = PS // 1000
 CLOCK = Clock(40_000)

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.adaptive import Timing, actual_exposures, disturbed, frames_of
 from rtl_model.imagers.adaptive.codes import changed_bits, gray, gray_bits, johnson, ring
 from rtl_model.imagers.adaptive.plain import PlainSequencer
+from rtl_model.imagers.adaptive.sequencer import actual_exposures, disturbed, frames_of
 from rtl_model.imagers.adaptive.signals import signal_list, signals_of
+from rtl_model.imagers.adaptive.timing import Timing
 
 SMALL = Timing(rows=6, columns=6, line=28, frame=176, cycle=4, turn=8)
 USUAL = Timing.of(256, 256)
