@@ -7,6 +7,7 @@ Verilog tools take seconds to load.
 from __future__ import annotations
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
@@ -51,7 +52,9 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.imager import assemble_imager
 
         return assemble_imager(name, scenario, options)
-    raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
+    from rtl_model.bringup.machine.machine import BoardMachine
+
+    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:

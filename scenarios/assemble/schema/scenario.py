@@ -11,7 +11,7 @@ from pydantic import Field, TypeAdapter, create_model
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
 from link.section import LinkScenario
-from rtl_model.bringup.section import BoardSection
+from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.section import ImagerLens, ImagerSection
 from scenarios.scenes.catalogue import SceneSection
