@@ -17,7 +17,7 @@ from link.air.geometry import lengths
 from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
-from scenarios.assemble.camera import camera_setting
+from scenarios.assemble.camera.lensed import camera_setting
 from sensor import CameraSetting
 from sensor.sections.sensor import LensSection
 

@@ -20,7 +20,7 @@ from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome,
 from cosim.run.progress import Progress
 from cosim.run.result import Result, dumps, write_result
 from scenarios.assemble.machine import assemble
-from scenarios.assemble.scenario import AnyScenario
+from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.report import write_report
 
 __all__ = ["Done", "run_scenario"]

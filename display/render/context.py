@@ -27,9 +27,9 @@ GL_INSTALL = f"apt-get install -y {' '.join(_DEBIAN)}"
 GL = 330
 """Least version: integer textures and outputs, explicit locations, bits of floats."""
 DRAW_BUFFERS = 8
-"""Targets of one draw, GL 3.3's least. The state takes up to three of them."""
-UNITS = 7
-"""Textures that a fragment reads: four of words, three of state."""
+"""Targets of one draw, GL 3.3's least. The state takes up to four of them."""
+UNITS = 8
+"""Textures that a fragment reads: four of words, four of state."""
 _BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 """The default backend wants a window system, the default names those of -dev packages."""
 INSTEAD = "or --set display.renderer=numpy, slower"

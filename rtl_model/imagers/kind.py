@@ -9,9 +9,11 @@ from cosim import InputError
 from rtl_model.imagers.section import ImagerSection
 
 if TYPE_CHECKING:  # the schema, and a host that reads registers, need none of the physics
+    from cosim.run.printed import Row
     from rtl_model.imagers.bus import BusTarget
     from rtl_model.imagers.comparison import Comparison
     from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.report.imager_run import ImagerRun
     from rtl_model.imagers.run.model import ImagerModel
 
 __all__ = ["ImagerKind"]
@@ -25,12 +27,14 @@ class ImagerKind(ABC):
         title: a few words for headings.
         section: class of its [imager] section.
         number: what its register `ctrl_imager` reads; None for an imager without registers.
+        document: number and title of its source document; None if `viform paper` has none.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     section: ClassVar[type[ImagerSection]]
     number: ClassVar[int | None] = None
+    document: ClassVar[tuple[str, str] | None] = None
 
     @abstractmethod
     def model(self, section: Any, seconds: float) -> ImagerModel:
@@ -53,6 +57,19 @@ class ImagerKind(ABC):
     def comparison(self) -> Comparison | None:
         """Its side of `viform compare`; None for an imager that is not compared."""
         return None
+
+    def sections(self, model: Any, run: ImagerRun) -> str:
+        """HTML of its own sections of the report; their figures are written.
+
+        Args:
+            model: the imager as the scenario sets it.
+            run: what was filmed.
+        """
+        return ""
+
+    def printed(self) -> list[Row]:
+        """Every number that its document prints, beside that of the simulation."""
+        return []
 
     def _no_registers(self) -> InputError:
         return InputError("an imager", "one with registers", repr(self.name), "name another")

@@ -13,6 +13,7 @@ from cosim.report.png import write_png
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
+from rtl_model.imagers.kind import ImagerKind
 from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.report.page import imager_page
 from rtl_model.imagers.run.chain import FrameChain
@@ -35,10 +36,12 @@ class ImagerMachine:
     """See `cosim.run.machine.Machine`.
 
     Attributes:
+        kind: of the imager.
         planned: the run.
         trace: file for the waveforms of the sequencer's first frames; None for none.
     """
 
+    kind: ImagerKind
     planned: PlannedRun
     trace: Path | None = None
 
@@ -132,7 +135,7 @@ class ImagerMachine:
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
-        return imager_page(ImagerRun(run, run.recording.chain, run.outcome.views))
+        return imager_page(self.kind, ImagerRun(run, run.recording.chain, run.outcome.views))
 
     def close(self) -> None:
         """Nothing is open."""

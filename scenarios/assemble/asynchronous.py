@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
 from cosim.config.toml import to_toml
-from scenarios.assemble.camera import camera_setting, choose_lens, lens_notes, resized
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens, lens_notes, resized
 from scenarios.assemble.readout import (
     choose_instants,
     make_relay,
     refuse_keys,
     with_section,
 )
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.run import EventSpec
 from sensor.asynchronous.setting import channel_model, event_model
-from sensor.asynchronous.study import AsynchronousStudy
+from sensor.asynchronous.study.study import AsynchronousStudy
 from sensor.sections.asynchronous import AsynchronousSection
 
 __all__ = ["assemble_asynchronous", "study_asynchronous", "with_defaults"]

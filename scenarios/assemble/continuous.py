@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
 from cosim.config.toml import to_toml
-from scenarios.assemble.camera import camera_setting, choose_lens, resized
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens, resized
 from scenarios.assemble.readout import (
     choose_instants,
     make_relay,
     refuse_keys,
     with_section,
 )
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.continuous.from_section import continuous_setting, longest_step

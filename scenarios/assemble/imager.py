@@ -8,8 +8,8 @@ from cosim.run.machine import Options
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.machine import ImagerMachine, ImagerStudy
 from rtl_model.imagers.run.plan import PlannedRun, RunSpec, plan_run
-from scenarios.assemble.loading import to_toml
-from scenarios.assemble.scenario import ImagerScenario
+from scenarios.assemble.schema.loading import to_toml
+from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.assemble.view import make_view
 
 __all__ = ["assemble_imager", "assemble_imager_study", "plan_imager"]
@@ -20,7 +20,8 @@ def assemble_imager(name: str, scenario: ImagerScenario, options: Options) -> Im
     _refuse_device(options.device)
     if options.trace is not None:
         check_trace_file(options.trace)
-    return ImagerMachine(plan_imager(name, scenario), options.trace)
+    kind = IMAGERS[scenario.imager.kind]
+    return ImagerMachine(kind, plan_imager(name, scenario), options.trace)
 
 
 def assemble_imager_study(name: str, scenario: ImagerScenario, device: str | None) -> ImagerStudy:
@@ -34,9 +35,14 @@ def plan_imager(name: str, scenario: ImagerScenario) -> PlannedRun:
     kind = IMAGERS[scenario.imager.kind]
     model = kind.model(scenario.imager, scenario.duration)
     spec = RunSpec(
-        name, scenario.title, kind.name, kind.title, scenario.duration, scenario.tolerance,
-        scenario.seed, to_toml(scenario),
-    )  # fmt: skip
+        name,
+        scenario.title,
+        kind.name,
+        scenario.duration,
+        scenario.tolerance,
+        scenario.seed,
+        to_toml(scenario),
+    )
     return plan_run(spec, model, make_view(scenario, model.shape))
 
 

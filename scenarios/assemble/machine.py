@@ -7,11 +7,12 @@ Verilog tools take seconds to load.
 from __future__ import annotations
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
-from scenarios.assemble.loading import filmed
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
-from scenarios.assemble.scenario import (
+from scenarios.assemble.schema.loading import filmed
+from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
     ImagerScenario,
@@ -32,7 +33,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
         if scenario.sensor.readout == "synchronous":
-            from scenarios.assemble.latched import assemble_latched
+            from scenarios.assemble.camera.machine import assemble_latched
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
@@ -51,7 +52,9 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         from scenarios.assemble.imager import assemble_imager
 
         return assemble_imager(name, scenario, options)
-    raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
+    from rtl_model.bringup.machine.machine import BoardMachine
+
+    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
@@ -81,6 +84,6 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 
         refuse_options("asynchronous", False, device)
         return study_asynchronous(name, camera)
-    from scenarios.assemble.latched_study import LatchedStudy
+    from scenarios.assemble.camera.study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from cosim import InputError, Lens, Light
-from scenarios.assemble.scenario import Scenario
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 

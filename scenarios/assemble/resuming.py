@@ -9,8 +9,8 @@ from typing import Any
 from cosim import InputError
 from cosim.run.inputs import changed
 from cosim.run.result import Result, read_result
-from scenarios.assemble.loading import load
-from scenarios.assemble.scenario import AnyScenario, BoardScenario, Scenario
+from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.scenario import AnyScenario, BoardScenario, Scenario
 
 __all__ = ["done_before", "verdict_before"]
 

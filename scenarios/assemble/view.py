@@ -11,7 +11,7 @@ from cosim import Block, Clock, Light, seconds_to_ps
 from cosim.light.lens import Lens
 from cosim.light.survey import survey
 from rtl_model.imagers.run.view import View
-from scenarios.assemble.scenario import ImagerScenario
+from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.target import TargetScene

@@ -31,8 +31,8 @@ def accuracy(
 ) -> None:
     """Measure error against run time: every tier at a ladder of tolerances."""
     from cosim import InputError
-    from scenarios.assemble.loading import load
     from scenarios.assemble.machine import assemble_study
+    from scenarios.assemble.schema.loading import load
 
     name, given = load(scenario, assignments, seed=seed)
     study = assemble_study("accuracy", name, given, device)

@@ -32,7 +32,7 @@ def compare(
     json: Json = False,
 ) -> None:
     """Film one scene with the spike camera and every other imager; measure them side by side."""
-    from scenarios.cli import BEGAN
+    from scenarios.cli.start import BEGAN
     from scenarios.studies.compare import load_comparison, run_compare
 
     what = load_comparison(scene, assignments or (), seed)

@@ -7,6 +7,7 @@ import signal
 import sys
 from contextlib import suppress
 
+import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
 from scenarios.cli.packages import install_and_restart, read_launcher
 
 _PIPE = 141

@@ -26,8 +26,8 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
-    from scenarios.assemble.loading import load
     from scenarios.assemble.machine import assemble_study
+    from scenarios.assemble.schema.loading import load
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     study = assemble_study("plan", name, loaded, device)

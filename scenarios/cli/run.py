@@ -43,10 +43,12 @@ def run(
 ) -> None:
     """Run a scenario: film it, show it where it has a display, make images and a report; or bring
     a test board up."""
-    from scenarios.assemble.loading import load
+    from cosim.run.machine import Options
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, Scenario
-    from scenarios.cli import BEGAN
+    from scenarios.assemble.schema.loading import load
+    from scenarios.assemble.schema.scenario import BoardScenario, ImagerScenario, Scenario
+    from scenarios.cli.start import BEGAN
+    from scenarios.run import run_scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
@@ -61,29 +63,15 @@ def run(
             _print_done(before, out, trace, json)
             return
     progress = make_progress()
-    table: list[str] = []
-    verdict: list[str] = []
     try:
-        if isinstance(loaded, BoardScenario):
-            from scenarios.assemble.run_board import run_board
-
-            result, folder = run_board(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        else:
-            from cosim.run.machine import Options
-            from scenarios.run import run_scenario
-
-            done = run_scenario(
-                name, loaded, out, options=Options(device, resume, trace), progress=progress,
-                began=BEGAN,
-            )  # fmt: skip
-            result, folder = done.result, done.folder
-            table, verdict = done.outcome.table, done.outcome.verdict
+        done = run_scenario(
+            name, loaded, out, options=Options(device, resume, trace), progress=progress,
+            began=BEGAN,
+        )  # fmt: skip
     finally:
         progress.close()
-    print_result(result, folder, table, verdict, json)
-    _end(result)
+    print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
+    _end(done.result)
 
 
 def _end(result: Result) -> None:

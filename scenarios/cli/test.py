@@ -62,7 +62,7 @@ def _missing_packages() -> list[str]:
     from cosim.compute.opencl import opencl_packages, probe
     from display import probe_gl
     from display.render.context import gl_packages
-    from rtl_model.verilated import PACKAGES
+    from rtl_model.verilated.build import PACKAGES
 
     found = [] if probe() else [*opencl_packages()]
     found += [] if probe_gl()[0] else gl_packages()

@@ -10,9 +10,9 @@ from cosim.run.progress import Progress
 from cosim.stage import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
 from display.section import DisplaySection
-from scenarios.assemble.boards import refuse_boards
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 
 __all__ = ["FRAME", "show_live"]

@@ -1,4 +1,4 @@
-"""The intervals of chosen pixels over time, as in Huang 2022, figure 5."""
+"""The intervals of chosen pixels as a figure, as in Huang 2022, figure 5."""
 
 from __future__ import annotations
 
@@ -22,11 +22,16 @@ def interval_figure(
     instants: list[int],
     path: Path,
 ) -> None:
-    """Spike intervals of pixels over time: each interval a bar whose width is tau and whose area
-    is one threshold, so that its height is the light's estimate.
+    """Draws the intervals of single pixels over time. Each is a bar of width tau and of the area
+    of one spike, so that its height is the estimate of the light.
 
-    truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the span.
-    span: first cycle shown and the one after the last.
+    Args:
+        stream: spikes.
+        points: row, column and name of each pixel.
+        truth: (pixels, knots) true rate over the span, spikes/cycle.
+        span: first cycle, and the one after the last.
+        instants: cycles that are marked.
+        path: of the PNG.
     """
     plt = pyplot()
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])

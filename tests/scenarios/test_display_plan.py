@@ -17,10 +17,10 @@ from display import CameraPlane, DisplaySetting, PursuingEye
 from display.chain.pursuit import Pursuit
 from display.effects.costs import SHOWN, SPAN_COST
 from display.trial.paired import TRUTH
-from scenarios.assemble.loading import load
-from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.setup import set_up_camera
-from scenarios.assemble.verifier import Verifier
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.camera.verifier import Verifier
+from scenarios.assemble.schema.loading import load
 
 SPANS = ("planes within 8", "planes within 64")
 GLASS = """

@@ -17,9 +17,9 @@ from rtl_model.imagers.check.paired import watched_frames
 from rtl_model.imagers.report.page import metric_text
 from rtl_model.imagers.run.model import measure_frame
 from scenarios.assemble.imager import plan_imager
-from scenarios.assemble.loading import filmed, linked, load, shipped, to_toml
 from scenarios.assemble.machine import assemble, assemble_study
-from scenarios.assemble.messages import validate
+from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.view import make_view
 from scenarios.cli.accuracy import _text
 from scenarios.scenes.kinds.grid import SceneGrid

@@ -13,7 +13,7 @@ import pytest
 from cosim.run.folder import begin_folder
 from cosim.run.inputs import changed, digest, sealed
 from rtl_model.imagers.run.chain import FrameChain
-from scenarios.assemble.loading import load, to_toml
+from scenarios.assemble.schema.loading import load, to_toml
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ import pytest
 from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
-from link.air import Scene, charge_changes
+from link.air import Scene
+from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
 from link.prediction.reach import CellScene, reach
@@ -23,7 +24,7 @@ from link.trial.check import LinkCheck, check_link, compare, goodput_change
 from link.trial.patches import LinkPatches, Variant
 from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
 from link.trial.study import LinkStudy
-from scenarios.assemble.loading import linked, load
+from scenarios.assemble.schema.loading import linked, load
 from sensor import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)

@@ -12,9 +12,9 @@ from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
 from cosim.plan.tiles import TileGrid
-from scenarios.assemble.loading import load
-from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid
 
 SHAPE, CYCLES = (96, 160), 200

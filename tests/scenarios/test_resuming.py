@@ -13,7 +13,7 @@ import pytest
 
 from cosim.run.folder import begin_folder
 from cosim.run.result import dumps, read_result
-from scenarios.assemble.loading import load, to_toml
+from scenarios.assemble.schema.loading import load, to_toml
 
 SETS = (
     "sensor.chip=spikeone", "duration=2.5 ms", "image.at=[]", "scene.at=1.26 ms",

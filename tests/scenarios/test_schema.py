@@ -16,9 +16,9 @@ from pydantic import BaseModel
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
-from scenarios.assemble.loading import load, shipped, to_toml
-from scenarios.assemble.messages import validate
-from scenarios.assemble.scenario import AnyScenario, Scenario, export
+from scenarios.assemble.schema.loading import load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import AnyScenario, Scenario, export
 
 GOOD: dict[str, Any] = {
     "title": "A clip",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, InputError
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.scenes.drawing.paced import PARTS, PacedSource
 from scenarios.scenes.flow import shockwave as module
 from scenarios.scenes.flow.gasdynamics import (

@@ -11,9 +11,12 @@ from rtl_model.imagers.adaptive.section import AdaptiveSection
 from rtl_model.imagers.kind import ImagerKind
 
 if TYPE_CHECKING:
+    from cosim.run.printed import Row
+    from rtl_model.imagers.adaptive.model import AdaptiveModel
     from rtl_model.imagers.bus import BusTarget
     from rtl_model.imagers.comparison import Comparison
     from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.report.imager_run import ImagerRun
     from rtl_model.imagers.run.model import ImagerModel
 
 __all__ = ["AdaptiveKind"]
@@ -26,6 +29,7 @@ class AdaptiveKind(ImagerKind):
     title = "adaptive-exposure CMOS sensor"
     section = AdaptiveSection
     number = 1
+    document = ("001", "CMOS image sensor with wide dynamic range and adaptive exposure")
 
     def model(self, section: AdaptiveSection, seconds: float) -> ImagerModel:
         from rtl_model.imagers.adaptive.model import AdaptiveModel
@@ -46,3 +50,13 @@ class AdaptiveKind(ImagerKind):
         from rtl_model.imagers.adaptive.comparison import AdaptiveComparison
 
         return AdaptiveComparison()
+
+    def sections(self, model: AdaptiveModel, run: ImagerRun) -> str:
+        from rtl_model.imagers.adaptive.pages import adaptive_sections
+
+        return adaptive_sections(model, run)
+
+    def printed(self) -> list[Row]:
+        from rtl_model.imagers.adaptive.paper import adaptive_rows
+
+        return adaptive_rows()

@@ -17,7 +17,6 @@ from rtl_model.imagers.adaptive.judge import AdaptiveJudge
 from rtl_model.imagers.adaptive.section import AdaptiveSection
 from rtl_model.imagers.adaptive.sequencer import Sequencer
 from rtl_model.imagers.adaptive.timing import MINIMUM_CLOCKS, Timing
-from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
@@ -170,11 +169,6 @@ class AdaptiveModel(ImagerModel):
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int
     ) -> AdaptiveJudge:
         return AdaptiveJudge(imager, full, kept, seed)
-
-    def sections(self, run: ImagerRun) -> str:
-        from rtl_model.imagers.adaptive.pages import adaptive_sections  # pages import this module
-
-        return adaptive_sections(self, run)
 
 
 def _brightest(view: View, begin: int, end: int) -> float:

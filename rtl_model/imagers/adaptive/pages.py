@@ -14,7 +14,15 @@ from cosim.report.parts import plot, table
 from rtl_model.imagers.adaptive.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.model import HALF, AdaptiveModel, changes
 from rtl_model.imagers.adaptive.timing import Timing
-from rtl_model.imagers.report.figures import BLUE, GREEN, VIOLET, finish, plain, read_vcd, waveforms
+from rtl_model.imagers.report.figures import (
+    BLUE,
+    GREEN,
+    VIOLET,
+    read_vcd,
+    save_figure,
+    style_axes,
+    waveforms,
+)
 from rtl_model.imagers.report.imager_run import ImagerRun
 from sensor.imagers import Still
 from sensor.imagers.cmos import AdaptivePixels
@@ -66,13 +74,13 @@ def _course(run: ImagerRun, path: Path) -> None:
         times = times[(times >= 0) & (times <= run.planned.spec.stop)]
         top.plot(times / 1e9, [peak * course.at(int(t)) for t in times], color=MARK, linewidth=1.4)
     top.set_yscale("log")
-    plain(top, y="light, lux")
+    style_axes(top, y="light, lux")
     ready = np.array([t.ready for t in taken]) / 1e9
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
     middle.plot(ready, multiple, "o", markersize=2, color=BLUE)  # one frame makes no step
     middle.set_yscale("log", base=2)
-    plain(middle, y="exposure, T = 1 µs")
+    style_axes(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
     seen = np.minimum(largest, 255)
@@ -81,8 +89,8 @@ def _course(run: ImagerRun, path: Path) -> None:
     low.plot(ready[~flagged], seen[~flagged], "o", markersize=3, color=GREEN)
     low.plot(ready[flagged], np.full(flagged.sum(), 255), "s", markersize=4, color=MARK)
     low.set_ylim(0, 265)
-    plain(low, "time at which a frame has been read, ms", "largest value, DN")
-    finish(figure, path)
+    style_axes(low, "time at which a frame has been read, ms", "largest value, DN")
+    save_figure(figure, path)
 
 
 def _changes(run: ImagerRun) -> str:
@@ -134,17 +142,17 @@ def _response(model: AdaptiveModel, path: Path) -> None:
     combined = value / multiple
     top.set_xscale("log")
     top.set_ylim(0, 265)
-    plain(top, y="mean value, DN")
+    style_axes(top, y="mean value, DN")
     low.step(lux, multiple, where="mid", color=BLUE, linewidth=1.3, label="exposure, us")
     low.plot(lux, combined, "o", color=VIOLET, markersize=3.5, label="value / exposure, DN/us")
     low.plot(lux, lux * 256e-6 * section.gain, color=INK, linewidth=0.7, label="A S E / LSB")
     low.set_yscale("log")
     low.legend(fontsize=8, frameon=False)
-    plain(low)
+    style_axes(low)
     together = value + HALF * (section.longest - np.log2(multiple))
     last.plot(lux, together, "o-", color=GREEN, markersize=3.5, linewidth=0.9)
-    plain(last, "light on the sensor, lux", "frames put together, DN")
-    finish(figure, path)
+    style_axes(last, "light on the sensor, lux", "frames put together, DN")
+    save_figure(figure, path)
 
 
 def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
@@ -182,9 +190,9 @@ def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
     top.plot([], [], color=INK, label="sampled and read")
     top.legend(fontsize=8, frameon=False, loc="upper right")
     top.invert_yaxis()
-    plain(top, "time, ms", "row")
+    style_axes(top, "time, ms", "row")
     _signals(model, low)
-    finish(figure, path)
+    save_figure(figure, path)
 
 
 def _signals(model: AdaptiveModel, axes: Any) -> None:

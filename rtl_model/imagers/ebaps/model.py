@@ -17,7 +17,6 @@ from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.ebaps.regions import LIVE
 from rtl_model.imagers.ebaps.section import EbapsSection
 from rtl_model.imagers.ebaps.timing import Timing
-from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
@@ -148,11 +147,6 @@ class EbapsModel(ImagerModel):
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int
     ) -> EbapsJudge:
         return EbapsJudge(imager, full, kept, seed)
-
-    def sections(self, run: ImagerRun) -> str:
-        from rtl_model.imagers.ebaps.pages import ebaps_sections  # pages import this module
-
-        return ebaps_sections(self, run)
 
 
 def live(frames: Sequence[FrameFigures]) -> list[FrameFigures]:

@@ -17,7 +17,7 @@ from cosim.report.png import for_display
 from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
 from rtl_model.imagers.ebaps.exposure import ExposureRule
 from rtl_model.imagers.ebaps.model import EbapsModel, live
-from rtl_model.imagers.report.figures import BLUE, GREEN, finish, plain, stretched
+from rtl_model.imagers.report.figures import BLUE, GREEN, save_figure, stretch, style_axes
 from rtl_model.imagers.report.imager_run import ImagerRun
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import EbapsPixels
@@ -79,12 +79,12 @@ def _loop(run: ImagerRun, path: Path) -> None:
              label="after it")  # fmt: skip
     top.set_ylim(0, None)
     top.legend(fontsize=8, frameon=False, loc="lower right")
-    plain(top, y="mean of a frame, DN")
+    style_axes(top, y="mean of a frame, DN")
     low.step(time, exposure, where="mid", color=BLUE, linewidth=1.3)
     for limit in (rule.shortest, rule.longest):
         low.axhline(limit / 1e6, color=INK, linewidth=0.7, linestyle=":")
-    plain(low, "time at which a frame has been read, ms; shaded: dark frames", "exposure, ms")
-    finish(figure, path)
+    style_axes(low, "time at which a frame has been read, ms; shaded: dark frames", "exposure, ms")
+    save_figure(figure, path)
 
 
 def _pair(run: ImagerRun) -> tuple[Any, Any, Any] | None:
@@ -107,9 +107,9 @@ def _before_after(model: EbapsModel, run: ImagerRun) -> str:
     zero, top = np.percentile(shown, (0.2, 99.8))
     floor, ceiling = np.percentile(darks, (0.2, 99.8))
     pictures = [
-        picture(for_display(stretched(raw, low, high)), "the last live frame as it was read"),
-        picture(for_display(stretched(darks, floor, ceiling)), "the mean of four dark frames"),
-        picture(for_display(stretched(shown, zero, top)), "their difference"),
+        picture(for_display(stretch(raw, low, high)), "the last live frame as it was read"),
+        picture(for_display(stretch(darks, floor, ceiling)), "the mean of four dark frames"),
+        picture(for_display(stretch(shown, zero, top)), "their difference"),
     ]
     return (
         "<h2>Dark subtraction</h2><p>The document's figure 9: a live frame, the mean of the four "
@@ -158,8 +158,8 @@ def _histogram(run: ImagerRun, path: Path) -> None:
             )
         axes.set_yscale("log")
         axes.legend(fontsize=8, frameon=False)
-    plain(axes, "value, DN", "pixels")
-    finish(figure, path)
+    style_axes(axes, "value, DN", "pixels")
+    save_figure(figure, path)
 
 
 def _stands(pixels: EbapsPixels, chart: Values, lux: float) -> float:
@@ -197,7 +197,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
             cnr = step * np.sqrt(bar) / max(float(noise), 1e-9)
             low, high = np.percentile(shown, (0.5, 99.5))
             axes.imshow(
-                for_display(stretched(shown, low, high)), cmap="gray", vmin=0, vmax=255,
+                for_display(stretch(shown, low, high)), cmap="gray", vmin=0, vmax=255,
                 interpolation="nearest",
             )  # fmt: skip
             axes.set_xticks([])
@@ -211,7 +211,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
                 [_named(volts), f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
                  f"{shown.mean():.5g} DN", f"{cnr:.3g}", told]
             )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
     return rows
 
 

@@ -11,9 +11,12 @@ from rtl_model.imagers.emccd.section import EmccdSection
 from rtl_model.imagers.kind import ImagerKind
 
 if TYPE_CHECKING:
+    from cosim.run.printed import Row
     from rtl_model.imagers.bus import BusTarget
     from rtl_model.imagers.comparison import Comparison
+    from rtl_model.imagers.emccd.model import EmccdModel
     from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.report.imager_run import ImagerRun
     from rtl_model.imagers.run.model import ImagerModel
 
 __all__ = ["EmccdKind"]
@@ -26,6 +29,10 @@ class EmccdKind(ImagerKind):
     title = "frame-transfer EMCCD"
     section = EmccdSection
     number = 3
+    document = (
+        "003",
+        "Wang, Li, Ye, four drive modes of a frame-transfer electron-multiplying CCD",
+    )
 
     def model(self, section: EmccdSection, seconds: float) -> ImagerModel:
         from rtl_model.imagers.emccd.model import EmccdModel
@@ -46,3 +53,13 @@ class EmccdKind(ImagerKind):
         from rtl_model.imagers.emccd.comparison import EmccdComparison
 
         return EmccdComparison()
+
+    def sections(self, model: EmccdModel, run: ImagerRun) -> str:
+        from rtl_model.imagers.emccd.pages import emccd_sections
+
+        return emccd_sections(model, run)
+
+    def printed(self) -> list[Row]:
+        from rtl_model.imagers.emccd.paper import emccd_rows
+
+        return emccd_rows()

@@ -15,7 +15,6 @@ from rtl_model.imagers.emccd.cooling import Cooler
 from rtl_model.imagers.emccd.imager import Emccd
 from rtl_model.imagers.emccd.section import EmccdSection
 from rtl_model.imagers.emccd.timing import Settings, Timing, frame_seconds
-from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all
@@ -165,11 +164,6 @@ class EmccdModel(ImagerModel):
             if later:
                 waits.append((later[0].ready - ps) * 1e-6)
         return [*rows, *([_row("register write to the first frame of it", waits)] if waits else [])]
-
-    def sections(self, run: ImagerRun) -> str:
-        from rtl_model.imagers.emccd.pages import emccd_sections  # pages import this module
-
-        return emccd_sections(self, run)
 
 
 def _began(frame: FrameFigures) -> int:

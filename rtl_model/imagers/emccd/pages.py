@@ -19,10 +19,10 @@ from rtl_model.imagers.emccd.timing import Settings, Timing, frame_rate, window_
 from rtl_model.imagers.report.figures import (
     BLUE,
     GREEN,
-    finish,
-    plain,
     read_vcd,
-    stretched,
+    save_figure,
+    stretch,
+    style_axes,
     waveforms,
 )
 from rtl_model.imagers.report.imager_run import ImagerRun
@@ -112,7 +112,7 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
         state = frame.state
         whole = np.zeros((512, values.shape[1]))
         first = int(state["first_row"])
-        whole[first : first + len(values)] = stretched(values, low, high)
+        whole[first : first + len(values)] = stretch(values, low, high)
         axes.imshow(for_display(whole), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         exposure = state["exposure_steps"] * STEP
         axes.set_title(
@@ -126,7 +126,7 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
              "external" if state["external"] else "internal", f"{rate:.4g} /s",
              f"{low:.0f}, {high:.0f}"]
         )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
     return rows
 
 
@@ -150,9 +150,9 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
             axes.axvline(seconds * 1e3, color=MARK, linewidth=0.7)
         if name.split(",")[0] in ("gain", "mean"):
             axes.set_yscale("log")
-        plain(axes, y=name)
+        style_axes(axes, y=name)
     places[-1].set_xlabel("time at which a frame has been read, ms", fontsize=9, color=INK)
-    finish(figure, path)
+    save_figure(figure, path)
 
 
 def _gain(model: EmccdModel, path: Path) -> None:
@@ -162,7 +162,7 @@ def _gain(model: EmccdModel, path: Path) -> None:
     volts = [voltage.volts(step) for step in range(256)]
     left.plot(voltage.table(), color=BLUE, linewidth=1.3)
     left.set_yscale("log")
-    plain(left, "step of the potentiometer", "gain")
+    style_axes(left, "step of the potentiometer", "gain")
     other = left.twinx()
     other.plot(volts, color=INK, linewidth=0.9, linestyle="--")
     other.set_ylabel("peak of the high-voltage clock, V (dashed)", fontsize=9, color=INK)
@@ -178,8 +178,8 @@ def _gain(model: EmccdModel, path: Path) -> None:
         label = f"gain {gain:g}: F$^2$ = {factor:.3f}"
         right.plot(seen[:, 0], seen[:, 1], "o", color=colour, markersize=4, label=label)
     right.legend(fontsize=8, frameon=False)
-    plain(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
-    finish(figure, path)
+    style_axes(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
+    save_figure(figure, path)
 
 
 def _transfer(pixels: EmccdPixels, electrons: float) -> tuple[float, float]:
@@ -220,7 +220,7 @@ def _sequence(path: Path) -> None:
         "time, ms; phase: 1 transfer, 2 exposure, 3 transfer, 4 clear, 5 dump, 6 read, 7 dump",
         fontsize=9, color=INK,
     )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
 
 
 def _cooling(model: EmccdModel, path: Path) -> None:
@@ -231,7 +231,7 @@ def _cooling(model: EmccdModel, path: Path) -> None:
     top.plot(found.seconds, found.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
     top.axhline(model.section.temperature, color=INK, linewidth=0.7, linestyle=":")
     top.legend(fontsize=8, frameon=False)
-    plain(top, y="degC")
+    style_axes(top, y="degC")
     low.plot(found.seconds, found.amps, color=GREEN, linewidth=1.0)
-    plain(low, "seconds after power-on", "Peltier current, A")
-    finish(figure, path)
+    style_axes(low, "seconds after power-on", "Peltier current, A")
+    save_figure(figure, path)

@@ -12,14 +12,23 @@ import numpy.typing as npt
 from cosim.files.whole import whole
 from cosim.report.figures import INK, LINE, pyplot
 
-__all__ = ["BLUE", "GREEN", "VIOLET", "finish", "plain", "read_vcd", "stretched", "waveforms"]
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "VIOLET",
+    "read_vcd",
+    "save_figure",
+    "stretch",
+    "style_axes",
+    "waveforms",
+]
 
 BLUE, GREEN, VIOLET = "#1c7ed6", "#2b8a3e", "#9c36b5"
 Changes = list[tuple[int, int]]
 """(ps, value) of one signal, in order."""
 
 
-def plain(axes: Any, x: str = "", y: str = "") -> None:
+def style_axes(axes: Any, x: str = "", y: str = "") -> None:
     """Labels, a light grid, no box."""
     axes.set_xlabel(x, color=INK, fontsize=9)
     axes.set_ylabel(y, color=INK, fontsize=9)
@@ -28,7 +37,7 @@ def plain(axes: Any, x: str = "", y: str = "") -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def finish(figure: Any, path: Path) -> None:
+def save_figure(figure: Any, path: Path) -> None:
     """Writes a figure, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
@@ -36,7 +45,7 @@ def finish(figure: Any, path: Path) -> None:
     pyplot().close(figure)
 
 
-def stretched(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:
+def stretch(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:
     """Values from low to high as 0 to 1."""
     return np.clip((values.astype(np.float64) - low) / max(high - low, 1e-12), 0, 1)
 

@@ -9,6 +9,7 @@ from cosim.report.parts import cards, figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
 from cosim.run.result import Metric
+from rtl_model.imagers.kind import ImagerKind
 from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.store import FRAMES
 
@@ -130,7 +131,7 @@ def _kept(run: ImagerRun) -> str:
     )
 
 
-def imager_page(run: ImagerRun) -> Page:
+def imager_page(kind: ImagerKind, run: ImagerRun) -> Page:
     """Writes the figures; the page that shows them."""
     folder = run.folder / "figures"
     for old in folder.glob("*.png"):
@@ -138,10 +139,10 @@ def imager_page(run: ImagerRun) -> Page:
     spec, (rows, columns) = run.planned.spec, run.planned.model.shape
     own, frames = "", ""
     if run.frames:
-        own, frames = run.planned.model.sections(run), _frames(run)
+        own, frames = kind.sections(run.planned.model, run), _frames(run)
     return Page(
         title=spec.title,
-        subtitle=f"{spec.imager}, {columns} x {rows} pixels",
+        subtitle=f"{kind.title}, {columns} x {rows} pixels",
         cards=_cards(run),
         sections=[own, frames, _metrics(run), _kept(run)],
         commands_do="<p>The same bits, however often the run is interrupted.</p>",

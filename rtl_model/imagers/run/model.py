@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,6 @@ from rtl_model.imagers.check.judge import Judge
 from rtl_model.imagers.imager import Imager
 from rtl_model.imagers.run.view import View
 from sensor.imagers import PixelModel
-
-if TYPE_CHECKING:  # the report's room lies above this one
-    from rtl_model.imagers.report.imager_run import ImagerRun
 
 __all__ = ["ExposureRange", "FrameFigures", "ImagerModel", "measure_frame", "saturation"]
 
@@ -133,7 +130,3 @@ class ImagerModel(ABC):
             seed: of the temporal noise.
         """
         return None
-
-    def sections(self, run: ImagerRun) -> str:
-        """HTML of the imager's own sections of the report; figures are written."""
-        return ""

@@ -24,7 +24,6 @@ class RunSpec:
         name: short name of the scenario.
         title: of the scenario.
         kind: name of the imager in the catalogue.
-        imager: the imager in a few words.
         seconds: duration, s.
         tolerance: of the error, relative.
         seed: of all temporal noise.
@@ -34,7 +33,6 @@ class RunSpec:
     name: str
     title: str
     kind: str
-    imager: str
     seconds: float
     tolerance: float
     seed: int

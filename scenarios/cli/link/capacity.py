@@ -31,7 +31,7 @@ def link_capacity(
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
     from link.section import LinkScenario
-    from scenarios.assemble.loading import load
+    from scenarios.assemble.schema.loading import load
 
     name, loaded = load(scenario, assignments, seed=seed)
     if not isinstance(loaded, LinkScenario):

@@ -13,7 +13,7 @@ from cosim.frames import Frame
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.comparison import Comparison
 from rtl_model.imagers.run.view import View
-from scenarios.assemble.scenario import ImagerScenario
+from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.studies.compare.measure import noise, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.ranges import black_and_slope, one_frame, with_controls

@@ -13,7 +13,7 @@ from cosim.files.whole import whole
 from cosim.report.figures import INK, pyplot
 from cosim.report.parts import plot, table, write_page
 from cosim.report.png import for_display
-from scenarios.assemble.loading import to_toml
+from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
 

@@ -11,10 +11,10 @@ from typing import Any, Final, get_args
 from cosim import InputError
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.comparison import Comparison
-from scenarios.assemble.camera import camera_setting, choose_lens
-from scenarios.assemble.loading import assign, load, shipped, to_toml
-from scenarios.assemble.messages import validate
-from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens
+from scenarios.assemble.schema.loading import assign, load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import ImagerScenario, LinkScenario, Scenario
 from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
 

@@ -1,6 +1,5 @@
 """Frame-transfer EMCCD of seed 003: multiplication register, gain, dark current, wells, pixels."""
 
-from sensor.imagers.emccd import chip
 from sensor.imagers.emccd.gain import GAIN_RANGE, SUMMARY_PEAK, TEXT_PEAK, HighVoltage
 from sensor.imagers.emccd.multiplication import excess_noise_squared
 from sensor.imagers.emccd.pixels import EmccdExposed, EmccdPixels
@@ -14,7 +13,6 @@ __all__ = [
     "EmccdExposed",
     "EmccdPixels",
     "HighVoltage",
-    "chip",
     "columns_filled",
     "electrons_to_fill",
     "excess_noise_squared",

@@ -12,7 +12,7 @@ from display import CameraPlane, FramePanel, LightPlanes, Span
 from display.observe.slow_motion import Film, SlowMotion
 from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
-from scenarios.assemble.stages import SceneStage
+from scenarios.assemble.camera.stages import SceneStage
 from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
 from scenarios.scenes.drawing.analytic import AnalyticSource
 

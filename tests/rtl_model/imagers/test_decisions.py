@@ -13,7 +13,7 @@ from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
 from rtl_model.imagers.ebaps.imager import Ebaps
 from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.run.tape import NoTape, Taped
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.assemble.view import make_view
 from scenarios.run import run_scenario
 from sensor.imagers import Course, Still

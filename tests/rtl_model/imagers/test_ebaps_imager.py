@@ -15,7 +15,7 @@ from rtl_model.imagers.ebaps.imager import Ebaps
 from rtl_model.imagers.ebaps.regions import LIVE, PlainMemory, region_bytes
 from rtl_model.imagers.ebaps.registers import DESIGN
 from rtl_model.imagers.ebaps.timing import Timing
-from rtl_model.registers import faults
+from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.ebaps import Chart, EbapsPixels, wanted_exposure
 

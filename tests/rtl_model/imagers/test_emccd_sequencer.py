@@ -9,7 +9,7 @@ import pytest
 from cosim import InputError
 from rtl_model.imagers.emccd.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.counted import counted
-from rtl_model.imagers.emccd.plain import PlainSequencer
+from rtl_model.imagers.emccd.counters import CounterSequencer
 from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.timing import (
     EXPOSURE_STEPS,
@@ -139,7 +139,7 @@ def test_event_by_event_is_clock_by_clock(seed):
     writes[clocks // 2 + 7] = ("emccd_trigger", 1)
     cycles = []
     machine = EmccdSequencer(timing, pulses, cycles.append)
-    plain = PlainSequencer(timing)
+    plain = CounterSequencer(timing)
     machine.registers.put("emccd_exposure", 1)
     held = {"steps": 1}
     plain.held = Settings(**held)

@@ -14,8 +14,8 @@ from rtl_model.imagers.check.paired import paired_error
 from rtl_model.imagers.report.figures import read_vcd
 from rtl_model.imagers.run.tape import Tape, Taped
 from scenarios.assemble.imager import assemble_imager_study, plan_imager
-from scenarios.assemble.loading import load
-from scenarios.assemble.messages import validate
+from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.messages import validate
 from scenarios.run import run_scenario
 from sensor.imagers import Exposed
 from tests.rtl_model.imagers.linear_imager import (

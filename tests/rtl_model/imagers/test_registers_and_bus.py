@@ -12,7 +12,8 @@ from rtl_model.imagers import bus_target
 from rtl_model.imagers.bus import line_of
 from rtl_model.imagers.register_file import RegisterFile
 from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, Design
-from rtl_model.registers import REGISTERS, Register, faults
+from rtl_model.registers import REGISTERS, Register
+from rtl_model.registers.checks import faults
 
 OWN = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),
