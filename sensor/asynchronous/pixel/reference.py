@@ -134,6 +134,7 @@ def _ticks(instant, part, tick):  # type: ignore[no-untyped-def]
     return -(-whole // tick)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True, error_model="numpy")
 def _follow(  # type: ignore[no-untyped-def]
     rates, slopes, begins, ends, goals, shares, shot, q, tick, shortest, longest, levels, delay,

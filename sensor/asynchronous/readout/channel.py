@@ -86,6 +86,7 @@ def _choose(waiting, row_count, rule, last_row):  # type: ignore[no-untyped-def]
     return waiting[place]
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def _serve(  # type: ignore[no-untyped-def]
     instant, pixel, carried, stop, service, rule, buffer, depth, free, last_row, columns, waiting,

@@ -1,10 +1,10 @@
-"""The light that a set of pixels saw, from their first widths: maximum likelihood with censoring.
+"""The light on a set of pixels from their first widths: maximum likelihood with censoring.
 
-Every pixel of a patch is one observation of the same rate: a width in ticks (the threshold's
-Gamma law between two instants; from nothing on where the shortest width held it back), a reading
-below threshold (the Poisson law between two numbers of electrons), or silence (fewer than Q
-electrons by the end: P(N < Q)). Nothing is thrown away, so that a patch of which few pixels ever
-fire is not judged by the lucky ones alone.
+Each pixel of a target is one observation of the same rate: a width in ticks (Gamma law of the
+threshold between two instants; from zero where the shortest width held the pixel back), a reading
+below threshold (Poisson law between two numbers of electrons), or silence (fewer than Q electrons
+by the end: P(N < Q)). All pixels count, so that a target of which few pixels fire is not estimated
+from these alone.
 """
 
 from __future__ import annotations
@@ -34,8 +34,14 @@ Rates = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What pixels said, each once. widths: ticks of their first spikes, counted from a tick's edge.
-    levels: of those read first. silent: how many said nothing until `waited` ps."""
+    """The first report of each pixel.
+
+    Attributes:
+        widths: ticks of the pixels that fired first, counted from the edge of a tick.
+        levels: of the pixels that were read first.
+        silent: number of pixels without a report.
+        waited: time without a report of these, ps.
+    """
 
     widths: npt.NDArray[np.int64]
     levels: npt.NDArray[np.int64]
@@ -48,9 +54,13 @@ class Observed:
 
 @dataclass(frozen=True)
 class RateEstimate:
-    """rate: electrons a second, 0 where nothing was gathered, infinite where every width was held.
-    low, high: 99.9 % confidence from the likelihood's curvature; where the rate is 0 or infinite,
-    the other bound is where the likelihood has fallen as far."""
+    """An estimate with its confidence interval.
+
+    Attributes:
+        rate: electrons/s; 0 without any charge, infinite if every width was held back.
+        low, high: limits of 99.9 % from the curvature of the likelihood. Where the rate is 0 or
+            infinite, the other limit is where the likelihood has fallen as far.
+    """
 
     rate: float
     low: float
