@@ -10,7 +10,8 @@ import pytest
 import scenarios.studies.codes.measure
 import scenarios.studies.codes.scenes
 from cosim import Clock, Viform
-from cosim.files import open_stream, write_npz
+from cosim.files import open_stream
+from cosim.files.npz import write_npz
 from scenarios.studies.codes import draw, markdown
 from sensor.codec.coding import Code
 from sensor.codec.fsc import read_fsc

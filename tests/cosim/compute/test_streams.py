@@ -12,7 +12,7 @@ from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from sensor.latched.effects import EFFECTS
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_streams_are_distinct_and_keep_their_numbers():

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import InputError
-from cosim.files import Config, open_stream, read_config, write_config, write_stream
-from cosim.files.config_yaml import config_beside, recording_of
+from cosim.files import open_stream, write_stream
+from cosim.files.config_yaml import Config, config_beside, read_config, recording_of, write_config
 
 PUBLIC = """filename: BSS
 spike_w: 8

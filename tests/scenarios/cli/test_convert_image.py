@@ -19,7 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from cosim.files import open_stream, write_npz, write_stream
+from cosim.files import open_stream, write_stream
+from cosim.files.npz import write_npz
 from cosim.report.png import for_display, to_linear_bytes
 from cosim.spikes.viform import unpack_planes
 from scenarios.cli.output import size_option

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from cosim.files import notes_of, open_stream, write_raw, write_stream
+from cosim.files import notes_of, open_stream, write_stream
+from cosim.files.raw import write_raw
 from cosim.files.raw_layout import TABLE, Table, markers
 from cosim.spikes.viform import unpack_planes
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cosim import Clock, Events, Viform, events_of, viform_of
+from cosim import Clock, Events, Viform
+from cosim.spikes.events import events_of, viform_of
 
 CLOCK = Clock(40_000)
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from cosim.files import notes_of, open_stream, write_dat, write_stream
+from cosim.files import notes_of, open_stream, write_stream
+from cosim.files.dat import write_dat
 from cosim.files.dat_size import guess_size
 from cosim.spikes.viform import unpack_planes
 

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from tests.scenarios import naive_links as naive
-from tests.scenarios.naive_ways import Way, ids, must_fail, must_hold_and_be_caught
+from tests.scenarios.studies.stability import naive_links as naive
+from tests.scenarios.studies.stability.naive_ways import (
+    Way,
+    ids,
+    must_fail,
+    must_hold_and_be_caught,
+)
 
 WAYS: list[Way] = [
     (28, naive.printed_capacity, 1e-3),

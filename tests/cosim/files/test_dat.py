@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import InputError, Viform
-from cosim.files import DatStream, open_stream, write_dat
-from cosim.files.dat import DAT_CLOCK, check_dat_size
+from cosim.files import open_stream
+from cosim.files.dat import DAT_CLOCK, DatStream, check_dat_size, write_dat
 from cosim.spikes.viform import count_spikes, words_for
 
 

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Block, Clock, InputError, Viform
-from cosim.files import Recorder, ZarrStream, open_stream, write_zarr
+from cosim.files import Recorder, ZarrStream, open_stream
+from cosim.files.zarr_store import write_zarr
 from cosim.spikes.viform import pack_planes, words_for
 
 CLOCK = Clock(40_000)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from cosim.files import open_stream, read_npz, write_npz
+from cosim.files import open_stream
+from cosim.files.npz import read_npz, write_npz
 
 PLANES = np.random.default_rng(2).random((45, 3, 5)) < 0.3
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Events, Viform
-from cosim.files import open_stream, read_events, write_events, write_stream
+from cosim.files import open_stream, write_events, write_stream
+from cosim.files.event_file import read_events
 from cosim.spikes.viform import words_for
 
 USUAL, SLOW = Clock(40_000), Clock(20_000)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Intensities, intensity_image, join_intensities, last_reports
-from cosim.files import read_intensities, write_intensities
+from cosim.files.intensities import read_intensities, write_intensities
 
 CLOCK = Clock(2997, 100)
 

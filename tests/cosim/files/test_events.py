@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim import Clock, Events, InputError, Viform, events_of, viform_of
-from cosim.files import event_file, notes_of, open_stream, read_events, write_events, write_stream
+from cosim import Clock, Events, InputError, Viform
+from cosim.files import event_file, notes_of, open_stream, write_events, write_stream
+from cosim.files.event_file import read_events
+from cosim.spikes.events import events_of, viform_of
 from cosim.spikes.viform import words_for
 
 CLOCK = Clock(10**9)

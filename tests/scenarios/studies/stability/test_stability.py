@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 
 from cosim.compute.opencl import Device
-from scenarios.studies.stability import CASES, Case
+from cosim.run.case import Case
+from scenarios.studies.stability import CASES
 from sensor.circuit.solvers import solved_train
 from sensor.stability.chance import Z
-from tests.scenarios import naive_methods as naive
-from tests.scenarios import naive_solvers as solvers
+from tests.scenarios.studies.stability import naive_methods as naive
+from tests.scenarios.studies.stability import naive_solvers as solvers
 
 FIELDS = ["case", "name", "holds", "value", "limit", "unit", "what", "reference", "seconds"]
 
