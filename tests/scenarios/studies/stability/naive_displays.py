@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from display import GoldenRenderer
 from display.render import golden
+from display.render.golden import GoldenRenderer
 
 
 class Float32Sums(GoldenRenderer):
