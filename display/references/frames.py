@@ -17,8 +17,8 @@ __all__ = ["FrameShow"]
 
 Instants = npt.NDArray[np.int64]
 PARTS, MOST = 16, 1024
-"""Parts of a time constant in which the light of a slow pixel is integrated, and of a frame at most:
-a faster pixel's light in a part is still its true mean."""
+"""Parts of a time constant for which the light of a slow pixel is integrated, and of a frame at
+most: the light of a faster pixel in a part is still its true mean."""
 
 
 def _approach(begin: int, constant: float) -> Gain:
