@@ -61,7 +61,8 @@ def _spikes(
     """Words of the exact tier's pixels that look at these symbols."""
     from sensor import EFFECTS, make_pixels
     from sensor.latched.pixel.fixed_point import to_fixed
-    from sensor.latched.pixel.model import ExactModel, Span
+    from sensor.latched.pixel.model import ExactModel
+    from sensor.latched.pixel.span import Span
 
     mode, known = layout.mode, pilots()
     shape = mode.height, mode.width

@@ -22,8 +22,8 @@ from sensor import DevicePattern
 from sensor.asynchronous import EventPlan, Firings, PlannedPixels, follow
 from sensor.asynchronous.effects import CONFIDENCE
 from sensor.asynchronous.model import EventModel
-from sensor.latched.effects import first_thresholds
 from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.thresholds import first_thresholds
 
 __all__ = ["KIND", "REPORTS", "Checked", "Distance", "View", "choose_tiles", "measure", "verify"]
 

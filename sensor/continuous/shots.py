@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cosim import Clock, Intensities, Light, Plane, last_reports
 from cosim.light.source import Source
 from cosim.run.result import Metric
-from sensor import CameraSetting
+from sensor import EFFECTS, CameraSetting
 from sensor.continuous import ContinuousSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 
@@ -103,7 +103,7 @@ def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]
     made = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
     made += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
     made += ["converter", "report clock"]
-    return made + [e.name for e in camera.kept if e not in camera.effects]
+    return made + [e.name for e in camera.kept if e.name not in EFFECTS]
 
 
 def notes_of(setting: ContinuousSetting, white: float) -> list[str]:

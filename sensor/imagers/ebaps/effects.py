@@ -125,6 +125,6 @@ def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
         return lambda scene: COSTS[name]
 
     return {
-        name: Effect(name, source, stream, "", str, bound, costs(name))
+        name: Effect(name, source, stream, bound, costs(name))
         for name, source, stream, bound in rows
     }

@@ -24,7 +24,6 @@ import math
 from typing import Final
 
 from cosim.plan.effects import Bound
-from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.fast.units import units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
@@ -93,7 +92,7 @@ def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) 
 
     Infinite without noise: all spikes of a pixel may then be ties.
     """
-    shot = model.threshold if SHOT_NOISE in model.effects else 0.0
+    shot = model.threshold if model.shot else 0.0
     spread = math.sqrt(shot + model.threshold_noise**2) / model.mean
     if low == 0 or spread == 0:
         return math.inf

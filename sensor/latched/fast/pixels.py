@@ -16,10 +16,10 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.compute.opencl import Device
 from cosim.compute.philox import philox_cl
+from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.device.pattern import FixedPattern
-from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 from sensor.latched.fast.ground import LANES, Ground
 from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET
@@ -95,7 +95,7 @@ class FastPixels:
             defines.append("-DPATTERN")
         if flags & NOISE:
             source += philox_cl() + text("draws.cl")
-            defines += ["-DNOISE", f"-DSTREAM={int(SHOT_NOISE.stream)}u"]
+            defines += ["-DNOISE", f"-DSTREAM={int(Stream.SHOT_NOISE)}u"]
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         if flags & RESET:

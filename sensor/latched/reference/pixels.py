@@ -12,9 +12,8 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from cosim.light.light import Light, Plane
 from cosim.spikes.viform import words_for
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.device.pattern import FixedPattern
-from sensor.latched.effects import INITIAL_CHARGE, SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import draw_all, law_of
@@ -75,7 +74,7 @@ class ReferencePixels:
                 )
             circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
         self._overshoot = overshoot
-        shot = SHOT_NOISE in model.effects
+        shot = model.shot
         self._law = law_of(model.threshold, model.threshold_noise, shot)
         self._levels: list[tuple[Plane, Values]] = []
         goal, charge = self._initial(shot)
@@ -90,14 +89,14 @@ class ReferencePixels:
         """Threshold of spike 0 and the charge a run starts with, as `ExactModel.initial` has them:
         longer intervals are met more often, and the charge is uniform below the threshold."""
         model, numbers, law = self._model, self._numbers, self._law
-        kept = INITIAL_CHARGE in model.effects
+        kept = model.random_start
         if kept and model.noisy:
             longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
             law = law_of(longer, model.threshold_noise, shot)
         goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
         if not kept:
             return goal, np.zeros(goal.size)
-        words = philox4x32((numbers, 0, 0, 0), (model.seed, INITIAL_CHARGE.stream))[0]
+        words = philox4x32((numbers, 0, 0, 0), (model.seed, Stream.INITIAL_CHARGE))[0]
         return goal, goal * (words / 2.0**32)
 
     def _level(self, plane: Plane) -> Values:
