@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
@@ -13,7 +13,6 @@ from cosim.config.quantity import (
     Frequency,
     Quantity,
     Section,
-    Temperature,
     Wavelength,
 )
 from sensor.device.chips import CHIPS
@@ -46,20 +45,20 @@ class LensSection(Section):
     psf: Literal["none", "airy"] = "none"
 
 
-class _DeviceSection(Section):
-    device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    temperature: Temperature = Field(default=25.0, description="dark current doubles every 6.5 K")
-
-
-def _extended(name: str, base: type[Section], keys: list[Mapping[str, Key]]) -> Any:
+def _extended(name: str, base: type[Section], keys: Iterable[tuple[str, Key]]) -> Any:
     """A section with the fields of `base`, then those of the effects."""
-    fields: dict[str, Any] = {
-        key: (entry.annotation, entry.field) for each in keys for key, entry in each.items()
-    }
+    ordered = sorted(keys, key=lambda item: not item[1].first)
+    fields: dict[str, Any] = {key: (entry.annotation, entry.field) for key, entry in ordered}
     return create_model(name, __base__=base, **fields)
 
 
-_Pattern: Any = _extended("_Pattern", _DeviceSection, [e.pattern_keys for e in CATALOGUE])
+class _DeviceSection(Section):
+    device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+_Pattern: Any = _extended(
+    "_Pattern", _DeviceSection, [item for e in CATALOGUE for item in e.pattern_keys.items()]
+)
 
 
 class PatternSection(_Pattern):
@@ -109,14 +108,21 @@ class _ChipSection(Section):
     )
 
 
-_Pixel: Any = _extended("_Pixel", _ChipSection, [effect.keys for effect in CATALOGUE])
+_KEYS = [item for effect in CATALOGUE for item in effect.keys.items()]
+_Pixel: Any = _extended("_Pixel", _ChipSection, [i for i in _KEYS if not i[1].section])
 
 
-class SensorSection(_Pixel):
-    """The chip and how it is run."""
-
+class _LensedSection(_Pixel):
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
+
+
+_Sections: Any = _extended("_Sections", _LensedSection, [i for i in _KEYS if i[1].section])
+
+
+class SensorSection(_Sections):
+    """The chip and how it is run."""
+
     asynchronous: AsynchronousSection | None = None
     continuous: ContinuousSection | None = None
     channel: ChannelSection | None = Field(

@@ -41,6 +41,7 @@ class _Overshoot(PixelEffect):
             ),
             readouts=ALL_READOUTS,
             reported=False,
+            section=True,
         )
     }
 

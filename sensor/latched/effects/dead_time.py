@@ -32,6 +32,7 @@ class _DeadTime(PixelEffect):
             Field(default=0.0, examples=["1 us"], description="after each spike; at most a cycle"),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(50e-9, "assumed", "SCSim's reset delay, 0.2 % of a 25 us cycle"),
+            first=True,
         )
     }
 

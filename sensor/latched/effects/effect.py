@@ -54,6 +54,8 @@ class Key:
         share_of_threshold: whether that size is a share of the threshold.
         needs: another key that this one depends on, None for none.
         reported: whether the machine table of the report has a row for it.
+        first: whether it stands before the other keys of effects where a scenario is written.
+        section: whether it is a section of its own, which is written after all plain keys.
     """
 
     annotation: Any
@@ -63,6 +65,8 @@ class Key:
     share_of_threshold: bool = False
     needs: Dependence | None = None
     reported: bool = True
+    first: bool = False
+    section: bool = False
 
 
 class Operation(NamedTuple):

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from pydantic import Field
 
-from cosim.config.quantity import Current, Share, Spread
+from cosim.config.quantity import Current, Share, Spread, Temperature
 from cosim.plan.effects import Bound, Summary
 from sensor.device.pattern import DevicePattern, dark_current
 from sensor.device.silicon import USUAL, Sized
@@ -104,6 +104,7 @@ class _Prnu(_Pattern):
             Field(default=0.0, description="spread of the light's gain, relative"),
             readouts=ALL_READOUTS,
             silicon=Sized(0.058, "assumed", "SCSim's calibration"),
+            first=True,
         )
     }
 
@@ -129,6 +130,12 @@ class _Dark(_Pattern):
             silicon=Sized(0.3, "assumed", USUAL),
             needs=Dependence("dark_current", "is a share of it", "100 e/s"),
         ),
+        "temperature": Key(
+            Temperature,
+            Field(default=25.0, description="dark current doubles every 6.5 K"),
+            readouts=ALL_READOUTS,
+            reported=False,
+        ),
     }
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
@@ -149,6 +156,7 @@ class _ThresholdFpn(_Pattern):
             Field(default=0.0, description="spread of the threshold, relative"),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(0.045, "assumed", "SCSim's calibration (its offset pattern)"),
+            first=True,
         )
     }
 

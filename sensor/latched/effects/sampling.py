@@ -88,6 +88,7 @@ class _ComparatorDelay(PixelEffect):
             ),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(20e-9, "assumed", USUAL),
+            first=True,
         )
     }
 

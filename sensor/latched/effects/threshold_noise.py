@@ -44,11 +44,13 @@ class _ThresholdNoise(PixelEffect):
                 0.0058, "assumed", "SCSim's calibration; fits the interval variances of a recording"
             ),
             share_of_threshold=True,
+            first=True,
         ),
         "capacitance": Key(
             Capacitance | None,
             Field(default=None, description="its kTC noise is added to the threshold noise"),
             reported=False,
+            first=True,
         ),
     }
 

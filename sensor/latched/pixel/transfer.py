@@ -16,7 +16,7 @@ import numpy as np
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.latched.pixel.span import Span
 
-__all__ = ["Transfer", "charge_source", "light_source", "transferred"]
+__all__ = ["Transfer", "charge_source", "light_source", "transferred", "transferred_light"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,25 @@ def charge_source(transfers: Sequence[Transfer]) -> str:
     return _chained((t.charge_cl for t in transfers), "long16", "transfer", most)
 
 
-def light_source(transfers: Sequence[Transfer]) -> str:
-    """OpenCL text that defines `float16 transfer(float16)` in nominal thresholds."""
-    text = _chained((t.share_cl for t in transfers), "float16", "transfer", "{}")
-    return "#pragma OPENCL FP_CONTRACT OFF\n" + text
+def light_source(transfers: Sequence[Transfer], ratio: float) -> str:
+    """OpenCL text that defines `float16 transfer(float16)`.
+
+    ratio: nominal thresholds in a unit of its argument and result.
+    """
+    scaled = "" if ratio == 1 else f" * {float(np.float32(ratio)).hex()}f"
+    back = "" if ratio == 1 else f" * {float(np.float32(1 / ratio)).hex()}f"
+    text = _chained((t.share_cl for t in transfers), "float16", "in_thresholds", "{}")
+    return (
+        "#pragma OPENCL FP_CONTRACT OFF\n" + text + "inline float16 transfer(const float16 x)\n"
+        f"{{\n    return in_thresholds(x{scaled}){back};\n}}\n"
+    )
+
+
+def transferred_light(transfers: Sequence[Transfer], light: Any, ratio: float) -> Any:
+    """`transfer` of `light_source` for arrays of float32 or float64, in their own precision."""
+    kind = light.dtype.type
+    if ratio != 1:
+        light = light * kind(np.float32(ratio))
+    for transfer in transfers:
+        light = transfer.share(light)
+    return light if ratio == 1 else light * kind(np.float32(1 / ratio))
