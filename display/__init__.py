@@ -1,17 +1,17 @@
 """Spikes to light: panels, the renderer, observers, and how good what they see is."""
 
+from display.observe.integration import LightPlanes, ObserverImages, Span
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye, eye_time
-from display.observe.onlooker import Lit, Onlooker, Span
 from display.observe.temporal import STAGES
 from display.observe.views import Observer, Views, panel_views
 from display.panels.fit import Fit, fit_words
-from display.panels.frames import FrameShow
 from display.panels.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
-from display.panels.projector import ProjectorShow, spread_errors
-from display.panels.truth import TruthShow
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow, spread_errors
+from display.references.truth import TruthShow
 from display.render.context import GL_INSTALL, probe_gl
-from display.render.golden import PlainRenderer
-from display.render.making import AnyRenderer, make_renderer
+from display.render.factory import AnyRenderer, make_renderer
+from display.render.golden import GoldenRenderer
 from display.render.plane_by_plane import PlaneByPlane
 from display.render.renderer import Renderer
 from display.setting import DisplaySetting
@@ -29,10 +29,10 @@ __all__ = [
     "FixedEye",
     "FramePanel",
     "FrameShow",
-    "Lit",
+    "GoldenRenderer",
+    "LightPlanes",
     "Observer",
-    "Onlooker",
-    "PlainRenderer",
+    "ObserverImages",
     "PlaneByPlane",
     "Projector",
     "ProjectorShow",

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field
 
+from cosim import Clock, InputError, seconds_to_ps
 from cosim.config.quantity import Quantity, Section, Share, Time
+from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.setting import DisplaySetting
 
-__all__ = ["DRIVES", "OBSERVERS", "DisplaySection"]
-
-DRIVES = ("impulse", "hold", "causal")
-"""Those of the display, which need not be loaded to read a scenario."""
+__all__ = ["OBSERVERS", "DisplaySection"]
 
 OBSERVERS = ("eye", "pursuit", "camera")
 """Who looks at a display."""
@@ -86,3 +88,81 @@ class DisplaySection(Section):
     renderer: Literal["gl", "numpy"] = Field(
         default="gl", description="numpy: the golden model, exact and slow"
     )
+
+    def panel(
+        self, stream: tuple[int, int], clock: Clock, row_skew: float, white_rate: float
+    ) -> SpikePanel:
+        """The spike-continuous panel that shows a stream.
+
+        Args:
+            stream: (height, width) of the stream.
+            clock: of the stream.
+            row_skew: share of a cycle over which the camera samples its rows.
+            white_rate: spikes a cycle that are shown as white.
+
+        Raises InputError if the panel does not fit the stream, or shows rows before they are
+        sampled.
+        """
+        shape = self.height or stream[0], self.width or stream[1]
+        if self.fit == "exact" and shape != stream:
+            raise InputError(
+                "display.width and display.height",
+                f"the stream's {stream[1]} x {stream[0]}",
+                f"{shape[1]} x {shape[0]}",
+                "leave them out, or set display.fit=nearest or centre",
+            )
+        if self.row_scan < row_skew:
+            raise InputError(
+                "display.row_scan",
+                f"at least sensor.row_skew, {row_skew:g}",
+                f"{self.row_scan:g}: rows would be shown before they are sampled",
+                "raise it",
+            )
+        return SpikePanel(
+            shape, clock, white_rate, self.drive, self.pulse, self.rise, self.decay, self.row_scan,
+            seconds_to_ps(self.transport), self.fill, self.luminance,
+        )  # fmt: skip
+
+    def reference_panels(self) -> list[FramePanel | Projector]:
+        """Frame displays and projector that the panel is compared with."""
+        panels: list[FramePanel | Projector] = [
+            FramePanel(Clock.from_hz(rate), self.persistence, self.response) for rate in self.beside
+        ]
+        if self.projector > 0:
+            panels.append(Projector(Clock.from_hz(self.projector)))
+        return panels
+
+    def observers(
+        self, instants: Sequence[int], end: int, velocity: float
+    ) -> dict[str, FixedEye | PursuingEye | CameraPlane]:
+        """Every observer by its name in the section.
+
+        Args:
+            instants: around which images are taken, ps.
+            end: of the run, ps.
+            velocity: of the pursuing eye along the rows, pixels/s.
+        """
+        eye = FixedEye(tuple(instants), self.luminance, 0, end)
+        return {
+            "eye": eye,
+            "pursuit": PursuingEye(eye, (0.0, velocity)),
+            "camera": CameraPlane(tuple(instants), seconds_to_ps(self.exposure)),
+        }
+
+    def setting(
+        self, panel: SpikePanel, instants: Sequence[int], cycles: int, velocity: float = 0.0
+    ) -> DisplaySetting:
+        """The display with every effect, to the observer whose error is reported.
+
+        Light ends with the last row of the last plane: a response of the eye that is cut within a
+        plane would count as an error of the spans of planes.
+
+        Args:
+            panel: what `panel` returns.
+            instants: cycles around which images are taken.
+            cycles: of the run.
+            velocity: of the pursuing eye along the rows, pixels/s.
+        """
+        at = [panel.clock.middle(n) for n in instants]
+        end = panel.start(cycles) + round(panel.row_delay)
+        return DisplaySetting(panel, self.observers(at, end, velocity)[self.observer])

@@ -25,13 +25,13 @@ class DisplaySetting:
     row_timing: bool = True
 
     @property
-    def shown(self) -> SpikePanel:
+    def simulated_panel(self) -> SpikePanel:
         """The panel with the timing of its rows that is simulated."""
         return self.panel if self.row_timing else replace(self.panel, row_scan=0.0)
 
     def views(self, first: int, planes: int) -> Views:
         """Of the observer, for planes `first` to `first + planes`."""
-        return panel_views(self.observer, self.shown, first, planes, self.batch)
+        return panel_views(self.observer, self.simulated_panel, first, planes, self.batch)
 
     @property
     def kept(self) -> tuple[Effect, ...]:

@@ -11,24 +11,27 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS
+from cosim import PS, Clock
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
 from cosim.spikes.viform import pack_planes
-from display import DRIVES, CameraPlane, Drive, PlainRenderer, PursuingEye, SpikePanel, Views
-from sensor.stability.gathering import CLOCK
+from display.observe.observers import CameraPlane, PursuingEye
+from display.observe.views import Views
+from display.panels.panel import DRIVES, Drive, SpikePanel
+from display.render.golden import GoldenRenderer
 
 __all__ = ["SHOWING", "Renderers"]
 
 Renderers = Callable[[SpikePanel, int, int], Any]
-"""(panel, planes to a span, images) -> a renderer, of the interface of `PlainRenderer`."""
+"""(panel, planes to a span, images) -> a renderer, of the interface of `GoldenRenderer`."""
 Values = npt.NDArray[np.float64]
+CLOCK: Final = Clock(40_000)
 MOST: Final = 2**32 - 1
 """An age that no longer grows."""
 
 
 def _shipped(device: Device | None) -> Renderers:
-    return PlainRenderer
+    return GoldenRenderer
 
 
 def _panel(width: int = 1, **more: Any) -> SpikePanel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air import Aim, AirSetting, Optics, f_number_for
+from link.air import Aim, Air, AirSetting, Optics, Source, f_number_for
 from link.air.geometry import lengths
+from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
-from scenarios.assemble.camera import camera_setting
+from scenarios.assemble.camera.lensed import camera_setting
 from sensor import CameraSetting
 from sensor.sections.sensor import LensSection
 
@@ -47,8 +49,14 @@ class Payload:
 
 @dataclass(frozen=True)
 class LinkSetting:
-    """A link as it is simulated. first_light: ps. f_number: chosen by link.aim.on_level unless
-    given. scale: camera pixels to a panel pixel. phase: ticks by which the panel's planes are late.
+    """A link as it is simulated.
+
+    Attributes:
+        camera, panel, optics, aim, air: as they are set.
+        first_light: time at which the first row of the panel begins plane 0, ps.
+        phase: delay of the panel's planes against the camera's ticks, ticks.
+        scale: camera pixels to a panel pixel.
+        chosen_f_number: whether link.aim.on_level has chosen the f-number.
     """
 
     camera: CameraSetting
@@ -60,6 +68,16 @@ class LinkSetting:
     phase: float
     scale: float
     chosen_f_number: bool
+
+    def make_air(
+        self, source: Source, planes: int, kept: Collection[str] | None = None,
+        places: Places | None = None,
+    ) -> Air:  # fmt: skip
+        """The stage that makes the light on the camera; see `Air` for its arguments."""
+        return Air(
+            source, self.panel, self.optics, self.aim, self.air, self.camera,
+            first_light=self.first_light, planes=planes, kept=kept, places=places,
+        )  # fmt: skip
 
 
 def _random(seed: int, stream: int) -> np.random.Generator:

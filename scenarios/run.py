@@ -20,7 +20,7 @@ from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome,
 from cosim.run.progress import Progress
 from cosim.run.result import Result, dumps, write_result
 from scenarios.assemble.machine import assemble
-from scenarios.assemble.scenario import AnyScenario
+from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.report import write_report
 
 __all__ = ["Done", "run_scenario"]
@@ -63,7 +63,7 @@ def run_scenario(
     """
     place = output_folder(name, out, options.resume)
     with ExitStack() as stack:
-        machine = assemble(name, scenario, options)
+        machine = assemble(name, scenario, options, progress)
         stack.callback(lambda: machine.close())  # of the machine as it is then
         check_room(place, machine.bits)
         folder = stack.enter_context(claimed(name, out, options.resume))
@@ -106,6 +106,7 @@ def _record(
     findings = _reinstated_before(record) if resume else []
     if findings:
         machine = machine.keep([finding.effect for finding in findings])
+    announced = bool(findings)
     while True:
         new = machine.trial(progress)
         if not new:
@@ -113,9 +114,10 @@ def _record(
             if resume:
                 chain.load()  # refused before anything is overwritten
             begin_folder(folder, machine.toml)
-            if not findings:
+            if not announced:
                 for note in machine.notes:
                     progress.note(note)
+                announced = True
             try:
                 recording = Recording(chain, folder, chain.run(progress), resume)
                 new = machine.shortfall(recording)

@@ -1,4 +1,4 @@
-"""A look at the memory that is free, before something large is made in it."""
+"""The check that memory is free, before something large is allocated."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["check_memory"]
 _GIB = 2**30
 
 
-def check_memory(what: str, need: int, mend: str) -> None:
+def check_memory(what: str, need: int, remedy: str) -> None:
     """Raises InputError where `need` bytes are more than this machine has free."""
     free = int(psutil.virtual_memory().available)
     if need > free:
         must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"
-        raise InputError(what, must, f"{need / _GIB:.3g} GiB", mend)
+        raise InputError(what, must, f"{need / _GIB:.3g} GiB", remedy)

@@ -87,16 +87,16 @@ def probe() -> list[dict[str, Any]]:
     command = [sys.executable, "-c", _PROBE]
     try:
         child = subprocess.run(command, capture_output=True, text=True, timeout=60)
-        found: list[dict[str, Any]] = json.loads(child.stdout)
+        devices: list[dict[str, Any]] = json.loads(child.stdout)
     except (subprocess.TimeoutExpired, json.JSONDecodeError):
         return []
-    return found
+    return devices
 
 
 def _no_device(
-    given: str, mend: str = f"install one ({INSTALL}) or pass --device numba"
+    value: str, remedy: str = f"install one ({INSTALL}) or pass --device numba"
 ) -> InputError:
-    return InputError("the OpenCL device", "one that this machine has", given, mend)
+    return InputError("the OpenCL device", "one that this machine has", value, remedy)
 
 
 def choose_device(wanted: str | None) -> Device | None:
@@ -118,21 +118,21 @@ def open_device(wanted: str | None = None) -> Device:
     import pyopencl as cl
 
     try:
-        found = [(p, d) for p in cl.get_platforms() for d in p.get_devices()]
+        present = [(p, d) for p in cl.get_platforms() for d in p.get_devices()]
     except cl.Error:  # the loader reports "no platform" as an error
-        found = []
-    if not found:
+        present = []
+    if not present:
         raise _no_device("none at all")
-    names = [f"{p.name.strip()}: {d.name.strip()}" for p, d in found]
+    names = [f"{p.name.strip()}: {d.name.strip()}" for p, d in present]
     if wanted is not None:
         hits = [i for i, name in enumerate(names) if wanted.lower() in name.lower()]
         if not hits:
             raise _no_device(repr(wanted), f"choose one of: {'; '.join(names)}; or numba")
         chosen = hits[0]
     else:
-        gpus = [i for i, (_, d) in enumerate(found) if d.type & cl.device_type.GPU]
+        gpus = [i for i, (_, d) in enumerate(present) if d.type & cl.device_type.GPU]
         chosen = (gpus or [0])[0]
-    return Device(found[chosen][1], names[chosen])
+    return Device(present[chosen][1], names[chosen])
 
 
 @dataclass(eq=False)

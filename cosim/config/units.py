@@ -96,14 +96,14 @@ def parse_quantity(text: str, kind: Kind) -> float:
     Raises ValueError ("must be a frequency such as '40 kHz', not '40 lux'") when the text is not
     a finite number with a unit of this kind.
     """
-    found = _QUANTITY.fullmatch(text)
-    if found is None:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
         raise ValueError(f"must be {kind}, not {text!r}")
     ureg = _registry()
     try:
-        unit = ureg.Unit(found[2])
+        unit = ureg.Unit(match[2])
         allowed = _without_prefixes(unit) in _accepted(kind)
-        magnitude = ureg.Quantity(float(found[1]), unit).to(kind.unit).magnitude if allowed else 0
+        magnitude = ureg.Quantity(float(match[1]), unit).to(kind.unit).magnitude if allowed else 0
     except Exception as exc:  # pint raises a dozen types for text that is no unit
         raise ValueError(f"must be {kind}, not {text!r}") from exc
     if not allowed or not math.isfinite(magnitude):

@@ -1,4 +1,4 @@
-"""`config.yaml` beside a recording: what other spike software says of a folder of `.dat` files.
+"""`config.yaml` beside a recording: what other spike software says about a folder of `.dat` files.
 
 Keys: filename, spike_w, spike_h, is_labeled, labeled_data_type, labeled_data_suffix, and with
 labels data_field_identifier and label_field_identifier. `filename` names a recording or, as in the
@@ -47,12 +47,12 @@ class Config:
         return PurePosixPath(self.filename).name in (recording.name, recording.stem)
 
 
-def _bad(path: Path, given: str) -> InputError:
+def _bad(path: Path, value: str) -> InputError:
     return InputError(
         f"{path}",
         "YAML with filename, spike_w and spike_h",
-        given,
-        "mend it, or give the recording itself with its --size WxH",
+        value,
+        "correct it, or give the recording itself with its --size WxH",
     )
 
 
@@ -160,11 +160,11 @@ def recording_of(path: Path) -> tuple[Path, Config]:
                 return found, config
     others = [p for p in path.parent.iterdir() if _is_recording(p)]
     if len(others) != 1:
-        given = f"{len(others)} others" if others else "none"
+        value = f"{len(others)} others" if others else "none"
         raise InputError(
             f"{path.parent}",
             f"a folder with the recording {ascii(config.filename)[:80]} that its {path.name} names",
-            f"one with {given}",
+            f"one with {value}",
             "give the recording itself",
         )
     return others[0], config

@@ -34,11 +34,11 @@ Size = tuple[int, int]
 """(width, height) in columns and rows."""
 
 DAT_SIZE = (400, 250)
-"""Width and height of a `.dat` when none is given: every public recording of the format."""
+"""Default width and height of a `.dat`: every public recording of the format."""
 HEAD_SIZE = (416, 250)
 """What is stored of a 400 x 250 frame with head; the pixels are the first 400 columns."""
 DAT_CLOCK = Clock(40_000)
-"""The file says no clock; recordings are made at 40 kHz."""
+"""The file names no clock; recordings are made at 40 kHz."""
 
 
 def check_dat_size(width: int, height: int) -> int:
@@ -62,7 +62,7 @@ class DatStream:
     """A `.dat` file as a spike stream; frames are read as they are asked for.
 
     size: width and height of the frames as they are stored, so 416 x 250 means 400 x 250 with head.
-    notes: what the reader should be told about how the file was understood.
+    notes: what the user should know about how the file was understood.
     """
 
     def __init__(self, path: Path, size: Size = DAT_SIZE, notes: tuple[str, ...] = ()) -> None:

@@ -48,7 +48,7 @@ Part = dict[str, npt.NDArray[Any]]
 
 @dataclass
 class EventSource(ABC):
-    """Events that can be gone through again and again, a part at a time."""
+    """Events that can be read again and again, a part at a time."""
 
     shape: tuple[int, int]
     ticks: int
@@ -75,7 +75,7 @@ class _InMemory(EventSource):
 
 
 class _OfStream(EventSource):
-    """Every spike of a synchronous stream, made anew in each passage."""
+    """Every spike of a synchronous stream, computed anew in each pass."""
 
     def __init__(self, stream: SpikeStream) -> None:
         count = int(count_spikes(stream, 0, stream.cycles).sum(dtype=np.int64))
@@ -89,7 +89,7 @@ class _OfStream(EventSource):
 
 
 class EventFile(EventSource):
-    """An `.events.npz`, checked as it is gone through. Raises InputError for what is none."""
+    """An `.events.npz`, checked as it is read. Raises InputError for any other file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -102,11 +102,11 @@ class EventFile(EventSource):
         except (ValueError, TypeError) as exc:
             raise self._bad(f"one where {exc}") from exc
 
-    def _bad(self, given: str) -> InputError:
+    def _bad(self, value: str) -> InputError:
         return InputError(
             f"{self._path}",
             "events: row, column, time, width, shape, ticks, clock and start",
-            given,
+            value,
             "write it with viform convert",
         )
 
@@ -130,8 +130,8 @@ class EventFile(EventSource):
             if name in _OPTIONAL and name not in arrays:
                 continue
             if arrays[name].shape != (count,) or arrays[name].dtype != dtype:
-                given = f"{arrays[name].shape} {arrays[name].dtype}"
-                raise ValueError(f"{name} is {given}, not ({count},) {np.dtype(dtype)}")
+                value = f"{arrays[name].shape} {arrays[name].dtype}"
+                raise ValueError(f"{name} is {value}, not ({count},) {np.dtype(dtype)}")
         height, width = numbers["shape"]
         if not (1 <= height <= _LARGEST and 1 <= width <= _LARGEST):
             raise ValueError(f"shape is {height} rows, {width} columns")
@@ -180,7 +180,7 @@ def read_events(path: Path) -> Events:
 def write_events(source: SpikeStream | Events | EventFile, path: Path) -> None:
     """Writes events, or every spike of a stream, as `.events.npz`; nothing of it is lost.
 
-    The source is gone through once for each array, so that no more than a part is in memory.
+    The source is read once for each array, so that no more than a part is in memory.
     """
     if isinstance(source, EventFile):
         events: EventSource = source

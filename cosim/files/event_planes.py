@@ -35,12 +35,14 @@ class _Intervals:
 
 
 class EventStream:
-    """An event file as a spike stream; its planes are made in memory when they are first asked for,
-    a part of the events at a time.
+    """An event file as a spike stream.
 
-    notes: what planes do not keep of the events, once they have been made. Raises InputError for
-    what is no event file, and then for damage, for events that planes cannot hold, and where the
-    planes need more memory than is free.
+    Its planes are computed in memory when they are first needed, a part of the events at a time.
+    Raises InputError for a file of another kind, and when the planes are computed: for damage, for
+    events that planes cannot hold, and where the planes need more memory than is free.
+
+    Attributes:
+        notes: what planes do not keep of the events, once they have been computed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,8 +62,8 @@ class EventStream:
     def _made(self) -> Words:
         file, (height, width) = self.file, self.shape
         n = words_for(self.cycles)
-        mend = "keep its events, or cut them into shorter files"
-        check_memory(f"the planes of {self._path}", (4 * n + 8) * height * width, mend)
+        remedy = "keep its events, or cut them into shorter files"
+        check_memory(f"the planes of {self._path}", (4 * n + 8) * height * width, remedy)
         words: Words = np.zeros((n, height, width), np.uint32)
         intervals, full = _Intervals(file), True
         for part in file.parts():

@@ -40,11 +40,11 @@ def read_intensities(path: Path) -> Intensities:
     Raises InputError for anything else, OSError when the file cannot be read.
     """
 
-    def bad(given: str) -> InputError:
+    def bad(value: str) -> InputError:
         return InputError(
             f"{path}",
             "an .npz of `row`, `column`, `time`, `value`, `shape`, `ticks`, `clock` and `start`",
-            given,
+            value,
             "give the reports of a run with the continuous readout",
         )
 

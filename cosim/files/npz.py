@@ -38,12 +38,12 @@ def read_npz(path: Path) -> Viform:
     Raises InputError for anything else, OSError when the file cannot be read.
     """
 
-    def bad(given: str) -> InputError:
+    def bad(value: str) -> InputError:
         return InputError(
             f"{path}",
             "an .npz with `words`, `cycles`, `clock` and `start`, or with one (T, H, W) array of 0 "
             "and 1",
-            given,
+            value,
             "save the spikes with numpy.savez(path, spikes=array)",
         )
 

@@ -48,7 +48,7 @@ def ending_of(path: Path) -> str:
 
 
 def notes_of(stream: SpikeStream) -> tuple[str, ...]:
-    """What a reader should be told about how its file was understood, a line each."""
+    """What the user should know about how the file was understood, a line each."""
     return tuple(getattr(stream, "notes", ()))
 
 

@@ -39,7 +39,7 @@ _PLACE = TABLE.row * 2 + TABLE.half
 """Half row of the chip that each block of a frame is."""
 
 
-def _found(data: Bytes, first: int, count: int) -> npt.NDArray[np.uint16]:
+def _markers_of(data: Bytes, first: int, count: int) -> npt.NDArray[np.uint16]:
     """Markers of `count` blocks from byte `first` on."""
     blocks = data[first : first + count * BLOCK_BYTES].reshape(count, BLOCK_BYTES)
     low, high = (blocks[:, n].astype(np.uint16) for n in (-2, -1))
@@ -56,7 +56,7 @@ def _frame_start(data: Bytes) -> int | None:
     high = data[BLOCK_BYTES - 1 : BLOCK_BYTES + last].astype(np.uint16)
     best, place = BLOCKS // 2 - 1, None
     for byte in np.flatnonzero((low | high << 8) & MARKER_MASK == _MARKERS[0]):
-        right = int((_found(data, int(byte), BLOCKS) == _MARKERS).sum())
+        right = int((_markers_of(data, int(byte), BLOCKS) == _MARKERS).sum())
         if right > best:
             best, place = right, int(byte)
         if right == BLOCKS:
@@ -84,18 +84,18 @@ class RawStream:
         self._data: Bytes = np.asarray(np.memmap(path, np.uint8, "r"))
         start = _frame_start(self._data)
         if start is None:
-            given = "one without the markers of a frame"
-            raise InputError(f"{path}", must, given, "name a stream without markers .dat")
+            value = "one without the markers of a frame"
+            raise InputError(f"{path}", must, value, "name a stream without markers .dat")
         self._start = start
         self.cycles, rest = divmod(length - start, FRAME_BYTES)
         lead = start // BLOCK_BYTES
-        wrong = _found(self._data, start % BLOCK_BYTES, lead) != _MARKERS[BLOCKS - lead :]
+        wrong = _markers_of(self._data, start % BLOCK_BYTES, lead) != _MARKERS[BLOCKS - lead :]
         if wrong.any():
             self._refuse_lead(start % BLOCK_BYTES + int(wrong.nonzero()[0][-1]) * BLOCK_BYTES)
         self._check(0, 1)
         self._check(self.cycles - 1, self.cycles)
         tail = rest // BLOCK_BYTES
-        if (_found(self._data, length - rest, tail) != _MARKERS[:tail]).any():
+        if (_markers_of(self._data, length - rest, tail) != _MARKERS[:tail]).any():
             self._refuse()
         said = [f"{start} before the first whole frame"] if start else []
         said += [f"{rest} after the last"] if rest else []
@@ -103,8 +103,10 @@ class RawStream:
 
     def _check(self, first: int, stop: int) -> None:
         """Checks the markers of frames `first` to `stop` (excluded)."""
-        found = _found(self._data, self._start + first * FRAME_BYTES, (stop - first) * BLOCKS)
-        if (found.reshape(-1, BLOCKS) != _MARKERS).any():
+        markers = _markers_of(
+            self._data, self._start + first * FRAME_BYTES, (stop - first) * BLOCKS
+        )
+        if (markers.reshape(-1, BLOCKS) != _MARKERS).any():
             self._refuse()
 
     def _refuse(self) -> None:
@@ -112,13 +114,13 @@ class RawStream:
         blocks = (len(self._data) - self._start) // BLOCK_BYTES
         for first in range(0, blocks, WORD * BLOCKS):
             count = min(WORD * BLOCKS, blocks - first)
-            found = _found(self._data, self._start + first * BLOCK_BYTES, count)
-            wrong = np.flatnonzero(found != np.resize(_MARKERS, count))
+            markers = _markers_of(self._data, self._start + first * BLOCK_BYTES, count)
+            wrong = np.flatnonzero(markers != np.resize(_MARKERS, count))
             if wrong.size:
                 break
         n = first + int(wrong[0])
         frame, block = divmod(n, BLOCKS)
-        ahead = _found(self._data, self._start + n * BLOCK_BYTES, min(2, blocks - n))
+        ahead = _markers_of(self._data, self._start + n * BLOCK_BYTES, min(2, blocks - n))
         known = np.flatnonzero(ahead[0] == _MARKERS)
         what = "a damaged marker"
         if known.size:

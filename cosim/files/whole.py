@@ -1,4 +1,4 @@
-"""Writing so that nothing half-written looks whole: a temporary name first, the real one last."""
+"""Files that appear complete or not at all: written under a temporary name, then renamed."""
 
 from __future__ import annotations
 

@@ -31,8 +31,10 @@ _CHUNK = 2
 """Words in a chunk: 64 cycles, a block."""
 
 
-def _bad(path: Path, given: str, mend: str = "run it again, or convert another file") -> InputError:
-    return InputError(f"{path}", "the stream.zarr of a finished run", given, mend)
+def _bad(
+    path: Path, given: str, remedy: str = "run it again, or convert another file"
+) -> InputError:
+    return InputError(f"{path}", "the stream.zarr of a finished run", given, remedy)
 
 
 class ZarrStream:
@@ -103,11 +105,11 @@ class ZarrStream:
 
 
 class Recorder:
-    """The stage that writes a run's spikes. The store is made at the first block or gone on with.
+    """The stage that writes a run's spikes. The store is made at the first block, or continued.
 
     cycles: of the whole run. start: what its first cycle is called. Blocks come in order, of any
-    size; the word that one leaves open is gone on with by the next. bytes_written: of words, before
-    compression.
+    size; a word that one block leaves open is completed by the next. bytes_written: of words,
+    before compression.
     """
 
     def __init__(
@@ -149,8 +151,8 @@ class Recorder:
         try:
             words = zarr.open_group(self._path, mode="r+")["words"]
         except Exception as exc:  # zarr raises many types for what is no store
-            mend = f"start afresh: remove {self._path.parent}"
-            raise _bad(self._path, "missing or damaged", mend) from exc
+            remedy = f"start afresh: remove {self._path.parent}"
+            raise _bad(self._path, "missing or damaged", remedy) from exc
         # With the default, a chunk without spikes would be no file, just as one that was lost.
         return cast("zarr.Array[Any]", words).with_config({"write_empty_chunks": True})
 

@@ -32,7 +32,7 @@ def inside(values: Plane) -> Plane:
 
 
 class Likeness:
-    """A truth that images are held against; what depends on it alone is made once."""
+    """A truth that images are compared with; what depends on it alone is computed once."""
 
     def __init__(self, truth: Levels) -> None:
         self._truth = truth.astype(np.float32) - HALF

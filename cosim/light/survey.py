@@ -1,4 +1,4 @@
-"""What light a scene will give, found before anything is simulated: an interval for every pixel.
+"""The light that a scene will give, before anything is simulated: an interval for every pixel.
 
 A scene whose light comes in few pieces is walked through; its interval is exact. One that is drawn
 anew every few cycles is drawn at SAMPLES instants, and what an edge may bring from one to the next
@@ -50,14 +50,14 @@ def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
     """Every piece of the run."""
     least: Plane | None = None
     most: Plane | None = None
-    seen: list[Piece] = []
+    known_pieces: list[Piece] = []
     count = start = 0
     while start < cycles:
         light = source.step(None, Block(start, min(BLOCK, cycles - start)))
         for piece in light.pieces:
-            if any(piece is known for known in seen):
+            if any(piece is known for known in known_pieces):
                 continue
-            seen, count = [*seen[-8:], piece], count + 1
+            known_pieces, count = [*known_pieces[-8:], piece], count + 1
             for plane in (piece.first,) if piece.constant else (piece.first, piece.last):
                 least = plane.copy() if least is None else np.minimum(least, plane, out=least)
                 most = plane.copy() if most is None else np.maximum(most, plane, out=most)

@@ -3,8 +3,8 @@
 Left out are those effects whose cost is the most, as long as the linear sum of their bounds stays
 within half the tolerance in every tile (the other half is for what the bounds do not see); an
 estimate counts twice. What costs nothing is kept. Effects of scope "plane" are kept or left out
-everywhere; the others tile by tile. The sets of the plane are gone through from what leaves out the
-most; one that cannot be cheaper than the best so far is not looked into.
+everywhere; the others tile by tile. The search goes through the sets of the plane from those that
+leave out the most, and skips a set that cannot be cheaper than the best so far.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class Plan:
     @property
     def kind(self) -> Kind:
         """Of `total`: proof where every bound in it is one."""
-        gone = self.left_out
-        proven = all(row.kind == "proof" for row in self.rows if row.effect in gone)
+        absent = self.left_out
+        proven = all(row.kind == "proof" for row in self.rows if row.effect in absent)
         return "proof" if proven else "estimate"
 
     @property
@@ -106,7 +106,7 @@ def _total(effects: Sequence[Effect], costs: Values, out: frozenset[int]) -> Val
 
 
 _TIE: Final = 1e-12
-"""Relative difference of costs below which two plans are alike: the one that keeps more is made."""
+"""Relative difference of costs below which two plans are alike; that which keeps more is taken."""
 
 
 class _Search:

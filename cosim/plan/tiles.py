@@ -1,4 +1,4 @@
-"""The plane in tiles of 16 x 16 pixels: what a plan decides for, and what an error is told of.
+"""The plane in tiles of 16 x 16 pixels: the unit of a plan's decisions and of an error.
 
 Sixteen columns are also what one work-item of a kernel runs, so a tile is whole work-items.
 """

@@ -15,8 +15,8 @@ _COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
 
 
 def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    found = [r for r in rows if r["error"] is not None and r["ns_per_pixel_cycle"]]
-    return sorted(found, key=lambda r: -(r["tolerance"] or 0.0))
+    known = [r for r in rows if r["error"] is not None and r["ns_per_pixel_cycle"]]
+    return sorted(known, key=lambda r: -(r["tolerance"] or 0.0))
 
 
 def _labels(
@@ -75,14 +75,14 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
         text = f"{row['tier']}, tolerance {row['tolerance']:g}: failed, {row['failed'][:90]}"
         axes.text(0.01, 0.02 + 0.04 * n, text, transform=axes.transAxes, fontsize=8, color=MARK)
     order = document["order"]
-    told = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
-    axes.set_title(f"{name}: error against run time; {told}", fontsize=11, color=INK)
+    label = "no order can be fitted" if order is None else f"error ~ tolerance$^{{{order:.2f}}}$"
+    axes.set_title(f"{name}: error against run time; {label}", fontsize=11, color=INK)
     cycle = "pixel-frame" if "frames" in document["reference"] else "pixel-cycle"
     axes.set_xlabel(f"time of the camera, ns a {cycle}", color=INK)
-    told = "relative\n(worst tile; bars: 99.9 %)"
+    label = "relative\n(worst tile; bars: 99.9 %)"
     if of_bits:
-        told = f"of the\n{document['error_of']} (bars: 99.9 %)"
-    axes.set_ylabel(f"error against full physics, {told}", color=INK)
+        label = f"of the\n{document['error_of']} (bars: 99.9 %)"
+    axes.set_ylabel(f"error against full physics, {label}", color=INK)
     axes.grid(color=LINE, linewidth=0.5, which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_ylim(bottom=bottom)

@@ -1,4 +1,4 @@
-"""Figures of a report: the intervals of chosen pixels, as in Huang 2022, figure 5."""
+"""Figures that reports share: sheets and overviews of pictures, and the colours of all figures."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim import SpikeStream
-from sensor.reconstruct.intervals import spike_cycles
-
-__all__ = ["INK", "LINE", "MARK", "interval_figure", "overview_figure", "pyplot", "sheet_figure"]
+__all__ = ["INK", "LINE", "MARK", "overview_figure", "pyplot", "sheet_figure"]
 
 PANEL = 416
 """Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
@@ -26,58 +23,6 @@ def pyplot() -> Any:
     import matplotlib.pyplot
 
     return matplotlib.pyplot
-
-
-def interval_figure(
-    stream: SpikeStream,
-    points: list[tuple[int, int, str]],
-    truth: npt.NDArray[np.float64],
-    span: tuple[int, int],
-    instants: list[int],
-    path: Path,
-) -> None:
-    """Spike intervals of pixels over time: each interval a bar whose width is tau and whose area
-    is one threshold, so that its height is the light's estimate.
-
-    truth: (pixels, knots) true spike rate of white-scaled light, spikes a cycle, over the span.
-    span: first cycle shown and the one after the last.
-    """
-    plt = pyplot()
-    spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
-    ms = 1e3 / stream.clock.hz
-    figure, axes = plt.subplots(
-        len(points), 1, figsize=(11, 0.85 * len(points) + 0.8), sharex=True, squeeze=False
-    )
-    times = np.linspace(*span, truth.shape[1]) * ms
-    for n, ((_, _, label), cycles, light, ax) in enumerate(
-        zip(points, spikes, truth, axes[:, 0], strict=True), 1
-    ):
-        inside = cycles[(cycles >= span[0] - 255) & (cycles < span[1] + 255)]
-        cycles = inside if inside.size > 1 else cycles
-        tau = np.diff(cycles)
-        if tau.size:
-            ax.stairs(1 / tau, (cycles + 1) * ms, fill=True, color="#9db4d8", linewidth=0)
-        ax.plot(times, light, color=MARK, linewidth=1)
-        for instant in (n for n in instants if span[0] <= n < span[1]):
-            ax.axvline((instant + 0.5) * ms, color=LINE, linewidth=0.8, zorder=0)
-        top = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3) * 1.15
-        ax.set_ylim(0, top)
-        ax.set_yticks([0, top / 1.15], ["0", f"{top / 1.15:.2g}"], fontsize=7, color=INK)
-        ax.set_ylabel(f"{n}  {label}", rotation=0, ha="right", va="center", fontsize=8.5, color=INK)
-        ax.yaxis.set_label_coords(-0.04, 0.5)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.spines[["left", "bottom"]].set_color(LINE)
-        ax.tick_params(color=LINE, labelcolor=INK)
-    axes[-1, 0].set_xlim(span[0] * ms, span[1] * ms)
-    axes[-1, 0].set_xlabel("time (ms); grey lines: the instants shown above", fontsize=9, color=INK)
-    axes[0, 0].set_title(
-        "1/ISI of single pixels, spikes a cycle (bars), and the true light (line)",
-        fontsize=10,
-        color=INK,
-    )
-    figure.tight_layout(h_pad=0.15)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
@@ -117,8 +62,8 @@ def sheet_figure(
     for (name, images), line in zip(rows, axes, strict=True):
         for image, ax in zip(images, line, strict=True):
             small = width > side[0]
-            shown = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
-            ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            scaled = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
+            ax.imshow(scaled, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
             ax.set_xticks([])
             ax.set_yticks([])
             ax.spines[:].set_visible(False)

@@ -59,10 +59,10 @@ def plot(path: Path, name: str) -> str:
 def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
     """The page's head: title, what ran, whether anything is less than asked for, notes."""
     caveat = "" if result.outcome == "ok" else f" <b>Outcome: {result.outcome}.</b>"
-    told = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    items = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
     return (
         f'<h1>{html.escape(title)}</h1><p class="soft">{html.escape(camera)}, seed {result.seed}, '
-        f"viform {result.version}.{caveat}</p><ul>{told}</ul>"
+        f"viform {result.version}.{caveat}</p><ul>{items}</ul>"
     )
 
 

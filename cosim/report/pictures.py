@@ -1,4 +1,4 @@
-"""The pictures of a report, made from the stream that was written."""
+"""The pictures of a report, computed from the stream that was written."""
 
 from __future__ import annotations
 

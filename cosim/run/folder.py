@@ -1,4 +1,4 @@
-"""The folder of a run: found, with room for the stream, and claimed for one run at a time."""
+"""The folder of a run: its name, its room for the stream, and its lock for one run at a time."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ import fcntl
 import os
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from cosim import InputError
 from cosim.files.whole import whole
-from cosim.report.png import write_linear_png
 from cosim.run.inputs import sealed
-from sensor.reconstruct.fidelity import METHODS, Imaged
 
 __all__ = [
     "NO_ROOM", "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed", "mend",
-    "output_folder", "room_for", "write_images",
+    "output_folder", "room_for",
 ]  # fmt: skip
 
 PUT_BACK = "put_back.json"
@@ -81,20 +79,6 @@ def begin_folder(folder: Path, scenario: str) -> None:
             picture.unlink()
     with whole(folder / "scenario.toml") as part:
         part.write_text(sealed(scenario), encoding="utf-8")
-
-
-def write_images(
-    folder: Path, shots: Sequence[Imaged], methods: Sequence[str] = METHODS
-) -> list[str]:
-    """The linear pictures of every instant, 8-bit grey; their names in the folder."""
-    if shots:
-        (folder / "images").mkdir(exist_ok=True)
-    names = []
-    for shot in shots:
-        for method in ("truth", *methods):
-            names.append(f"images/{method}-{shot.cycle:05d}.png")
-            write_linear_png(folder / names[-1], getattr(shot, method))
-    return names
 
 
 def mend(folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""The files that a scenario names, known again by their content."""
+"""The files that a scenario names, identified by their content."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ _SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
 def digest(path: str | Path) -> str | None:
     """SHA-256 of a file's content, in hexadecimal; None where there is no file to be read."""
     try:
-        told = Path(path).stat()
-        return _digest(str(path), told.st_size, told.st_mtime_ns) if Path(path).is_file() else None
+        status = Path(path).stat()
+        return (
+            _digest(str(path), status.st_size, status.st_mtime_ns) if Path(path).is_file() else None
+        )
     except (OSError, ValueError):
         return None
 
@@ -35,8 +37,8 @@ def _digest(path: str, size: int, modified: int) -> str:
 def sealed(scenario: str) -> str:
     """A resolved scenario (TOML) headed by a comment for each file that it names, which tells the
     file's content by its SHA-256."""
-    found = ((f"{section}.{key}", digest(path)) for section, key, path in _named(scenario))
-    return "".join(f"# {key}: sha256 {told}\n" for key, told in found if told) + scenario
+    digests = ((f"{section}.{key}", digest(path)) for section, key, path in _named(scenario))
+    return "".join(f"# {key}: sha256 {content}\n" for key, content in digests if content) + scenario
 
 
 def changed(scenario: str) -> list[tuple[str, str]]:

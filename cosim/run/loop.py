@@ -99,7 +99,7 @@ def run_blocks(
     mend: str = "run it again",
 ) -> dict[str, float]:
     """Runs `cycles` cycles through the stages in order, from cycle `begin` on, which is what
-    `Checkpoint.load` gave where a run is gone on with; seconds spent in each stage.
+    `Checkpoint.load` gave for a run that is resumed; seconds spent in each stage.
 
     A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
     with the number of cycles done. Raises Interrupted after Ctrl-C, with `mend` as its advice.

@@ -1,4 +1,4 @@
-"""Where a run says how far it is."""
+"""How far a run is, for the user."""
 
 from __future__ import annotations
 
@@ -8,8 +8,16 @@ __all__ = ["Progress"]
 
 
 class Progress(Protocol):
-    """Where a run says how far it is."""
+    """Receives how far a run is, and notes."""
 
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None: ...
+    def start(self, what: str, total: int) -> None:
+        """Begins a stage of `total` steps."""
+        ...
+
+    def advance(self, done: int) -> None:
+        """Steps of the stage that are done."""
+        ...
+
+    def note(self, text: str) -> None:
+        """One line that the user must read."""
+        ...

@@ -140,17 +140,18 @@ def read_result(folder: Path) -> Result | None:
     """What a run's result.json says; None where there is none, or a damaged one. Raises InputError
     for one with other fields, as other versions may write it: the run was done."""
     try:
-        told = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        document = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     try:
-        error, plan = dict(told.pop("error")), told.pop("plan")
+        error, plan = dict(document.pop("error")), document.pop("plan")
         tolerance, ci = error.pop("tolerance"), error.pop("ci")
-        metrics = {name: Metric(**metric) for name, metric in told.pop("metrics").items()}
-        latency = [Latency(**row) for row in told.pop("latency")]
-        throughput = [Throughput(**row) for row in told.pop("throughput")]
+        metrics = {name: Metric(**metric) for name, metric in document.pop("metrics").items()}
+        latency = [Latency(**row) for row in document.pop("latency")]
+        throughput = [Throughput(**row) for row in document.pop("throughput")]
         return Result(
-            **told, tolerance=tolerance, error=Error(**error, ci=None if ci is None else tuple(ci)),
+            **document, tolerance=tolerance,
+            error=Error(**error, ci=None if ci is None else tuple(ci)),
             kept=plan["kept"], left_out=plan["left_out"], metrics=metrics, latency=latency,
             throughput=throughput,
         )  # fmt: skip

@@ -4,6 +4,13 @@ from display.effects.costs import SHOWN
 from display.effects.emission import emission_effect
 from display.effects.rows import row_timing_effect
 from display.effects.spans import SPANS, planes_effect
-from display.effects.weighing import seen_planes
+from display.effects.weights import effective_planes
 
-__all__ = ["SHOWN", "SPANS", "emission_effect", "planes_effect", "row_timing_effect", "seen_planes"]
+__all__ = [
+    "SHOWN",
+    "SPANS",
+    "effective_planes",
+    "emission_effect",
+    "planes_effect",
+    "row_timing_effect",
+]

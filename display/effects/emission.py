@@ -8,10 +8,10 @@ import numpy as np
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
+from display.effects.bounds import JUMP
 from display.effects.costs import EMISSION
-from display.effects.promise import JUMP
-from display.effects.shown import flutter, late_rate, spread, unsteady
-from display.effects.weighing import steps
+from display.effects.statistics import flutter, spread, unlit_rate, unsteady
+from display.effects.weights import steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
@@ -40,7 +40,7 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
         late = change.root * flutter(scene, panel.drive, np.inf)
         late = late * (swing if panel.drive == "impulse" else 1.0)
         if panel.drive != "impulse":  # dark up to the second spike
-            late = late + change.jump * late_rate(scene, change.unseen)[0]
+            late = late + change.jump * unlit_rate(scene, change.unseen)[0]
         late = (
             late
             + change.lost * (1 + spread(scene))

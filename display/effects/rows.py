@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
+from display.effects.bounds import promise
 from display.effects.costs import ROWS
-from display.effects.promise import promise
-from display.effects.weighing import late_change
+from display.effects.weights import delay_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
@@ -19,7 +19,7 @@ def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
     neighbouring planes change alike, light that moves counts over the whole response at once."""
 
     def bound(scene: Summary) -> Bound:
-        change = late_change(observer, panel, scene.cycles, round(panel.row_delay))
+        change = delay_change(observer, panel, scene.cycles, round(panel.row_delay))
         return promise(scene, panel, observer, change, float("inf"))
 
     source = "rows that a matrix drives one after another (SpikePanel.row_scan)"

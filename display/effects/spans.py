@@ -6,9 +6,9 @@ from typing import Final
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
+from display.effects.bounds import promise
 from display.effects.costs import SPAN_COST
-from display.effects.promise import promise
-from display.effects.weighing import span_change
+from display.effects.weights import span_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.report.png import for_display
-from display import CameraPlane, Lit, Onlooker
+from display.observe.integration import LightPlanes, ObserverImages
+from display.observe.observers import CameraPlane
 
 __all__ = ["Film", "SlowMotion"]
 
@@ -60,10 +61,10 @@ class Film:
 
     def keep(self, index: int, plane: Values) -> None:
         """Exposure `index` as a display's renderer has made it whole, (H, W), white = 1."""
-        whole = Lit(plane.astype(np.float32, copy=False)[None], [])
+        whole = LightPlanes(plane.astype(np.float32, copy=False)[None], [])
         self.frames[index] = for_display(whole.smaller(self.motion.by).planes[0])
 
-    def add(self, lit: Lit) -> None:
+    def add(self, lit: LightPlanes) -> None:
         """Light of a display that is told as planes over time."""
         if not lit.spans:
             return
@@ -73,7 +74,7 @@ class Film:
         )
         if first == stop:
             return
-        looker = Onlooker(motion.camera(first, stop), motion.shape)
+        looker = ObserverImages(motion.camera(first, stop), motion.shape)
         looker.add(lit.smaller(motion.by))
         for index, image in enumerate(looker.images, first):
             self._open[index] = self._open[index] + image if index in self._open else image

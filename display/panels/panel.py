@@ -11,7 +11,7 @@ from typing import Literal
 
 from cosim import PS, Clock
 
-__all__ = ["DRIVES", "Drive", "FramePanel", "Projector", "SpikePanel"]
+__all__ = ["DRIVES", "Drive", "FramePanel", "Projector", "SpikePanel", "metric_key"]
 
 Drive = Literal["impulse", "hold", "causal"]
 DRIVES: tuple[Drive, ...] = ("impulse", "hold", "causal")
@@ -109,3 +109,10 @@ class Projector:
     @property
     def name(self) -> str:
         return f"{self.rate.hz / 1000:g} kHz binary"
+
+
+def metric_key(display: str) -> str:
+    """A display's name within the name of a metric: "60 Hz" is 60hz, "16 kHz binary" projector."""
+    if display.endswith(" binary"):
+        return "projector"
+    return display.replace(" ", "").replace(".", "_").lower()

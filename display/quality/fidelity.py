@@ -1,4 +1,4 @@
-"""How good what an eye sees on a display is: against what the same eye sees without one."""
+"""Fidelity of a display: an observer's image of it against that of the true light."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numba import njit
 
 from cosim.light.ssim import Likeness, inside
 from cosim.run.result import Metric
-from display.observe.showing import key_of
+from display.panels.panel import metric_key
 
-__all__ = ["BANDS", "Band", "Judged", "Seen", "judge_glass"]
+__all__ = ["BANDS", "Band", "Fidelity", "ImagesByObserver", "display_fidelity"]
 
 BANDS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
-"""Edges of the luminances, white = 1, at which fidelity is told apart."""
+"""Edges of the bands of luminance, white = 1."""
 Images = npt.NDArray[np.float32]
-Seen = Mapping[str, Mapping[str, Images]]
-"""By display and observer: (images, height, width), white = 1. "truth" is the light itself."""
+ImagesByObserver = Mapping[str, Mapping[str, Images]]
+"""By display and observer: (images, height, width), white = 1. "truth" is the true light."""
 
 
 def _decibel(error: float) -> float:
@@ -28,9 +28,15 @@ def _decibel(error: float) -> float:
 
 @dataclass(frozen=True)
 class Band:
-    """Fidelity where the truth's luminance is from `low` to `high` of white: mean over instants.
-    share: of all pixels. psnr: dB, peak 1. ssim: mean of the map there. bias, spread: mean and RMS
-    of the error, relative to the band's mean luminance."""
+    """Fidelity where the true luminance is from `low` to `high` of white, mean over instants.
+
+    Attributes:
+        low, high: edges of the band, white = 1.
+        share: of all pixels.
+        psnr: dB, peak 1.
+        ssim: mean of the SSIM map in the band.
+        bias, spread: mean and RMS of the error over the band's mean luminance.
+    """
 
     low: float
     high: float
@@ -42,8 +48,14 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """One observer's view of a display. bands: those that the truth has, of the still eye."""
+class Fidelity:
+    """Fidelity of a display to one observer.
+
+    Attributes:
+        display, observer: names.
+        psnr, ssim: mean over instants; dB, and 1 for equal images.
+        bands: of the still eye, the bands in which the truth has pixels; () for other observers.
+    """
 
     display: str
     observer: str
@@ -52,14 +64,14 @@ class Judged:
     bands: tuple[Band, ...]
 
     def metrics(self) -> dict[str, Metric]:
-        """As result.json has them: psnr_60hz, psnr_pursuit_spike, ..."""
-        seen = "" if self.observer == "eye" else f"{self.observer}_"
-        name = f"{seen}{key_of(self.display)}"
+        """The metrics of `result.json`: psnr_60hz, psnr_pursuit_spike, ..."""
+        prefix = "" if self.observer == "eye" else f"{self.observer}_"
+        name = f"{prefix}{metric_key(self.display)}"
         return {f"psnr_{name}": Metric(self.psnr, "dB"), f"ssim_{name}": Metric(self.ssim, "1")}
 
 
 class _Truth:
-    """One image of the light itself, with what every display's image is held against."""
+    """One image of the true light, prepared for the comparison with every display's."""
 
     def __init__(self, image: npt.NDArray[np.float32]) -> None:
         self.light = np.clip(image, 0, 1)
@@ -83,17 +95,17 @@ def _by_band(band, values, bands):  # type: ignore[no-untyped-def]
     return sums
 
 
-def _judge(display: str, observer: str, images: Images, truths: Sequence[_Truth]) -> Judged:
+def _compare(display: str, observer: str, images: Images, truths: Sequence[_Truth]) -> Fidelity:
     total, structure = [], []
     sums = np.zeros((len(BANDS) - 1, 5))  # pixels, error^2, ssim, error, truth
     for image, truth in zip(images, truths, strict=True):
-        shown = np.clip(image, 0, 1)
-        error = shown - truth.light
-        square, alike = error * error, truth.likeness.map(shown)
+        clipped = np.clip(image, 0, 1)
+        error = clipped - truth.light
+        square, alike = error * error, truth.likeness.map(clipped)
         total.append(_decibel(float(square.mean(dtype=np.float64))))
         whole = inside(alike)
         structure.append(float(whole.mean(dtype=np.float64)) if whole.size else float("nan"))
-        if observer == "eye":  # bands are told of the still eye alone
+        if observer == "eye":  # bands are of the still eye alone
             flat = square.ravel(), alike.ravel(), error.ravel(), truth.light.ravel()
             sums += _by_band(truth.band, flat, len(BANDS) - 1)
     count = sums[:, 0].sum()
@@ -110,16 +122,18 @@ def _judge(display: str, observer: str, images: Images, truths: Sequence[_Truth]
                 error_sum / pixels / level, float(np.sqrt(square_sum / pixels)) / level,
             )
         )  # fmt: skip
-    return Judged(display, observer, float(np.mean(total)), float(np.mean(structure)), tuple(bands))
+    return Fidelity(
+        display, observer, float(np.mean(total)), float(np.mean(structure)), tuple(bands)
+    )
 
 
-def judge_glass(seen: Seen, observers: Sequence[str]) -> list[Judged]:
-    """Every display but the truth, through every observer."""
-    judged = []
+def display_fidelity(images: ImagesByObserver, observers: Sequence[str]) -> list[Fidelity]:
+    """Fidelity of every display but the truth to every observer."""
+    fidelity = []
     for observer in observers:
-        truths = [_Truth(image) for image in seen["truth"][observer]]
-        judged += [
-            _judge(display, observer, views[observer], truths)
-            for display, views in seen.items() if display != "truth"
+        truths = [_Truth(image) for image in images["truth"][observer]]
+        fidelity += [
+            _compare(display, observer, views[observer], truths)
+            for display, views in images.items() if display != "truth"
         ]  # fmt: skip
-    return judged
+    return fidelity

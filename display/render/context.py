@@ -40,7 +40,7 @@ _CAUSES = (
 """Of a failure's text in small letters: what is at fault, what it must be, and what it is."""
 _PROBE = """
 import json
-from display.context import open_context
+from display.render.context import open_context
 from cosim import InputError
 try:
     gl = open_context()

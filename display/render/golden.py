@@ -15,7 +15,7 @@ from cosim.spikes.viform import WORD
 from display.observe.views import Views
 from display.panels.panel import SpikePanel
 
-__all__ = ["FOREVER", "PlainRenderer", "drive_level"]
+__all__ = ["FOREVER", "GoldenRenderer", "drive_level"]
 
 FOREVER = np.uint32(2**32 - 1)
 """An age that no longer grows."""
@@ -31,7 +31,7 @@ def drive_level(drive: str, spike: npt.NDArray[np.bool_], tau: Ages, age: Ages) 
     return np.where(tau > 0, 1.0 / np.maximum(span, np.uint32(1)), 0.0)
 
 
-class PlainRenderer:
+class GoldenRenderer:
     """A panel seen by observers, exact in float64 and slow.
 
     panel: what is shown. batch: planes to a span of light. images: how many the observers make.

@@ -1,6 +1,6 @@
 """A spike-continuous panel seen by observers, in fragment shaders: many planes a draw.
 
-What `PlainRenderer` is in float64, within 1e-6 of white. Words are uploaded as they are, four
+What `GoldenRenderer` is in float64, within 1e-6 of white. Words are uploaded as they are, four
 neighbouring pixels a texel; up to 128 planes are unrolled in one draw, with what fixed observers
 take of them; the light of groups of planes is left as textures for observers that move.
 """
@@ -39,8 +39,8 @@ Values = npt.NDArray[np.float64]
 
 
 class Renderer:
-    """The interface of `PlainRenderer`, on a GL context of its own (`open_context`), or on one that
-    is given and stays its giver's, such as a window's.
+    """The interface of `GoldenRenderer` in shaders, on a GL context of its own (`open_context`) or
+    on the caller's, such as a window's.
 
     panel: what is shown. batch: planes to a span of light. images: how many the observers make.
     State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),
@@ -305,7 +305,7 @@ class Renderer:
             return self._exposures.take(image)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on, as `PlainRenderer` names it; what the drive does
+        """Everything the next block depends on, as `GoldenRenderer` names it; what the drive does
         not need is zero."""
         with self._alive():
             held = [self._read(texture) for texture in self._held[self._now]]

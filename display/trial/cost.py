@@ -12,8 +12,9 @@ import numpy as np
 
 from cosim import Block
 from cosim.spikes.viform import WORD, Words
-from display import DisplaySetting, PlainRenderer, make_renderer
-from display.observe.stage import DRAW
+from display.render.factory import DRAW, make_renderer
+from display.render.golden import GoldenRenderer
+from display.setting import DisplaySetting
 
 __all__ = ["display_ns", "golden_ns"]
 
@@ -24,7 +25,7 @@ REPEATS = 3
 
 def golden_ns(setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> float:
     """Nanoseconds a pixel-plane of the golden model."""
-    return _time(PlainRenderer, setting, shown, PIECE)
+    return _time(GoldenRenderer, setting, shown, PIECE)
 
 
 def display_ns(
@@ -58,7 +59,7 @@ def _time(
     height, width = shown[0][1].shape[1:]
     rows = height if most == math.inf else max(1, min(height, int(most) // width))
     # The stream's own size: what a panel of another costs is the same a pixel.
-    panel = replace(setting.shown, shape=(rows, width))
+    panel = replace(setting.simulated_panel, shape=(rows, width))
     ready = replace(setting, panel=panel)
     draws = [
         (block, np.ascontiguousarray(words[:, :rows]), ready.views(block.start, block.cycles))

@@ -47,7 +47,7 @@ class Emission:
             return [bits]
         if symbol != self._next:
             raise ValueError(f"symbol must be {self._next}, not {symbol}: an emitter remembers")
-        from display.panels.pixels import PanelPixels
+        from display.trial.pixels import PanelPixels
 
         ticks = min(self._source.ticks, self._planes - symbol * self._source.ticks)
         pixels = PanelPixels(self._panel, bits.size)

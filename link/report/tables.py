@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from cosim.report.parts import table
-from link.evaluation.finished import LinkRun
+from cosim.run.result import Result
+from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
@@ -61,9 +62,8 @@ def told_error(check: LinkCheck) -> str:
     )
 
 
-def kept_section(run: LinkRun) -> str:
+def kept_section(link: LinkEvaluation, result: Result) -> str:
     """What was left out with its bound, and what was kept."""
-    result = run.result
     kept = ", ".join(result.kept) or "nothing"
     said = (
         "In the table, in such half-widths: the error foreseen of leaving an effect out, "
@@ -72,21 +72,21 @@ def kept_section(run: LinkRun) -> str:
     out = (
         table(
             ["left out", "changes by about", "", "measured"],
-            [_row(r, run.check.alone) for r in result.left_out],
+            [_row(r, link.check.alone) for r in result.left_out],
         )
         if result.left_out else "<p>Nothing was left out.</p>"
     )  # fmt: skip
     if not result.left_out:
         said = ""
     return (
-        f"<h2>What was kept and what was left out</h2><p>{html.escape(told_error(run.check))}</p>"
+        f"<h2>What was kept and what was left out</h2><p>{html.escape(told_error(link.check))}</p>"
         f"<p>{html.escape(said)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
     )
 
 
-def machine_section(run: LinkRun) -> str:
+def machine_section(link: LinkEvaluation) -> str:
     """A table of the panel's, the lens's and the camera's numbers."""
-    setting, section = run.setting, run.scenario.link
+    setting, section = link.setting, link.scenario.link
     camera, chip, panel = setting.camera, setting.camera.chip, setting.panel
     provenance = chip.provenance()
     numbers = [
@@ -102,16 +102,16 @@ def machine_section(run: LinkRun) -> str:
          f"T {setting.optics.transmission:g}",
          f"f-number chosen for {section.aim.on_level:g} thresholds a tick"
          if setting.chosen_f_number else "scenario"],
-        ["light of a cell that is on", f"{run.scene.on:.3g} thresholds a tick", "computed"],
-        ["light that is there in any case", f"{run.scene.background:.3g} thresholds a tick",
+        ["light of a cell that is on", f"{link.scene.on:.3g} thresholds a tick", "computed"],
+        ["light that is there in any case", f"{link.scene.background:.3g} thresholds a tick",
          "computed"],
-        ["blur", f"{run.scene.blur:.3g} camera pixels, standard deviation", "computed"],
+        ["blur", f"{link.scene.blur:.3g} camera pixels, standard deviation", "computed"],
         ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
         ["latch clock", f"{camera.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if camera.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{camera.threshold:g} e", "scenario"],
         ["reset rule", camera.reset, "scenario"],
         *optics_rows(camera),
-        *fault_rows(run.scenario.sensor),
+        *fault_rows(link.scenario.sensor),
     ]  # fmt: skip
     return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers)

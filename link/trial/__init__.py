@@ -1,1 +1,1 @@
-"""A link on patches and pilots: plan, check and choice of a mode."""
+"""A link on patches of its camera: the plan, its check, and the ladder of tolerances."""

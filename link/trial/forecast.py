@@ -3,53 +3,41 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, Final
 
 from cosim import BLOCK, Block
 from cosim.light.light import PlaneMap
+from cosim.plan.forecast import Speeds, forecast_document
 from cosim.run.progress import Progress
-from link.air import Air
-from link.run.prepare import ReadyLink, ready_link, tags_told
-from link.section import LinkScenario
+from link.setup.setup import LinkSetup
 from link.trial.check import KIND
 from link.trial.patches import LinkPatches
-from link.trial.plan import LinkPlan, look_link
+from link.trial.plan import LinkPlan, survey_link
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 
-__all__ = ["forecast_link"]
+__all__ = ["link_forecast"]
 
 BLOCKS: Final = 4
-"""Of the run's beginning that are run; the first warms up, of the others the fastest counts: what
-else the machine does only adds to it."""
+"""Blocks at the begin of the run that are run. The first warms up; of the others the fastest
+counts, since other load of the machine only adds to it."""
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """Nanoseconds a pixel-cycle: of the camera as planned, with everything kept, of full physics
-    (None where nothing of the panel is in view), and of making the light as planned. Leaving out
-    costs no more than keeping: what is simulated as planned is a part of everything."""
-
-    planned: float
-    everything: float
-    full: float | None
-    light: float
-
-
-def _measure(run: ReadyLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
-    s, chip = run.setting, run.setting.camera.chip
-    air = Air(
-        run.sent, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
-        planes=run.sent.planes, kept=plan.run_air,
-    )  # fmt: skip
-    # where only light's effects are left out the camera is the same, and is timed once
-    kept = [plan] if plan.camera == everything.camera else [plan, everything]
-    cameras = [SpikeCamera(each.camera, run.device, tier=each.tier, late=air.late) for each in kept]
-    plane = LinkPatches(s, run.sent, run.scenario.seed).plane
+def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
+    """Speeds of light and cameras. To leave out costs no more than to keep: what is simulated as
+    planned is a part of everything."""
+    setting, chip = setup.setting, setup.setting.camera.chip
+    air = setting.make_air(setup.sent, setup.sent.planes, plan.run_air)
+    # If only effects of the air are left out, the camera is the same and is timed once.
+    plans = [plan] if plan.camera == everything.camera else [plan, everything]
+    cameras = [
+        SpikeCamera(each.camera, setup.device, tier=each.tier, late=air.late) for each in plans
+    ]
+    plane = LinkPatches(setting, setup.sent, setup.scenario.seed).plane
     reference, cut = None, None
     if plane is not None:
-        reference = PatchCamera(s.camera, plane, "reference", late=air.late)
+        reference = PatchCamera(setting.camera, plane, "reference", late=air.late)
         cut = PlaneMap(plane.cut, None)
     spent: list[list[float]] = [[] for _ in range(4)]
     pixels = chip.height * chip.width
@@ -57,7 +45,7 @@ def _measure(run: ReadyLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
         block, begin = Block(start, BLOCK), time.perf_counter()
         light = air.step(None, block)
         spent[3].append((time.perf_counter() - begin) / pixels)
-        # in turn: the one that reads new light first pays for bringing it near
+        # In turn: the one that reads new light first pays for bringing it into the cache.
         for n, camera in list(enumerate(cameras))[:: -1 if start // BLOCK % 2 else 1]:
             begin = time.perf_counter()
             camera.step(light, block)
@@ -67,58 +55,22 @@ def _measure(run: ReadyLink, plan: LinkPlan, everything: LinkPlan) -> _Measured:
             begin = time.perf_counter()
             reference.step(patches, start, BLOCK)
             spent[2].append((time.perf_counter() - begin) / plane.numbers.size)
-    planned, every, full, made = (
+    planned, every, full, light_ns = (
         min(each[1:]) * 1e9 / BLOCK if each else None for each in spent
     )  # fmt: skip
-    assert planned is not None and made is not None
-    return _Measured(planned, max(planned, every or 0.0), full, made)
+    return Speeds(planned, max(planned or 0.0, every or 0.0), full, light_ns)
 
 
-def forecast_link(
-    name: str, scenario: LinkScenario, device_name: str | None, progress: Progress
-) -> dict[str, Any]:
+def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, Any]:
     """The document of `viform plan --json` for a link."""
-    run = ready_link(scenario, device_name, progress)
-    look = look_link(run.setting, run.mode, run.sent.symbols, run.cycles)
-    made = look.plan(scenario.tolerance, run.device)
-    everything = look.plan(0.0, run.device, tier=made.tier)
-    if run.hopeless:
-        progress.note(run.hopeless_told())
-    if (told := tags_told(run.setting, run.mode)) is not None:
-        progress.note(told)
+    survey = survey_link(setup.setting, setup.mode, setup.sent.symbols, setup.cycles)
+    planned = survey.plan(setup.scenario.tolerance, setup.device)
+    everything = survey.plan(0.0, setup.device, tier=planned.tier)
+    for warning in setup.warnings():
+        progress.note(warning)
     progress.note("timing a few blocks")
-    took = _measure(run, made, everything)
-    chip, plan = run.setting.camera.chip, made.plan
-    total = chip.width * chip.height * run.cycles * 1e-9
-
-    def seconds(ns: float | None) -> float | None:
-        return None if ns is None else ns * total
-
-    return {
-        "scenario": name,
-        "tolerance": scenario.tolerance,
-        "error_of": KIND,
-        "tier": made.tier,
-        "device": run.device.name if run.device is not None else "numba on this processor",
-        "mode": asdict(run.mode),
-        "tiles": {},
-        "display": None,
-        "kept": made.kept,
-        "left_out": [
-            {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
-            for r in plan.rows if r.effect in made.left_out
-        ],
-        "promised": float(plan.total.max()) + made.own,
-        "promised_kind": plan.kind if made.own == 0 else "estimate",
-        "rows": [asdict(row) for row in plan.rows],
-        "sets": [{"effects": made.kept, "tiles": 1}],
-        "predicted": {
-            "ns_per_pixel_cycle": took.planned,
-            "sensor_s": seconds(took.planned),
-            "scene_s": seconds(took.light),
-            "everything_ns_per_pixel_cycle": took.everything,
-            "everything_s": seconds(took.everything),
-            "full_physics_ns_per_pixel_cycle": took.full,
-            "full_physics_s": seconds(took.full),
-        },
-    }  # fmt: skip
+    return forecast_document(
+        name, planned.plan, tier=planned.tier, device=setup.device_name, own=planned.own,
+        speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles,
+        error_of=KIND, mode=asdict(setup.mode),
+    )  # fmt: skip

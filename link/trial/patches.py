@@ -19,8 +19,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, Block, Light
+from cosim import Block, Light
 from cosim.compute.opencl import Device
+from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.air import Air, image_of
@@ -28,13 +29,13 @@ from link.detect.catalogue import make_detector
 from link.layout import TRAINING, Layout
 from link.sending import Transmission
 from link.setting import LinkSetting
+from link.setup.truth import true_timing
 from link.timing import Registration, Timing
 from sensor import CameraSetting
-from sensor.latched.patches import PatchCamera, PatchPlane
-from sensor.latched.sampling import row_offsets
+from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["Decided", "LinkPatches", "Variant", "true_timing"]
+__all__ = ["Decided", "LinkPatches", "Variant"]
 
 SIDE: Final = 48, 104
 """Camera pixels of a patch, at least, and at most: a tenth of the sensor's shorter side between
@@ -114,19 +115,6 @@ class _PartLayout(Layout):
         return self.chosen
 
 
-def true_timing(setting: LinkSetting, late: npt.NDArray[np.int64], ticks: int) -> Timing:
-    """When symbols fall on the camera's ticks, from what was set. late: of its rows, ps."""
-    camera, height = setting.camera, setting.camera.chip.height
-    period = PS / camera.clock.hz
-    delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
-    moved = (late - delay) / period  # ticks by which light comes later than a row's own ticks
-    first, slope = np.polynomial.polynomial.polyfit(np.arange(height), moved, 1)
-    return Timing(
-        setting.first_light / period + float(first),
-        ticks * camera.clock.hz / setting.panel.clock.hz, float(slope) * height, height,
-    )  # fmt: skip
-
-
 class LinkPatches:
     """The patches of one transmission. seed: of those that lie by chance. detector: its name."""
 
@@ -200,11 +188,7 @@ class LinkPatches:
 
     def _air(self, shown: _Shown, kept: frozenset[str] | None) -> Air:
         assert self.plane is not None
-        s = self._setting
-        return Air(
-            shown, s.panel, s.optics, s.aim, s.air, s.camera, first_light=s.first_light,
-            planes=self._sent.planes, kept=kept, places=self.plane.places,
-        )  # fmt: skip
+        return self._setting.make_air(shown, self._sent.planes, kept, self.plane.places)
 
     def film(
         self, variants: Mapping[str, Variant], device: Device | None, progress: Progress

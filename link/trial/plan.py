@@ -26,10 +26,11 @@ from link.setting import LinkSetting
 from link.theory import clopper_pearson
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
+from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 
 __all__ = [
-    "LEVEL", "LinkLook", "LinkPlan", "camera_changes", "half_width", "look_link", "plan_link",
+    "LEVEL", "LinkPlan", "LinkSurvey", "camera_changes", "half_width", "survey_link",
 ]  # fmt: skip
 
 LEVEL: Final = 0.999
@@ -40,9 +41,17 @@ _DEVIATIONS: Final = 8.0
 
 @dataclass(frozen=True, eq=False)
 class LinkPlan:
-    """plan: of every effect. scene: what the bounds read. tier: of the camera's pixels. camera: as
-    it is run. of_air: names of the air's effects that act; kept_air: of those that are simulated.
-    own: what the tier's own arithmetic may change."""
+    """A plan.
+
+    Attributes:
+        plan: of every effect.
+        scene: what the bounds are computed from.
+        tier: of the camera's pixels.
+        camera: as it is run.
+        of_air: names of the effects of the air that act.
+        kept_air: names of those that are simulated.
+        own: bound of the error of the tier itself.
+    """
 
     plan: Plan
     scene: LinkSummary
@@ -133,8 +142,6 @@ def _link_effect(effect: Effect, changes: dict[str, Change], lost: float) -> Eff
 
 def _own(camera: CameraSetting, scene: LinkSummary) -> float:
     """What the fast tier's arithmetic may change."""
-    from sensor.latched.fast import charge_error
-
     error = charge_error(camera.model, scene.on, scene.cycles) * camera.threshold / scene.on
     return ESTIMATE_WEIGHT * ber_units(scene, error)
 
@@ -146,10 +153,16 @@ def _known(effect: Effect, scene: LinkSummary) -> Effect:
 
 
 @dataclass(frozen=True, eq=False)
-class LinkLook:
-    """What plans of a link go by. scene: what the bounds read. of_air, of_camera: the effects that
-    act, with their bounds. fast: what the fast tier's arithmetic may change; lumped: what a
-    circuit's lumped form may."""
+class LinkSurvey:
+    """What the plans of a link depend on.
+
+    Attributes:
+        camera: with every effect.
+        scene: what the bounds are computed from.
+        of_air, of_camera: effects that act, with their bounds.
+        fast: bound of the error of the fast tier's arithmetic.
+        lumped: bound of the error of the lumped form of a circuit.
+    """
 
     camera: CameraSetting
     scene: LinkSummary
@@ -166,7 +179,13 @@ class LinkLook:
         forced: Sequence[str] = (),
         tier: Tier | None = None,
     ) -> LinkPlan:
-        """See `plan_link`."""
+        """Plans the run.
+
+        Args:
+            tolerance: of the change of the bit error rate, half-widths of its interval.
+            forced: effects to keep whatever their bound.
+            tier: of the camera's pixels; chosen by the tolerance if None.
+        """
         if tier is None:
             able = device is not None and tolerance > 0 and self.fast <= SHARE * tolerance / 2
             tier = "fast" if able else "exact"
@@ -179,8 +198,13 @@ class LinkLook:
         )
 
 
-def look_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> LinkLook:
-    """Looks at a run of so many symbols, training included, and camera cycles."""
+def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> LinkSurvey:
+    """The survey of a run.
+
+    Args:
+        symbols: that are sent, training included.
+        cycles: of the camera.
+    """
     camera = setting.camera
     scene_of = Scene(setting.panel, setting.optics, setting.aim, setting.air)
     scene = link_summary(
@@ -190,26 +214,8 @@ def look_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> Li
     changes = camera_changes(camera, scene)
     lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
     made = [_link_effect(effect, changes, lost) for effect in camera.kept]
-    return LinkLook(
+    return LinkSurvey(
         camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),
         tuple(_known(e, scene) for e in made), _own(camera, scene),
         ber_units(scene, camera.lumped_error),
     )  # fmt: skip
-
-
-def plan_link(
-    setting: LinkSetting,
-    mode: Mode,
-    symbols: int,
-    cycles: int,
-    tolerance: float,
-    device: Device | None,
-    *,
-    forced: Sequence[str] = (),
-    tier: Tier | None = None,
-) -> LinkPlan:
-    """Plans a run of so many symbols, training included, and camera cycles. forced: effects to keep
-    whatever their bound. tier: chosen by the tolerance unless given. tolerance: of the change of
-    the bit error rate over half the width of its interval."""
-    look = look_link(setting, mode, symbols, cycles)
-    return look.plan(tolerance, device, forced=forced, tier=tier)

@@ -1,29 +1,10 @@
-"""Bring-up of a board, stage by stage: what works, what does not, and why."""
+"""Bring-up of a board: a sequence of stages that finds which part works and why another does not.
 
-from rtl_model.bringup.bench import Bench, Burst
-from rtl_model.bringup.closed_form import spikes_of
-from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
-from rtl_model.bringup.junit import junit_xml, write_junit
-from rtl_model.bringup.prbs_stage import check_prbs, which_bits
+`bench` holds the board under test, `stages` the checks, `report` the page and the JUnit file, and
+`machine` the run of a [board] scenario.
+"""
+
+from rtl_model.bringup.bench.stage import Stage
 from rtl_model.bringup.run import bring_up
-from rtl_model.bringup.stage import STAGES, Report, Stage, StageFault
-from rtl_model.bringup.wrong_bits import WrongBits, compare
 
-__all__ = [
-    "STAGES",
-    "Bench",
-    "Burst",
-    "DeadlinePort",
-    "OutOfTime",
-    "Report",
-    "Stage",
-    "StageFault",
-    "WrongBits",
-    "bring_up",
-    "check_prbs",
-    "compare",
-    "junit_xml",
-    "spikes_of",
-    "which_bits",
-    "write_junit",
-]
+__all__ = ["Stage", "bring_up"]

@@ -8,20 +8,20 @@ from contextlib import suppress
 from pathlib import Path
 
 from cosim import InputError
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.bytes_stage import check_bytes
-from rtl_model.bringup.counters import check_counters
-from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
-from rtl_model.bringup.evidence import Evidence
-from rtl_model.bringup.identity import check_identity
-from rtl_model.bringup.line import Line
-from rtl_model.bringup.patterns import check_patterns
-from rtl_model.bringup.prbs_stage import check_prbs
-from rtl_model.bringup.registers_stage import check_registers
-from rtl_model.bringup.stage import STAGES, Figures, Report, Stage, StageFault
-from rtl_model.bringup.threshold import check_threshold
-from rtl_model.bringup.timing import check_timing
-from rtl_model.bringup.uptime import Uptime
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
+from rtl_model.bringup.bench.evidence import Evidence
+from rtl_model.bringup.bench.monitor import LineMonitor
+from rtl_model.bringup.bench.stage import STAGES, Figures, Report, Stage, StageFault
+from rtl_model.bringup.bench.uptime import Uptime
+from rtl_model.bringup.stages.bytes import check_bytes
+from rtl_model.bringup.stages.counters import check_counters
+from rtl_model.bringup.stages.identity import check_identity
+from rtl_model.bringup.stages.patterns import check_patterns
+from rtl_model.bringup.stages.prbs import check_prbs
+from rtl_model.bringup.stages.registers import check_registers
+from rtl_model.bringup.stages.threshold import check_threshold
+from rtl_model.bringup.stages.timing import check_timing
 from rtl_model.host import (
     Cause,
     LineFault,
@@ -182,13 +182,13 @@ def _run(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: fl
 
     watch: Uptime | None = None
     try:
-        if bench.line is None and bench.csr.ours and bench.magic == MAGIC:
-            bench.line = Line(bench.bone, bench.csr)
-            bench.line.begin()
-        watch = None if bench.line is None else Uptime(bench)
+        if bench.monitor is None and bench.csr.ours and bench.magic == MAGIC:
+            bench.monitor = LineMonitor(bench.bone, bench.csr)
+            bench.monitor.begin()
+        watch = None if bench.monitor is None else Uptime(bench)
         figures = check(bench)
-        if bench.line is not None and bench.board:
-            bench.line.geometry = bench.geometry
+        if bench.monitor is not None and bench.board:
+            bench.monitor.geometry = bench.geometry
         found = _evidence(bench, bench.bone.retried - retried)
     except (LineFault, StageFault) as fault:
         bench.port.allow(_WATCH_S * max(1.0, bench.bone.time_scale))  # its time may be used up
@@ -248,9 +248,9 @@ def _restarted(watch: Uptime | None, found: Evidence | None) -> StageFault | Non
 
 
 def _evidence(bench: Bench, repeats: int) -> Evidence | None:
-    if bench.line is None:
+    if bench.monitor is None:
         return None
-    return bench.line.evidence(repeats)
+    return bench.monitor.take_evidence(repeats)
 
 
 def _late_evidence(bench: Bench, repeats: int) -> Evidence | None:
@@ -299,7 +299,7 @@ def _quiet(bench: Bench, report: Report) -> None:
     """The sensor stands still afterwards, where it is ours and the line works."""
     if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
         try:
-            bench.put("sensor_run", 0)
+            bench.write("sensor_run", 0)
         except (LineFault, OutOfTime) as fault:
             if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
                 raise

@@ -1,7 +1,8 @@
-"""What a burst must contain, of registers that stand still: whole frames at once, in numpy."""
+"""Expected planes of a burst with constant registers: whole frames at once, in numpy."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +16,13 @@ __all__ = ["Settings", "planes"]
 
 
 class Settings(NamedTuple):
-    """Registers of the sensor while a burst is taken, named as they are. `rows` and `columns` are
-    (first, last), last inclusive; None is all. `first_frame` is the number of the first frame."""
+    """Registers of the sensor during a burst.
+
+    Attributes:
+        threshold, clock_select, reset_rule, pattern, level: registers `sensor_*` of that name.
+        rows, columns: (first, last) of the window, last inclusive; None for all.
+        first_frame: number of the first frame.
+    """
 
     threshold: int = 7
     clock_select: int = 0
@@ -27,6 +33,21 @@ class Settings(NamedTuple):
     level: int = 0
     first_frame: int = 0
 
+    @classmethod
+    def from_registers(cls, registers: Mapping[str, int], first_frame: int = 0) -> Settings:
+        """Settings from the values of all `sensor_*` registers by name."""
+        rows, columns = registers["sensor_rows"], registers["sensor_columns"]
+        return cls(
+            threshold=registers["sensor_threshold"],
+            clock_select=registers["sensor_clock_select"],
+            reset_rule=registers["sensor_reset_rule"],
+            rows=(rows & 0xFFFF, rows >> 16),
+            columns=(columns & 0xFFFF, columns >> 16),
+            pattern=registers["sensor_pattern"],
+            level=registers["sensor_level"],
+            first_frame=first_frame,
+        )
+
 
 def planes(
     geometry: Geometry,
@@ -35,13 +56,18 @@ def planes(
     frames: int,
     charge: npt.NDArray[np.int64] | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Returns the spikes of `frames` frames, (frames, rows, columns) bool; pixels outside the
-    window never fire.
+    """Computes the spikes of `frames` frames, (frames, rows, columns) bool.
 
-    pattern: (rows, columns) electrons in a 40 kHz tick, 0 to 255, of the pattern memory; None is
-        none at all.
-    charge: (rows, columns) int64 before the first frame, changed in place to that after the last;
-        None is the empty array that follows a clear.
+    Pixels outside the window never fire.
+
+    Args:
+        geometry: size of the array.
+        settings: registers of the sensor.
+        pattern: contents of the pattern memory, (rows, columns), electrons in a 40 kHz tick, 0 to
+            255; None for zeros.
+        frames: number of frames.
+        charge: (rows, columns) int64 before the first frame, updated in place to that after the
+            last; None for no charge, as after a clear.
     """
     shape = (geometry.rows, geometry.columns)
     memory = np.zeros(shape, np.int64) if pattern is None else np.asarray(pattern, np.int64)

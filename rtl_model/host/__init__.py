@@ -4,32 +4,26 @@ Nothing here knows what stands behind a port: a board, its Verilog in a simulato
 """
 
 from rtl_model.host import capture, pattern, prbs
-from rtl_model.host.baud import TOLERANCE_PERCENT, BaudReport, find_baud
-from rtl_model.host.board import Board, BoardInfo, ImagerInfo, recognised
+from rtl_model.host.baud import BaudReport, find_baud
+from rtl_model.host.board import Board, BoardInfo, recognised
 from rtl_model.host.capture import Captured
-from rtl_model.host.csr import CsrMap, CsrRegister, MemoryRegion, default_map, imager_map, read_csr
+from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import Recorder
-from rtl_model.host.ports import Port, SerialPort, is_pty, open_port, ports_here
-from rtl_model.host.prbs import PrbsReport
+from rtl_model.host.ports import Port, SerialPort, is_pty, open_port
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
 
 __all__ = [
     "BAUD_MIN",
-    "TOLERANCE_PERCENT",
     "BaudReport",
     "Board",
     "BoardInfo",
     "Captured",
     "Cause",
     "CsrMap",
-    "CsrRegister",
-    "ImagerInfo",
     "LineFault",
-    "MemoryRegion",
     "Port",
-    "PrbsReport",
     "Recorder",
     "ReplayPort",
     "SerialPort",
@@ -37,11 +31,9 @@ __all__ = [
     "capture",
     "default_map",
     "find_baud",
-    "imager_map",
     "is_pty",
     "open_port",
     "pattern",
-    "ports_here",
     "prbs",
     "read_csr",
     "recognised",

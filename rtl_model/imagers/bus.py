@@ -1,6 +1,6 @@
 """The bus of an imager: its registers at their addresses, behind the spike board's own bridge.
 
-`line_of(machine)` gives what `rtl_model.host` speaks to: LiteX's uartbone at byte level, clock by
+`line_of(target)` gives what `rtl_model.host` speaks to: LiteX's uartbone at byte level, clock by
 clock of the imager's sequencer. A bus access is strobed at an edge: a write changes what later
 edges see, a read returns what stands there.
 """
@@ -16,12 +16,12 @@ from rtl_model.imagers.registers import IDENTIFIER
 if TYPE_CHECKING:
     from rtl_model.cycle import Bridge
 
-__all__ = ["ImagerBus", "Machine", "line_of"]
+__all__ = ["BusTarget", "ImagerBus", "line_of"]
 
 _WORD = 0xFFFFFFFF
 
 
-class Machine(Protocol):
+class BusTarget(Protocol):
     """A sequencer with registers, in clocks from power-on.
 
     registers: its own; the bus adds what the head's need.
@@ -38,22 +38,26 @@ class Machine(Protocol):
 
 
 class ImagerBus:
-    """A machine as `rtl_model.cycle.Bridge` takes it. geometry: clock and baud of its line; those
-    of the design when None."""
+    """An imager's registers as `rtl_model.cycle.Bridge` reads and writes them.
 
-    def __init__(self, machine: Machine, geometry: Geometry | None = None) -> None:
+    Args:
+        target: the imager's sequencer with its registers.
+        geometry: clock and baud of the line; those of the design if None.
+    """
+
+    def __init__(self, target: BusTarget, geometry: Geometry | None = None) -> None:
         from rtl_model.cycle.line import LineCounters
 
-        self.machine = machine
+        self.target = target
         self.line = LineCounters()
-        design = machine.registers.design
+        design = target.registers.design
         self._geometry = geometry or design.geometry
         self._clock = 0
         self._errors = 0
         self._identifier = design.identifier.encode("ascii") + b"\0"
         self._names = {entry.address: entry.name for entry in design.registers}
         self._reset = next(e.address for e in design.registers if e.name == "ctrl_reset")
-        self._attach(machine.registers)
+        self._attach(target.registers)
 
     @property
     def geometry(self) -> Geometry:
@@ -68,7 +72,7 @@ class ImagerBus:
     def advance(self, stop: int) -> None:
         """Runs up to clock `stop`; does nothing where that has passed."""
         if stop > self._clock:
-            self.machine.advance(stop)
+            self.target.advance(stop)
             self._clock = stop
 
     def write(self, address: int, value: int) -> None:
@@ -78,10 +82,10 @@ class ImagerBus:
         self.advance(self._clock + 1)
         if address == self._reset and value & 1:
             self._errors = 0
-            self.machine.registers.reset()
-            self.machine.reset(self._clock)
+            self.target.registers.reset()
+            self.target.reset(self._clock)
         elif name is not None:
-            self.machine.registers.write(name, value)
+            self.target.registers.write(name, value)
         elif self._character(address) is None:
             self._errors += 1
 
@@ -94,7 +98,7 @@ class ImagerBus:
     def _value(self, address: int) -> int:
         name = self._names.get(address)
         if name is not None:
-            return self.machine.registers.read(name)
+            return self.target.registers.read(name)
         character = self._character(address)
         if character is None:
             self._errors += 1
@@ -119,8 +123,8 @@ class ImagerBus:
         registers.on_write["uart_clear"] = lambda value: self.line.clear() if value else None
 
 
-def line_of(machine: Machine, byte_clocks: int | None = None) -> Bridge:
+def line_of(target: BusTarget, byte_clocks: int | None = None) -> Bridge:
     """Returns the serial line of an imager at byte level. byte_clocks: as `cycle.Bridge` has it."""
     from rtl_model.cycle import Bridge
 
-    return Bridge(system=ImagerBus(machine), byte_clocks=byte_clocks)
+    return Bridge(system=ImagerBus(target), byte_clocks=byte_clocks)

@@ -1,65 +1,45 @@
-"""The imagers there are: names, numbers on the line, and how each is made to stand behind one.
-
-An imager is loaded when it is asked for: its physics takes a moment to load.
-"""
+"""The imagers there are, by name."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from cosim import InputError
+from rtl_model.imagers.adaptive.kind import AdaptiveKind
+from rtl_model.imagers.ebaps.kind import EbapsKind
+from rtl_model.imagers.emccd.kind import EmccdKind
+from rtl_model.imagers.kind import ImagerKind
 
-if TYPE_CHECKING:
-    from rtl_model.imagers.bus import Machine
+if TYPE_CHECKING:  # a host that reads registers needs none of the sequencers
+    from rtl_model.imagers.bus import BusTarget
     from rtl_model.imagers.registers import Design
 
-__all__ = ["IMAGERS", "by_number", "design", "machine"]
+__all__ = ["IMAGERS", "bus_target", "by_number", "design"]
 
-IMAGERS = {"adaptive-exposure": 1, "ebaps": 2, "emccd": 3}
-"""Kinds of imagers by name, and what `ctrl_imager` reads of each."""
+IMAGERS: Final[dict[str, ImagerKind]] = {
+    AdaptiveKind.name: AdaptiveKind(),
+    EbapsKind.name: EbapsKind(),
+    EmccdKind.name: EmccdKind(),
+}
 
 
 def by_number(number: int) -> str | None:
     """Returns the kind whose `ctrl_imager` reads so, or None."""
-    return next((name for name, each in IMAGERS.items() if each == number), None)
+    return next((name for name, kind in IMAGERS.items() if kind.number == number), None)
 
 
 def design(name: str) -> Design:
     """Returns the registers of a kind of imager as it is by default; InputError for none such."""
-    match name:
-        case "adaptive-exposure":
-            from rtl_model.imagers.adaptive.registers import DESIGN as ADAPTIVE
-
-            return ADAPTIVE
-        case "ebaps":
-            from rtl_model.imagers.ebaps.registers import DESIGN as EBAPS
-
-            return EBAPS
-        case "emccd":
-            from rtl_model.imagers.emccd.registers import DESIGN as EMCCD
-
-            return EMCCD
-    raise _none_such(name)
+    return _kind(name).design()
 
 
-def machine(name: str) -> Machine:
+def bus_target(name: str) -> BusTarget:
     """Returns an imager's sequencer after power-on, with its registers and steady light of its own
     choice, but no pixels; InputError for none such."""
-    match name:
-        case "adaptive-exposure":
-            from rtl_model.imagers.adaptive.machine import machine as adaptive
-
-            return adaptive()
-        case "ebaps":
-            from rtl_model.imagers.ebaps.machine import machine as ebaps
-
-            return ebaps()
-        case "emccd":
-            from rtl_model.imagers.emccd.machine import machine as emccd
-
-            return emccd()
-    raise _none_such(name)
+    return _kind(name).bus_target()
 
 
-def _none_such(name: str) -> InputError:
-    return InputError("an imager", "one of " + ", ".join(IMAGERS), repr(name), "name one")
+def _kind(name: str) -> ImagerKind:
+    if name not in IMAGERS:
+        raise InputError("an imager", "one of " + ", ".join(IMAGERS), repr(name), "name one")
+    return IMAGERS[name]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from rtl_model.imagers.catalogue import IMAGERS, design
+from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.registers import HEAD
 from rtl_model.registers.document import register_tables
 
@@ -51,8 +51,10 @@ def document() -> str:
     lines = [_HEAD, "## Head, of every imager", "", *register_tables(HEAD, "###")]
     lines += ["| name | meaning |", "|---|---|"]
     lines += [f"| {name} | {meaning} |" for name, meaning in _PARAMETERS.items()]
-    for name in IMAGERS:
-        made = design(name)
+    for name, kind in IMAGERS.items():
+        if kind.number is None:
+            continue
+        made = kind.design()
         rows, columns = made.shape
         lines += [
             "",

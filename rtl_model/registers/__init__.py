@@ -1,13 +1,7 @@
 """The register map: one table, and what is made from it."""
 
-from rtl_model.registers.checks import faults
 from rtl_model.registers.csr_csv import csr_csv, csr_text
-from rtl_model.registers.parameters import (
-    PARAMETERS,
-    identifier,
-    parameters,
-    reset_value,
-)
+from rtl_model.registers.parameters import identifier, parameters, reset_value
 from rtl_model.registers.table import (
     MAGIC,
     MEMORIES,
@@ -23,7 +17,6 @@ from rtl_model.registers.table import (
 __all__ = [
     "MAGIC",
     "MEMORIES",
-    "PARAMETERS",
     "REGISTERS",
     "VERSION",
     "Field",
@@ -31,7 +24,6 @@ __all__ = [
     "Register",
     "csr_csv",
     "csr_text",
-    "faults",
     "identifier",
     "mask",
     "parameters",

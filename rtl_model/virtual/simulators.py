@@ -64,9 +64,9 @@ def make_simulator(
     """Returns a board of `level`, or an imager by its kind's name. The Verilog is compiled where it
     was not before: InputError where the tools for it are missing."""
     if imager is not None:
-        from rtl_model.imagers import ImagerBus, machine
+        from rtl_model.imagers import ImagerBus, bus_target
 
-        return _Model(lambda: ImagerBus(machine(imager), geometry))
+        return _Model(lambda: ImagerBus(bus_target(imager), geometry))
     if level == "model":
         from rtl_model.virtual.planted import FaultySystem
 

@@ -1,16 +1,25 @@
-"""The continuous-photographing sensor that a scenario asks for."""
+"""The continuous camera that a scenario asks for, with its scene and lens."""
 
 from __future__ import annotations
 
-from cosim import InputError
-from scenarios.assemble.camera import camera_setting, resized
-from scenarios.assemble.readout import refuse_keys, with_section
-from scenarios.assemble.scenario import Scenario
+from cosim import InputError, seconds_to_ps
+from cosim.config.toml import to_toml
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens, resized
+from scenarios.assemble.readout import (
+    choose_instants,
+    make_relay,
+    refuse_keys,
+    with_section,
+)
+from scenarios.assemble.schema.scenario import Scenario
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
-from sensor.continuous import ContinuousSetting, Converter, quiet_floor
+from sensor.continuous.from_section import continuous_setting, longest_step
+from sensor.continuous.machine import ContinuousMachine
+from sensor.continuous.run import ContinuousSpec
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["continuous_camera", "continuous_setting", "with_defaults"]
+__all__ = ["assemble_continuous", "with_defaults"]
 
 
 def with_defaults(scenario: Scenario) -> Scenario:
@@ -18,13 +27,49 @@ def with_defaults(scenario: Scenario) -> Scenario:
     return with_section(scenario, "continuous", ContinuousSection())
 
 
-def continuous_camera(scenario: Scenario) -> CameraSetting:
-    """Chip, light and device as for any camera; the array as large as the scenario says.
+def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
+    """The machine of a scenario. Raises InputError."""
+    scenario = with_defaults(scenario)
+    section = scenario.sensor.continuous
+    assert section is not None
+    camera = _camera(scenario, section)
+    setting = continuous_setting(section, camera)
+    clock, chip = setting.clock, setting.chip
+    cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
+    if not cycles:
+        raise InputError(
+            "duration", f"at least a cycle, {float(clock.period):g} s", f"{scenario.duration:g} s",
+            "lengthen it",
+        )  # fmt: skip
+    instants = choose_instants(scenario, cycles)
+    lens = choose_lens(scenario, camera)
+    source = scenario.scene.source(
+        SceneGrid((chip.height, chip.width), clock, cycles, aligned=False)
+    )
+    return ContinuousMachine(
+        ContinuousSpec(
+            name=name,
+            title=scenario.title,
+            toml=to_toml(scenario),
+            section=scenario.sensor,
+            camera=camera,
+            setting=setting,
+            lens=lens,
+            relay=make_relay(lens, camera),
+            illuminance=scenario.scene.illuminance,
+            source=source,
+            cycles=cycles,
+            step=longest_step(setting, cycles),
+            most_reports=section.most_reports,
+            instants=instants,
+        )
+    )
 
-    Raises InputError for keys that only a pixel which spikes gives a meaning.
-    """
+
+def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
+    """Chip, light and device as for any camera; the array as large as the scenario says. Raises
+    InputError for keys that have a meaning only for a pixel that spikes."""
     sensor = scenario.sensor
-    section = sensor.continuous or ContinuousSection()
     refuse_keys(
         "continuous",
         (
@@ -38,42 +83,3 @@ def continuous_camera(scenario: Scenario) -> CameraSetting:
         "leave it out: these pixels do not spike (sensor.continuous has keys of their own)",
     )
     return resized(camera_setting(scenario), section.width, section.height)
-
-
-def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> ContinuousSetting:
-    """The section's sensor on the chip, clock, seed, wavelength and device of the camera; what is
-    of the spike pixel alone (threshold, its noise, reset) has no meaning here.
-
-    Raises InputError for values that do not go together.
-    """
-    place = "sensor.continuous"
-    if section.exponent_bits >= section.bits:
-        raise InputError(
-            f"{place}.exponent_bits", f"below {place}.bits = {section.bits}",
-            str(section.exponent_bits), "lower it",
-        )  # fmt: skip
-    if section.floor is None and section.contrast == 0:
-        raise InputError(
-            f"{place}.floor", "given where contrast is 0", "absent",
-            f"write --set {place}.floor='1e6 e/s'",
-        )  # fmt: skip
-    if camera.pattern is not None and camera.pattern.threshold_fpn > 0:
-        raise InputError(
-            "sensor.pattern.threshold_fpn", "0 where there is no charge threshold",
-            f"{camera.pattern.threshold_fpn:g}", "leave it out",
-        )  # fmt: skip
-    floor = section.floor
-    return ContinuousSetting(
-        camera.chip,
-        camera.clock,
-        camera.seed,
-        section.time_constant,
-        section.contrast,
-        quiet_floor(section.contrast, section.time_constant) if floor is None else floor,
-        Converter(section.bits, section.exponent_bits, section.full_scale),
-        section.measure,
-        section.dead_time,
-        section.shot_noise,
-        camera.wavelength_nm,
-        camera.pattern,
-    )

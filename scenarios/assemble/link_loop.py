@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
 
 from cosim import InputError
 from cosim.run.progress import Progress
@@ -12,18 +10,23 @@ from cosim.run.result import Metric
 from cosim.spikes.viform import WORD, unpack_planes
 from link.section import LinkScenario
 from link.sending import Transmission
-
-if TYPE_CHECKING:
-    from rtl_model.stand_in import BoardDisplay
+from rtl_model.geometry import Geometry
+from rtl_model.stand_in import BoardDisplay, stand_in
 
 __all__ = ["Loop", "open_loop"]
 
 
 class Loop:
-    """An open board of the panel's size. wrong_bits: that came back otherwise."""
+    """An open board of the panel's size; see `PanelLoop`.
 
-    def __init__(self, board: BoardDisplay, name: str) -> None:
-        self._board, self.name = board, name
+    Attributes:
+        name: of the board.
+        planes: that have gone through it.
+        wrong_bits: that came back wrong.
+    """
+
+    def __init__(self, board: BoardDisplay, name: str, opened: ExitStack) -> None:
+        self._board, self.name, self._opened = board, name, opened
         self.planes = self.wrong_bits = 0
         self._wrong_crc = False
 
@@ -40,7 +43,6 @@ class Loop:
             progress.advance(first + count)
 
     def metrics(self) -> dict[str, Metric]:
-        """What the board did."""
         return {
             "loop_planes": Metric(self.planes, "planes"),
             "loop_bits_wrong": Metric(self.wrong_bits, "bits"),
@@ -48,33 +50,32 @@ class Loop:
 
     @property
     def fault(self) -> str | None:
-        """What makes the run a failed one."""
+        """Why the run has failed; None if all bits came back as they were sent."""
         if self.wrong_bits:
             return f"{self.wrong_bits} bits came back otherwise from {self.name}"
         if self._wrong_crc:
             return f"what {self.name} showed is not what it was sent: CRC-32"
         return None
 
+    def close(self) -> None:
+        self._opened.close()
 
-@contextmanager
-def open_loop(scenario: LinkScenario) -> Iterator[Loop | None]:
-    """The board of link.loop, None without one. InputError where it does not answer, or does not
-    hold the panel."""
+
+def open_loop(scenario: LinkScenario) -> Loop | None:
+    """The board of link.loop, None without one. Raises InputError if it does not answer, or is not
+    of the panel's size."""
     place, panel = scenario.link.loop, scenario.link.panel
     if place is None:
-        yield None
-        return
-    from rtl_model.geometry import Geometry
-    from rtl_model.stand_in import BoardDisplay, stand_in
-
+        return None
     plane = panel.width // 32 * panel.height  # widths are multiples of 32
-    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual one
+    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual board
     virtual = Geometry(panel.height, panel.width, capture_words=room, sink_words=room)
-    with stand_in(place, "link.loop", virtual) as board:
+    with ExitStack() as stack:
+        board = stack.enter_context(stand_in(place, "link.loop", virtual))
         if (board.info.rows, board.info.columns) != (panel.height, panel.width):
             raise InputError(
                 "link.panel", f"of {board.info.columns} x {board.info.rows} pixels, which "
                 f"{board.name} has", f"of {panel.width} x {panel.height}",
                 "loop through a board built for it, or leave link.loop out",
             )  # fmt: skip
-        yield Loop(BoardDisplay(board, back=True), board.name)
+        return Loop(BoardDisplay(board, back=True), board.name, stack.pop_all())

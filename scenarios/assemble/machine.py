@@ -7,10 +7,12 @@ Verilog tools take seconds to load.
 from __future__ import annotations
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.machine import Machine, Options, Study
-from scenarios.assemble.loading import filmed
+from cosim.run.progress import Progress
 from scenarios.assemble.readout import refuse_leftovers, refuse_options
-from scenarios.assemble.scenario import (
+from scenarios.assemble.schema.loading import filmed
+from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
     ImagerScenario,
@@ -21,7 +23,7 @@ from scenarios.assemble.scenario import (
 __all__ = ["assemble", "assemble_study"]
 
 
-def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
+def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
@@ -31,18 +33,41 @@ def assemble(name: str, scenario: AnyScenario, options: Options) -> Machine:
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
         if scenario.sensor.readout == "synchronous":
-            from scenarios.assemble.latched import assemble_latched
+            from scenarios.assemble.camera.machine import assemble_latched
 
             return assemble_latched(name, scenario, options.device, options.resume)
         refuse_options(scenario.sensor.readout, options.resume, options.device)
-    raise NotImplementedError(f"{name}: no machine yet")  # the kinds that are not converted yet
+        if scenario.sensor.readout == "asynchronous":
+            from scenarios.assemble.asynchronous import assemble_asynchronous
+
+            return assemble_asynchronous(name, scenario)
+        from scenarios.assemble.continuous import assemble_continuous
+
+        return assemble_continuous(name, scenario)
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.link import assemble_link
+
+        return assemble_link(name, scenario, options.device, progress)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager
+
+        return assemble_imager(name, scenario, options)
+    from rtl_model.bringup.machine.machine import BoardMachine
+
+    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
     """What `viform plan` and `viform accuracy` measure. Raises InputError for a scenario that
     `command` has nothing to say of."""
-    if isinstance(scenario, LinkScenario | ImagerScenario):
-        raise NotImplementedError(f"{name}: no machine yet")
+    if isinstance(scenario, LinkScenario):
+        from link.trial.study import LinkStudy
+
+        return LinkStudy(name, scenario, device)
+    if isinstance(scenario, ImagerScenario):
+        from scenarios.assemble.imager import assemble_imager_study
+
+        return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":
@@ -55,8 +80,10 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
             f"set one of them: {why[command]}",
         )  # fmt: skip
     if camera.sensor.readout == "asynchronous":
+        from scenarios.assemble.asynchronous import study_asynchronous
+
         refuse_options("asynchronous", False, device)
-        raise NotImplementedError(f"{name}: no machine yet")
-    from scenarios.assemble.latched_study import LatchedStudy
+        return study_asynchronous(name, camera)
+    from scenarios.assemble.camera.study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

@@ -1,24 +1,19 @@
-"""What the readouts have in common: which keys belong to which, the light step by step, the
-instants, and times as they are told."""
+"""What the readouts have in common: keys that belong to one of them, the relay, the instants."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from cosim import BLOCK, Block, Clock, InputError, Lens, Light
-from cosim.light.source import Source
-from scenarios.assemble.scenario import Scenario
+from cosim import InputError, Lens, Light
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.device.crosstalk import crosstalk_map
 
 __all__ = [
-    "AFRESH", "choose_instants", "light_steps", "make_relay", "refuse_keys", "refuse_leftovers",
+    "choose_instants", "make_relay", "refuse_keys", "refuse_leftovers",
     "refuse_options", "with_section",
 ]  # fmt: skip
-
-AFRESH = "run it afresh with another --out"
-"""What mends an interrupted run that cannot be resumed."""
 
 _SECTIONS = {
     "asynchronous": "asynchronous",
@@ -96,26 +91,3 @@ def make_relay(lens: Lens, camera: CameraSetting) -> Callable[[Light], Light]:
         return through
     mixed = crosstalk_map(camera.crosstalk)
     return lambda light: mixed(through(light))
-
-
-def light_steps(
-    source: Source,
-    relay: Callable[[Light], Light],
-    clock: Clock,
-    stop: int,
-    most: int | None = None,
-) -> Iterator[tuple[Light, int, int]]:
-    """(light on the pixels, start, stop) one after another up to `stop` (ps): the whole run at once
-    where the light that the scene gives reaches so far, else blocks of the clock. most: cycles of
-    a step, where they are limited."""
-    cycle, start = 0, 0
-    cycles = clock.cycle_at(stop - 1) + 1
-    while start < stop:
-        block = Block(cycle, min(BLOCK, most or BLOCK, cycles - cycle))
-        light = relay(source.step(None, block))
-        cycle = block.stop
-        if light.pieces[-1].stop >= stop:
-            cycle = cycles if most is None else min(cycles, block.start + most)
-        until = min(stop, clock.edge(cycle))
-        yield light, start, until
-        start = until

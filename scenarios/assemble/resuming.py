@@ -9,8 +9,8 @@ from typing import Any
 from cosim import InputError
 from cosim.run.inputs import changed
 from cosim.run.result import Result, read_result
-from scenarios.assemble.loading import load
-from scenarios.assemble.scenario import AnyScenario, BoardScenario, Scenario
+from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.scenario import AnyScenario, BoardScenario, Scenario
 
 __all__ = ["done_before", "verdict_before"]
 
@@ -76,9 +76,9 @@ def verdict_before(folder: Path) -> list[str]:
 def _values(scenario: AnyScenario) -> dict[str, Any]:
     """Every key with its value; sections that a run writes out are there."""
     if isinstance(scenario, Scenario):
-        from scenarios.assemble import continuous, event_camera
+        from scenarios.assemble import asynchronous, continuous
 
-        written = {"asynchronous": event_camera.with_defaults,
+        written = {"asynchronous": asynchronous.with_defaults,
                    "continuous": continuous.with_defaults}  # fmt: skip
         whole = written.get(scenario.sensor.readout)
         scenario = scenario if whole is None else whole(scenario)

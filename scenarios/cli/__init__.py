@@ -1,6 +1,9 @@
-"""The command line: `viform COMMAND`, one file a command."""
+"""The command line: `viform COMMAND`, one file a command.
 
-from scenarios.cli.start import BEGAN  # isort: skip  # first: the clock of run_time_s
+A command imports what it needs when it runs, in its own function: the libraries of a run take
+seconds to load, and `viform --help` must not wait for them.
+"""
+
 from scenarios.cli.entry import main
 
-__all__ = ["BEGAN", "main"]
+__all__ = ["main"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,8 +10,7 @@ import typer
 from scenarios.cli.output import Json, make_progress, print_document
 
 if TYPE_CHECKING:
-    from cosim.run.progress import Progress
-    from scenarios.assemble.scenario import AnyScenario
+    pass
 
 __all__ = ["accuracy"]
 
@@ -33,15 +31,16 @@ def accuracy(
 ) -> None:
     """Measure error against run time: every tier at a ladder of tolerances."""
     from cosim import InputError
-    from scenarios.assemble.loading import load
+    from scenarios.assemble.machine import assemble_study
+    from scenarios.assemble.schema.loading import load
 
     name, given = load(scenario, assignments, seed=seed)
-    measure = _measure(name, given, device)
+    study = assemble_study("accuracy", name, given, device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
     progress = make_progress()
     try:
-        document = measure(progress)
+        document = study.ladder(progress)
     finally:
         progress.close()
     if figure is not None:
@@ -54,35 +53,6 @@ def accuracy(
     print(_text(name, document))
     if figure is not None:
         print(f"figure: {figure}")
-
-
-def _measure(
-    name: str, given: AnyScenario, device: str | None
-) -> Callable[[Progress], dict[str, Any]]:
-    """What makes the document; refuses what has no accuracy to measure."""
-    from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
-
-    if isinstance(given, ImagerScenario):
-        from rtl_model.imagers.run.accuracy import accuracy_imager
-        from rtl_model.imagers.run.kinds import machine_of
-        from scenarios.cli.run import refuse_device
-
-        refuse_device(device)
-        machine = machine_of(given)
-        return lambda progress: accuracy_imager(name, given, machine, progress)
-    if isinstance(given, LinkScenario):
-        from link.trial.accuracy import accuracy_link
-
-        return lambda progress: accuracy_link(given, device, progress)
-    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
-        from scenarios.assemble.event_accuracy import accuracy_events
-
-        refuse_leftovers(given)
-        refuse_options("asynchronous", False, device)
-        return lambda progress: accuracy_events(given, progress)
-    return assemble_study("accuracy", name, given, device).ladder
 
 
 def _number(value: float | None) -> str:

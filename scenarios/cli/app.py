@@ -11,6 +11,7 @@ from scenarios.cli.convert import convert as _convert
 from scenarios.cli.design.group import design as _design
 from scenarios.cli.doctor import doctor as _doctor
 from scenarios.cli.image import image as _image
+from scenarios.cli.laboratory import laboratory as _laboratory
 from scenarios.cli.link.group import link as _link
 from scenarios.cli.listing import list_scenarios as _list
 from scenarios.cli.live import live as _live
@@ -42,6 +43,7 @@ app.add_typer(_board, name="board")
 app.add_typer(_design, name="design")
 app.command("bench")(_bench)
 app.command("compare")(_compare)
+app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)
 app.command("doctor")(_doctor)

@@ -21,8 +21,7 @@ def compare(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="override a key of scene, lens, spike, adaptive-exposure, ebaps or emccd, or "
-            "duration",
+            help="override a key of scene, lens, spike or an imager such as ebaps, or duration",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
@@ -33,7 +32,7 @@ def compare(
     json: Json = False,
 ) -> None:
     """Film one scene with the spike camera and every other imager; measure them side by side."""
-    from scenarios.cli import BEGAN
+    from scenarios.cli.start import BEGAN
     from scenarios.studies.compare import load_comparison, run_compare
 
     what = load_comparison(scene, assignments or (), seed)

@@ -11,7 +11,7 @@ __all__ = ["doctor"]
 
 def doctor(json: Json = False) -> None:
     """Check this machine; exit 0 when `viform run film` would work."""
-    from scenarios.cli.machine import examine
+    from scenarios.cli.checks import examine
 
     checks = examine()
     well = all(check.ok for check in checks if check.needed)

@@ -7,6 +7,8 @@ import signal
 import sys
 from contextlib import suppress
 
+import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
+
 _PIPE = 141
 """Exit code where who reads standard output has gone: 128 + SIGPIPE, as a shell has it."""
 

@@ -19,8 +19,8 @@ def list_scenarios(
     json: Json = False,
 ) -> None:
     """List the scenarios that ship."""
-    from scenarios.assemble.loading import shipped
-    from scenarios.assemble.scenario import export
+    from scenarios.assemble.schema.loading import shipped
+    from scenarios.assemble.schema.scenario import export
 
     if schema:
         print_document(export())

@@ -26,8 +26,8 @@ def live(
 ) -> None:
     """Show a scenario's display in a window while it is filmed (needs the extra view)."""
     from display import open_window
-    from scenarios.assemble.loading import filmed, load
     from scenarios.assemble.readout import refuse_leftovers
+    from scenarios.assemble.schema.loading import filmed, load
     from scenarios.cli.window import show_live
 
     name, given = load(scenario, assignments, seed=seed)

@@ -9,7 +9,7 @@ import typer
 from scenarios.cli.output import Json, print_document
 
 if TYPE_CHECKING:
-    from scenarios.studies.paper import Row
+    from cosim.run.printed import Row
 
 __all__ = ["paper"]
 

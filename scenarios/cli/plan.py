@@ -26,49 +26,16 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
-    from scenarios.assemble.loading import load
     from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.readout import refuse_leftovers, refuse_options
-    from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
+    from scenarios.assemble.schema.loading import load
 
-    name, given = load(scenario, assignments, tolerance=tolerance, seed=seed)
-    if isinstance(given, LinkScenario):
-        _tell(_plan_link(name, given, device), json)
-        return
-    if isinstance(given, ImagerScenario):
-        from rtl_model.imagers.run.kinds import machine_of
-        from rtl_model.imagers.run.planning import forecast_imager
-        from scenarios.cli.run import refuse_device
-
-        refuse_device(device)
-        _tell(forecast_imager(name, given, machine_of(given)), json)
-        return
-    if isinstance(given, Scenario) and given.sensor.readout == "asynchronous":
-        from scenarios.assemble.event_forecast import forecast_events
-
-        refuse_leftovers(given)
-        refuse_options("asynchronous", False, device)
-        _tell(forecast_events(name, given), json)
-        return
+    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
+    study = assemble_study("plan", name, loaded, device)
     progress = make_progress()
     try:
-        document = assemble_study("plan", name, given, device).forecast(progress)
+        document = study.forecast(progress)
     finally:
         progress.close()
-    _tell(document, json)
-
-
-def _plan_link(name: str, scenario: Any, device: str | None) -> dict[str, Any]:
-    from link.trial.forecast import forecast_link
-
-    progress = make_progress()
-    try:
-        return forecast_link(name, scenario, device, progress)
-    finally:
-        progress.close()
-
-
-def _tell(document: dict[str, Any], json: bool) -> None:
     if json:
         print_document(document)
     else:

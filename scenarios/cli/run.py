@@ -13,7 +13,7 @@ from scenarios.cli.output import Json, SilentProgress, make_progress, print_docu
 if TYPE_CHECKING:
     from cosim.run.result import Result
 
-__all__ = ["print_result", "refuse_device", "run"]
+__all__ = ["print_result", "run"]
 
 _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
@@ -43,18 +43,18 @@ def run(
 ) -> None:
     """Run a scenario: film it, show it where it has a display, make images and a report; or bring
     a test board up."""
-    from scenarios.assemble.loading import load
+    from cosim.run.machine import Options
     from scenarios.assemble.readout import refuse_leftovers
-    from scenarios.assemble.scenario import BoardScenario, ImagerScenario, LinkScenario, Scenario
-    from scenarios.cli import BEGAN
+    from scenarios.assemble.schema.loading import load
+    from scenarios.assemble.schema.scenario import BoardScenario, ImagerScenario, Scenario
+    from scenarios.cli.start import BEGAN
+    from scenarios.run import run_scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
     if isinstance(loaded, Scenario):
         refuse_leftovers(loaded)
     if not isinstance(loaded, BoardScenario | ImagerScenario):
         _refuse_trace(trace)
-    if isinstance(loaded, ImagerScenario):
-        refuse_device(device)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -63,68 +63,15 @@ def run(
             _print_done(before, out, trace, json)
             return
     progress = make_progress()
-    table: list[str] = []
-    verdict: list[str] = []
     try:
-        if isinstance(loaded, BoardScenario):
-            from scenarios.assemble.run_board import run_board
-
-            result, folder = run_board(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-            )  # fmt: skip
-        elif isinstance(loaded, ImagerScenario):
-            from rtl_model.imagers.run.page import write_imager_report
-            from scenarios.assemble.run_imager import run_imager
-
-            result, folder = run_imager(
-                name, loaded, out, resume=resume, progress=progress, began=BEGAN, trace=trace,
-                report=write_imager_report,
-            )  # fmt: skip
-        elif isinstance(loaded, LinkScenario):
-            from link.evaluation.finished import LinkRun
-            from link.report.page import write_link_report
-            from scenarios.assemble.run_link import run_link
-
-            def report_link(run: LinkRun) -> list[str]:
-                verdict.append(f"{run.verdict.cause.value}: {run.verdict.told}")
-                if run.delivered and run.result.outcome == "failed":  # a board's loop
-                    verdict.append(run.notes[-1])
-                return write_link_report(run)
-
-            result, folder = run_link(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=report_link,
-            )  # fmt: skip
-        elif loaded.sensor.readout == "asynchronous":
-            from scenarios.assemble.run_events import run_events
-            from sensor.asynchronous.report import write_events_report
-
-            result, folder = run_events(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_events_report,
-            )  # fmt: skip
-        elif loaded.sensor.readout == "continuous":
-            from scenarios.assemble.run_continuous import run_continuous
-            from sensor.continuous.report import write_continuous_report
-
-            result, folder = run_continuous(
-                name, loaded, out, resume=resume, device=device, progress=progress, began=BEGAN,
-                report=write_continuous_report,
-            )  # fmt: skip
-        else:
-            from cosim.run.machine import Options
-            from scenarios.run import run_scenario
-
-            done = run_scenario(
-                name, loaded, out, options=Options(device, resume, trace), progress=progress,
-                began=BEGAN,
-            )  # fmt: skip
-            result, folder = done.result, done.folder
-            table, verdict = done.outcome.table, done.outcome.verdict
+        done = run_scenario(
+            name, loaded, out, options=Options(device, resume, trace), progress=progress,
+            began=BEGAN,
+        )  # fmt: skip
     finally:
         progress.close()
-    print_result(result, folder, table, verdict, json)
-    _end(result)
+    print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
+    _end(done.result)
 
 
 def _end(result: Result) -> None:
@@ -152,17 +99,6 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
     else:
         print_result(result, folder, [], verdict_before(folder), json)
     _end(result)
-
-
-def refuse_device(device: str | None) -> None:
-    """Of a command on an imager's scenario."""
-    from cosim import InputError
-
-    if device not in (None, "numba"):
-        raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
-        )  # fmt: skip
 
 
 def _refuse_trace(trace: Path | None) -> None:

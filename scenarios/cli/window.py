@@ -9,11 +9,10 @@ from cosim.report.png import for_display
 from cosim.run.progress import Progress
 from cosim.stage import blocks
 from display import CameraPlane, Window, fit_words, make_renderer, panel_views
-from display.observe.showing import panel_of
 from display.section import DisplaySection
-from scenarios.assemble.boards import refuse_boards
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 
 __all__ = ["FRAME", "show_live"]
@@ -42,7 +41,9 @@ def show_live(
     refuse_boards(scenario)
     setup = set_up_camera(scenario, device)
     cycles = setup.cycles
-    panel = panel_of(section, setup.setting, setup.white_rate)
+    panel = section.panel(
+        setup.shape, setup.setting.clock, setup.setting.row_skew, setup.white_rate
+    )
     scene, lens = setup.stages(setup.source()).values()
     camera = SpikeCamera(setup.setting, setup.device)
     fit = fit_words(section.fit, setup.shape, panel.shape)

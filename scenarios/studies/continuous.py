@@ -26,12 +26,12 @@ from cosim import (
 )
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
-from scenarios.assemble.continuous import continuous_setting
-from scenarios.scenes import AnalyticSource
 from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.people.wave import Wave
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp
 from sensor.continuous import ContinuousCamera
+from sensor.continuous.from_section import continuous_setting
 from sensor.reconstruct.fidelity import psnr, to_white
 from sensor.sections.continuous import ContinuousSection
 

@@ -44,6 +44,7 @@ class Output:
     parts: list[Firings] = field(default_factory=list)
     leaves: list[Instants] = field(default_factory=list)
     offered: int = 0
+    turns: int = 0
     spoke: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -53,9 +54,10 @@ class Output:
     def lost(self) -> int:
         return 0 if self.channel is None else self.channel.lost
 
-    def take(self, firings: Firings, stop: int) -> None:
-        """What fired since the last step, which ends at `stop`."""
+    def take(self, firings: Firings, start: int, stop: int) -> None:
+        """What fired from `start` to `stop`, ps."""
         self.offered += len(firings)
+        self.turns += firings.work
         self.spoke[firings.pixel] = True
         if self.channel is None:
             self.parts.append(firings)

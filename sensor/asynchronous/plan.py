@@ -7,7 +7,9 @@ engine, or in closed form where a pixel sends but once.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +22,13 @@ from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixels import FEWER, AsynchronousPixels
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["EventPlan", "PlannedPixels", "make_plan", "reduced"]
+__all__ = ["EVERYTHING", "EventPlan", "PlannedPixels", "make_plan", "reduced"]
 
 Reals = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.uint32]
 _LATER = "later reports"
+EVERYTHING: Final = "every effect"
+"""Stands for all effects where they are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,21 @@ class EventPlan:
             names = names | {_LATER}
         keep = np.array([e.name in names for e in self.effects])
         return replace(self, left_out=self.left_out & ~keep[:, None])
+
+    def keeping(self, effects: Iterable[str]) -> EventPlan:
+        """The plan with these effects kept everywhere; EVERYTHING stands for all."""
+        names = set(effects)
+        return self.without({e.name for e in self.effects} if EVERYTHING in names else names)
+
+    def acting(self, channel: bool) -> list[str]:
+        """Effects that act in some pixel, by name. channel: whether all pixels share one."""
+        pairs = zip(self.effects, self.left_out, strict=True)
+        return [e.name for e, out in pairs if not out.all()] + ["shared channel"] * channel
+
+    def shares(self) -> list[float]:
+        """Share of all pixels in which each effect acts."""
+        pixels = self.scene.pixels
+        return [1 - float(pixels[out].sum() / pixels.sum()) for out in self.left_out]
 
     def names(self, tile: int) -> frozenset[str]:
         """What is left out in a tile."""

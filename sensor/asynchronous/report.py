@@ -1,19 +1,17 @@
-"""The page of a run with event readout."""
+"""The page of a run of an asynchronous camera."""
 
 from __future__ import annotations
 
 import html
-import shlex
 import time
 
 import numpy as np
 
 from cosim.config.amounts import amount
-from cosim.config.toml import to_toml
 from cosim.report.figures import overview_figure
-from cosim.report.parts import cards, figure, opening, plot, run_time, table, write_page
+from cosim.report.parts import cards, figure, plot, table
 from cosim.report.png import for_display
-from scenarios.assemble.run_events import EventRun
+from cosim.run.machine import Page
 from sensor.asynchronous import latched
 from sensor.asynchronous.figures import (
     delay_figure,
@@ -25,10 +23,11 @@ from sensor.asynchronous.figures import (
 from sensor.asynchronous.image import rate_image
 from sensor.asynchronous.output import STREAM
 from sensor.asynchronous.recover import WITHIN
+from sensor.asynchronous.run import EventRun
 from sensor.asynchronous.verify import KIND
 from sensor.sections.provenance import optics_rows
 
-__all__ = ["write_events_report"]
+__all__ = ["events_page"]
 
 
 def _number(value: float | None, digits: str = ".3g") -> str:
@@ -45,24 +44,24 @@ def _lux(value: float | None) -> str:
     return "unknown" if value is None else amount(value, "lux")
 
 
-def _cards(run: EventRun) -> str:
-    metrics = {name: metric.value for name, metric in run.result.metrics.items()}
-    spent = time.perf_counter() - run.began
+def _cards(judged: EventRun) -> str:
+    metrics = {name: metric.value for name, metric in judged.run.result.metrics.items()}
+    spent = time.perf_counter() - judged.run.began
     rows: list[tuple[str, str, str]] = [
         (
             "first",
             f"{spent:.1f} s",
-            f"run time, for {amount(run.result.simulated_s, 's', 4)} of light",
+            f"run time, for {amount(judged.run.result.simulated_s, 's', 4)} of light",
         ),
         ("first", f"{metrics['events_carried']:,.0f}", "events carried"),
         (
             "first",
-            f"{run.checked.error.value:.2g}",
-            "error against full physics: " + KIND + f", 99.9 % {run.checked.error.low:.2g} to "
-            f"{run.checked.error.high:.2g}; tolerance {run.result.tolerance:g}",
+            f"{judged.checked.error.value:.2g}",
+            "error against full physics: " + KIND + f", 99.9 % {judged.checked.error.low:.2g} to "
+            f"{judged.checked.error.high:.2g}; tolerance {judged.run.result.tolerance:g}",
         ),
     ]
-    if run.found:
+    if judged.views.recovered:
         rows += [
             ("", f"{_number(metrics['dynamic_range'], '.1f')} dB",
              f"recovered within {WITHIN:.0%}; the paper's formula gives "
@@ -78,15 +77,17 @@ def _cards(run: EventRun) -> str:
     return cards(rows)
 
 
-def _view(run: EventRun) -> str:
+def _view(judged: EventRun) -> str:
     """Illuminance of every pixel, as its last event tells it."""
-    per_lux = run.setting.electrons_per_lux
-    rate = rate_image(run.events, run.events.ticks, run.model.threshold, run.model.delay / 1e12)
-    dark = run.setting.pattern.dark if run.setting.pattern is not None else 0.0
-    truth = run.source.truth(run.stop - 1).astype(np.float64)
-    truth *= run.scenario.scene.illuminance * run.lens.gain
-    path = run.folder / "figures" / "view.png"
-    view_figure(truth, (rate - dark) / per_lux, rate <= 0, min(p.lux for p in run.found) / 2, path)
+    spec, views = judged.spec, judged.views
+    per_lux = spec.setting.electrons_per_lux
+    model, events = spec.model, views.events
+    rate = rate_image(events, events.ticks, model.threshold, model.delay / 1e12)
+    truth = spec.source.truth(spec.stop - 1).astype(np.float64)
+    truth *= spec.illuminance * spec.lens.gain
+    path = judged.run.folder / "figures" / "view.png"
+    floor = min(p.lux for p in views.recovered) / 2
+    view_figure(truth, (rate - spec.mean_dark) / per_lux, rate <= 0, floor, path)
     return (
         "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a "
         "reading of less than one level; one whose light is no more than the mean dark current is "
@@ -94,17 +95,17 @@ def _view(run: EventRun) -> str:
     )
 
 
-def _patches(run: EventRun) -> str:
-    path = run.folder / "figures" / "patches.png"
-    dark = run.setting.pattern.dark if run.setting.pattern is not None else 0.0
-    patch_figure(run.found, dark / run.setting.electrons_per_lux, path)
+def _targets(judged: EventRun) -> str:
+    spec, views = judged.spec, judged.views
+    path = judged.run.folder / "figures" / "patches.png"
+    patch_figure(views.recovered, spec.mean_dark / spec.setting.electrons_per_lux, path)
     rows = [
         [
             p.target.name, f"{p.lux:.4g}", _number(p.estimate, ".4g"), _number(p.error, "+.2%"),
             _range(p.low, p.high), _number(p.plain, ".4g"), str(p.pixels),
             str(p.fired), str(p.read), str(p.silent), "yes" if p.good else "",
         ]
-        for p in run.found
+        for p in views.recovered
     ]  # fmt: skip
     head = ["patch", "true, lux", "recovered, lux", "error", "99.9 %", "plain mean, lux", "pixels",
             "fired", "read", "silent", f"within {WITHIN:.0%}"]  # fmt: skip
@@ -117,10 +118,11 @@ def _patches(run: EventRun) -> str:
     )
 
 
-def _images(run: EventRun) -> str:
-    ms = 1e3 / run.setting.clock.hz
-    middle = run.shots[len(run.shots) // 2]
-    path = run.folder / "figures" / "overview.png"
+def _images(judged: EventRun) -> str:
+    spec, views = judged.spec, judged.views
+    ms = 1e3 / spec.setting.clock.hz
+    middle = views.shots[len(views.shots) // 2]
+    path = judged.run.folder / "figures" / "overview.png"
     panels = [
         (f"true light at {(middle.cycle + 0.5) * ms:.2f} ms", for_display(middle.truth)),
         ("TFI from events", for_display(middle.tfi)),
@@ -131,7 +133,7 @@ def _images(run: EventRun) -> str:
         "instant, white of the scene = white, through the sRGB curve. The linear pictures are in "
         "<code>images/</code>.</p>"
     ]
-    for shot in run.shots:
+    for shot in views.shots:
         when = f"{(shot.cycle + 0.5) * ms:.3f} ms"
         pictures = figure(for_display(shot.truth), "true light") + figure(
             for_display(shot.tfi), "TFI from events"
@@ -140,26 +142,27 @@ def _images(run: EventRun) -> str:
     return "".join(parts)
 
 
-def _traffic(run: EventRun) -> str:
+def _traffic(judged: EventRun) -> str:
     """Events over time, the sun's widths, and what the channel did with them."""
-    figures = run.folder / "figures"
-    steady = bool(run.found)
-    events_figure(run.sent.instant, run.stop, steady, figures / "events.png")
+    spec, views = judged.spec, judged.views
+    figures = judged.run.folder / "figures"
+    steady = bool(views.recovered)
+    events_figure(views.sent.instant, spec.stop, steady, figures / "events.png")
     small = ""
-    if run.found and run.found[0].fired and run.found[0].estimate is not None:
-        top = run.found[0]
-        first = latched(run.sent.instant, run.model.tick) + 1 == run.sent.width
-        mine = first & top.target.mask.ravel()[run.sent.pixel]
-        dark = run.setting.pattern.dark if run.setting.pattern is not None else 0.0
-        assert top.estimate is not None
-        rate = top.estimate * run.setting.electrons_per_lux + dark
-        width_figure(run.sent.width[mine], rate, run.model, top.target.name, figures / "widths.png")
+    top = views.recovered[0] if views.recovered else None
+    if top is not None and top.fired and top.estimate is not None:
+        first = latched(views.sent.instant, spec.model.tick) + 1 == views.sent.width
+        mine = first & top.target.mask.ravel()[views.sent.pixel]
+        rate = top.estimate * spec.setting.electrons_per_lux + spec.mean_dark
+        width_figure(
+            views.sent.width[mine], rate, spec.model, top.target.name, figures / "widths.png"
+        )
         small += plot(figures / "widths.png", "widths of the brightest patch")
-    section = run.scenario.sensor.channel
+    section = spec.section.channel
     said = "There is no shared channel: every event leaves as it fires."
-    if section is not None and run.delay is not None and run.delay.size:
+    if section is not None and views.delay is not None and views.delay.size:
         service = round(1e12 / section.rate)
-        delay_figure(run.delay, service, figures / "channel.png")
+        delay_figure(views.delay, service, figures / "channel.png")
         small += plot(figures / "channel.png", "delay in the channel")
         place = f"{section.buffer} buffer"
         if section.buffer == "fifo":
@@ -170,24 +173,26 @@ def _traffic(run: EventRun) -> str:
         )
     rows = [
         [name.replace("_", " "), f"{metric.value:,.6g}" if metric.value is not None else "unknown"]
-        for name, metric in run.result.metrics.items()
+        for name, metric in judged.run.result.metrics.items()
         if name.startswith(("events", "channel"))
     ]
     rows += [
         [f"{row.stage}, µs", f"{row.min_us:.4g} min, {row.median_us:.4g} median, "
          f"{row.max_us:.4g} max"]
-        for row in run.result.latency
+        for row in judged.run.result.latency
     ]  # fmt: skip
     return (
         f"<h2>Events</h2><p>{html.escape(said)}</p>"
         + plot(figures / "events.png", "events over time")
         + f'<div class="grid by2" style="margin:10px 0">{small}</div>'
         + table(["what", "value"], rows)
+        + f'<pre>events = numpy.load("{STREAM}")   # row, column, time, width, level, ...</pre>'
     )
 
 
-def _machine(run: EventRun) -> str:
-    setting, model, chip = run.setting, run.model, run.setting.chip
+def _machine(judged: EventRun) -> str:
+    spec = judged.spec
+    setting, model, chip = spec.setting, spec.model, spec.setting.chip
     provenance = chip.provenance()
     readings = f"{model.longest / 1e12:g} s, {model.levels} levels" if model.longest else "none"
     device = setting.pattern
@@ -205,64 +210,46 @@ def _machine(run: EventRun) -> str:
         ["PRNU, threshold FPN",
          f"{device.prnu:.1%}, {device.threshold_fpn:.1%}" if device else "none", "scenario"],
         *optics_rows(setting),
-        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}: {run.lens.gain:.3g} lux "
-         "on the pixel for one on the scene", "scenario"],
+        ["lens", f"f/{spec.lens.f_number:.3g}, T {spec.lens.transmission:g}: "
+         f"{spec.lens.gain:.3g} lux on the pixel for one on the scene", "scenario"],
     ]  # fmt: skip
-    return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers) + _kept(run)
+    return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers) + _kept(judged)
 
 
-def _kept(run: EventRun) -> str:
+def _kept(judged: EventRun) -> str:
     """The plan: what acts in how many of the pixels, and what leaving it out elsewhere changes."""
-    plan, found = run.checked.plan, {row["effect"]: row for row in run.result.left_out}
+    plan, found = judged.checked.plan, {row["effect"]: row for row in judged.run.result.left_out}
     rows = []
-    for effect, out in zip(plan.effects, plan.left_out, strict=True):
-        share = 1 - float(plan.scene.pixels[out].sum() / plan.scene.pixels.sum())
+    for effect, share in zip(plan.effects, plan.shares(), strict=True):
         row = found.get(effect.name)
         told = ["", "", ""] if row is None else [
             f"{row['bound']:.2g}", effect.kind, f"{row['measured']:.2g}"
         ]  # fmt: skip
         rows.append([effect.name, f"{share:.0%}", *told])
-    rows += [[name, "100%", "", "", ""] for name in run.result.kept if name == "shared channel"]
+    if "shared channel" in judged.run.result.kept:
+        rows.append(["shared channel", "100%", "", "", ""])
     return (
         "<h2>What was kept and what was left out</h2><p>In every tile of 16 x 16 pixels what "
         "changes less than half the tolerance, all together, and costs time is left out. Bound: "
         "the most that it may change of the rate that a pixel reports first, root mean square over "
         "the tile. Measured: on "
-        f"{len(run.checked.tiles)} tiles, with the effect and without it, from the same random "
+        f"{len(judged.checked.tiles)} tiles, with the effect and without it, from the same random "
         "numbers.</p>"
         + table(["effect", "acts in, of all pixels", "bound elsewhere", "kind", "measured"], rows)
     )
 
 
-def _again(run: EventRun) -> str:
-    line = f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"
-    arrays = f'events = numpy.load("{STREAM}")   # row, column, time, width, level, ...'
-    return (
-        run_time(run.result, run.seconds)
-        + "<h2>Make it again</h2><p>The same bits, however the run is split.</p>"
-        + f"<pre>{html.escape(line + chr(10) + arrays)}</pre>"
-        + f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+def events_page(judged: EventRun) -> Page:
+    """Writes the figures, and makes the page's parts."""
+    spec = judged.spec
+    pictures = [_view(judged), _targets(judged)] if judged.views.recovered else [_images(judged)]
+    sections = [*pictures, _traffic(judged), _machine(judged)]
+    figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
+    return Page(
+        spec.title,
+        f"{spec.setting.chip.title}, asynchronous readout",
+        _cards(judged),
+        sections,
+        commands_do="<p>The same bits, however the run is split.</p>",
+        files=[f"figures/{name}" for name in figures],
     )
-
-
-def write_events_report(run: EventRun) -> list[str]:
-    """Writes figures and report.html into the run's folder; their names."""
-    begin = time.perf_counter()
-    (run.folder / "figures").mkdir(exist_ok=True)
-    shown = [_view(run), _patches(run)] if run.found else [_images(run)]
-    shown += [_traffic(run), _machine(run)]
-    run.seconds["report"] = time.perf_counter() - begin
-    body = [
-        opening(
-            run.scenario.title,
-            f"{run.setting.chip.title}, asynchronous readout",
-            run.result,
-            run.notes,
-        ),
-        _cards(run),
-        *shown,
-        _again(run),
-    ]
-    write_page(run.folder, run.scenario.title, "".join(body))
-    figures = sorted(path.name for path in (run.folder / "figures").glob("*.png"))
-    return [*(f"figures/{name}" for name in figures), "report.html"]

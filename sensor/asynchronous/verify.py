@@ -18,14 +18,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Light
+from cosim.run.machine import Finding
 from sensor import DevicePattern
 from sensor.asynchronous import EventPlan, Firings, PlannedPixels, follow
 from sensor.asynchronous.effects import CONFIDENCE
 from sensor.asynchronous.model import EventModel
+from sensor.asynchronous.plan import EVERYTHING
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
-__all__ = ["KIND", "REPORTS", "Checked", "Distance", "View", "choose_tiles", "measure", "verify"]
+__all__ = [
+    "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
+    "verify",
+]  # fmt: skip
 
 REPORTS = 8
 """Reports of a pixel that are compared where every spike is sent."""
@@ -39,7 +44,16 @@ Numbers = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What falls on the pixels of a run, as far as it is known before it. until: ps."""
+    """The array under the light of its run, as far as that is known before the run.
+
+    Attributes:
+        light: on the pixels.
+        until: instant up to which it is known, ps.
+        shape: of the array.
+        gain: photoelectrons a second for a unit of light.
+        pattern: of the device, None for none.
+        seed: of the run.
+    """
 
     light: Light
     until: int
@@ -61,14 +75,22 @@ class Distance:
 
 @dataclass(frozen=True)
 class Checked:
-    """error: of the worst tile. left_out: as result.json has it. broken: promises, in words.
-    full_physics: seconds that it would take, where that was asked."""
+    """A plan that holds.
+
+    Attributes:
+        plan: the plan.
+        error: of the worst tile.
+        tiles: that were compared.
+        left_out: as result.json has it.
+        notes: what the user must know.
+        full_physics: time that full physics would take for the run, s; None if not measured.
+    """
 
     plan: EventPlan
     error: Distance
     tiles: list[int]
     left_out: list[dict[str, Any]]
-    broken: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     full_physics: float | None = None
 
 
@@ -199,13 +221,12 @@ def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
     return worst
 
 
-def _left_out(plan: EventPlan, view: View, tiles: list[int]) -> tuple[
-    list[dict[str, Any]], set[str], list[str]
-]:  # fmt: skip
-    """What leaving out each effect was found to change, and the promises that it breaks."""
+def _left_out(
+    plan: EventPlan, view: View, tiles: list[int]
+) -> tuple[list[dict[str, Any]], list[Finding]]:
+    """What leaving out each effect changes, as result.json has it, and the bounds that fail."""
     rows: list[dict[str, Any]] = []
-    names: set[str] = set()
-    broken = []
+    findings: dict[str, Finding] = {}
     for effect, bounds, out in zip(plan.effects, plan.bounds, plan.left_out, strict=True):
         if not out.any():
             continue
@@ -218,39 +239,53 @@ def _left_out(plan: EventPlan, view: View, tiles: list[int]) -> tuple[
             found = _distance(_planned(plan, view, tile, last=last), full, _scale(plan, full), tile)
             most = max(most, found.value)
             limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
-            if found.high > limit and effect.name not in names:
-                names.add(effect.name)
-                broken.append(
+            if found.high > limit and effect.name not in findings:
+                findings[effect.name] = Finding(
+                    effect.name,
                     f"{effect.name} was to change at most {limit:.2g} of a tile's rate and was "
-                    f"found to change up to {found.high:.2g}: it is kept everywhere"
-                )
+                    f"found to change up to {found.high:.2g}: it is kept everywhere",
+                    limit, found.high, tile,
+                )  # fmt: skip
         rows.append(
             {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}
         )
-    return rows, names, broken
+    return rows, list(findings.values())
+
+
+def check_plan(
+    plan: EventPlan, view: View, tolerance: float
+) -> tuple[list[Finding], Checked | None]:
+    """Checks a plan against its bounds and the tolerance on a few tiles.
+
+    Returns the effects to reinstate, or else what was measured.
+    """
+    tiles = choose_tiles(plan, view.seed)
+    rows, findings = _left_out(plan, view, tiles)
+    if findings:
+        return findings, None
+    error = measure(plan, view, tiles)
+    if plan.left_out.any() and error.high > tolerance:
+        message = (
+            f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
+            f"more than the tolerance {tolerance:g}: everything is kept"
+        )
+        return [Finding(EVERYTHING, message, tolerance, error.high, error.tile)], None
+    notes = []
+    if not plan.left_out.any() and error.high > tolerance > 0:
+        notes.append(
+            f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
+            f"tile's rate, more than the tolerance {tolerance:g}"
+        )
+    return [], Checked(plan, error, tiles, rows, notes)
 
 
 def verify(plan: EventPlan, view: View, tolerance: float) -> Checked:
-    """Holds a plan against its promises; what breaks one is put back, and the plan held again."""
-    said: list[str] = []
+    """Checks a plan and reinstates effects until its bounds hold. Its notes begin with the reason
+    for each."""
+    notes: list[str] = []
     while True:
-        tiles = choose_tiles(plan, view.seed)
-        rows, names, broken = _left_out(plan, view, tiles)
-        said += broken
-        if names:
-            plan = plan.without(names)
-            continue
-        error = measure(plan, view, tiles)
-        if plan.left_out.any() and error.high > tolerance:
-            said.append(
-                f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
-                f"more than the tolerance {tolerance:g}: everything is kept"
-            )
-            plan = plan.without({e.name for e in plan.effects})
-            continue
-        if not plan.left_out.any() and error.high > tolerance > 0:
-            said.append(
-                f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
-                f"tile's rate, more than the tolerance {tolerance:g}"
-            )
-        return Checked(plan, error, tiles, rows, said)
+        findings, checked = check_plan(plan, view, tolerance)
+        if checked is not None:
+            return replace(checked, notes=[*notes, *checked.notes])
+        notes += [finding.message for finding in findings]
+        plan = plan.keeping(finding.effect for finding in findings)

@@ -1,55 +1,53 @@
-"""The page of a run with the continuous readout."""
+"""The page of a run of a continuous camera."""
 
 from __future__ import annotations
 
-import html
-import shlex
 import time
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.config.toml import to_toml
 from cosim.report.figures import overview_figure
-from cosim.report.parts import cards, figure, opening, plot, run_time, table, write_page
+from cosim.report.parts import cards, figure, plot, table
 from cosim.report.pictures import mark_pixels
 from cosim.report.png import for_display, write_png
-from scenarios.assemble.run_continuous import STREAM, ContinuousRun
+from cosim.run.machine import Page
 from sensor.continuous.figures import pixels_figure, rate_figure
+from sensor.continuous.run import STREAM, ContinuousRun
 from sensor.sections.continuous import ContinuousSection
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["write_continuous_report"]
+__all__ = ["continuous_page"]
 
 
-def _metric(run: ContinuousRun, name: str, digits: str) -> str:
-    value = run.result.metrics[name].value
+def _metric(judged: ContinuousRun, name: str, digits: str) -> str:
+    value = judged.run.result.metrics[name].value
     if value is None or np.isnan(value):
         return "unknown"
     return "exact" if np.isinf(value) else format(value, digits)
 
 
-def _cards(run: ContinuousRun) -> str:
-    spent = time.perf_counter() - run.began
-    raw = run.setting.clock.hz
-    bits = run.result.metrics["bit_rate"].value or 0.0
+def _cards(judged: ContinuousRun) -> str:
+    spent = time.perf_counter() - judged.run.began
+    raw = judged.spec.setting.clock.hz
+    bits = judged.run.result.metrics["bit_rate"].value or 0.0
     return cards([
         ("first", "unknown", "error against full physics: not measured yet"),
         ("first", f"{spent:.1f} s",
-         f"run time, for {run.result.simulated_s * 1e3:.4g} ms of light"),
-        ("first", str(len(run.result.left_out)), "effects left out"),
-        ("", f"{_metric(run, 'continuous_psnr', '.1f')} dB",
-         f"against the truth, SSIM {_metric(run, 'continuous_ssim', '.3f')}"),
-        ("", _metric(run, "report_rate", ",.1f"), "reports a pixel and second"),
+         f"run time, for {judged.run.result.simulated_s * 1e3:.4g} ms of light"),
+        ("first", str(len(judged.run.result.left_out)), "effects left out"),
+        ("", f"{_metric(judged, 'continuous_psnr', '.1f')} dB",
+         f"against the truth, SSIM {_metric(judged, 'continuous_ssim', '.3f')}"),
+        ("", _metric(judged, "report_rate", ",.1f"), "reports a pixel and second"),
         ("", f"{bits:,.0f}", f"bits a pixel and second; spikes latched at this clock: {raw:,.0f}"),
     ])  # fmt: skip
 
 
-def _counts(run: ContinuousRun) -> npt.NDArray[np.int64]:
+def _counts(judged: ContinuousRun) -> npt.NDArray[np.int64]:
     """Reports of each pixel, (H, W)."""
-    height, width = run.reports.shape
-    return np.bincount(run.reports.pixel, minlength=height * width).reshape(height, width)
+    height, width = judged.views.reports.shape
+    return np.bincount(judged.views.reports.pixel, minlength=height * width).reshape(height, width)
 
 
 def _where(counts: npt.NDArray[np.int64]) -> Any:
@@ -57,23 +55,23 @@ def _where(counts: npt.NDArray[np.int64]) -> Any:
     return np.rint(255 * np.log1p(counts) / np.log1p(max(int(counts.max()), 1))).astype(np.uint8)
 
 
-def _images(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
-    ms = 1e3 / run.setting.clock.hz
-    middle = run.shots[len(run.shots) // 2]
+def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    ms = 1e3 / judged.spec.setting.clock.hz
+    middle = judged.views.shots[len(judged.views.shots) // 2]
     overview_figure(
         [
             (f"true light at {(middle.cycle + 0.5) * ms:.2f} ms", for_display(middle.truth)),
             ("last report of every pixel", for_display(middle.continuous)),
             (f"reports of each pixel, to {counts.max():,}", _where(counts)),
         ],
-        run.folder / "figures" / "overview.png",
+        judged.run.folder / "figures" / "overview.png",
     )
     parts = [
         "<h2>Images at chosen instants</h2><p>True light in the middle of the cycle, and the last "
         "value that every pixel has reported by its end, white of the scene = white, through the "
         "sRGB curve. The linear pictures are in <code>images/</code>.</p>"
     ]
-    for shot in run.shots:
+    for shot in judged.views.shots:
         ages = shot.age[shot.age >= 0] * ms
         old = f"median {np.median(ages):.3g}, oldest {ages.max():.4g} ms" if ages.size else "none"
         pictures = figure(for_display(shot.truth), "true light") + figure(
@@ -86,13 +84,13 @@ def _images(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     return "".join(parts)
 
 
-def _pixels(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
-    figures, points = run.folder / "figures", run.light.points
+def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    figures, points = judged.run.folder / "figures", judged.views.light.points
     pixels_figure(
-        run.reports, run.light, run.setting.electrons_per_lux, run.white,
-        [shot.cycle for shot in run.shots], figures / "intensities.png",
+        judged.views.reports, judged.views.light, judged.spec.setting.electrons_per_lux,
+        judged.spec.white, [shot.cycle for shot in judged.views.shots], figures / "intensities.png",
     )  # fmt: skip
-    middle = run.shots[len(run.shots) // 2]
+    middle = judged.views.shots[len(judged.views.shots) // 2]
     marks = mark_pixels(for_display(middle.continuous), points)
     write_png(figures / "pixels.png", marks)
     pair = figure(marks, f"the pixels, on the image of cycle {middle.cycle}") + figure(
@@ -109,19 +107,19 @@ def _pixels(run: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     )
 
 
-def _traffic(run: ContinuousRun) -> str:
-    reports, path = run.reports, run.folder / "figures" / "reports.png"
+def _traffic(judged: ContinuousRun) -> str:
+    reports, path = judged.views.reports, judged.run.folder / "figures" / "reports.png"
     pixels = reports.shape[0] * reports.shape[1]
     _, first = np.unique(reports.pixel, return_index=True)
     later = np.ones(len(reports), bool)
     later[first] = False
     rate_figure(reports.time[later], reports.ticks, pixels, reports.clock, path)
     rows_bits, column_bits = (max(n - 1, 1).bit_length() for n in reports.shape)
-    bits, setting = run.result.metrics["bit_rate"].value or 0.0, run.setting
+    bits, setting = judged.run.result.metrics["bit_rate"].value or 0.0, judged.spec.setting
     rows = [
         ["reports", f"{len(reports):,}"],
         ["of them after each pixel's first", f"{int(later.sum()):,}"],
-        ["reports/s a pixel", _metric(run, "report_rate", ",.2f")],
+        ["reports/s a pixel", _metric(judged, "report_rate", ",.2f")],
         ["bits of a report",
          f"{rows_bits} row + {column_bits} column + {setting.converter.bits} value = "
          f"{setting.report_bits}; its time is when it is sent"],
@@ -132,7 +130,7 @@ def _traffic(run: ContinuousRun) -> str:
     rows += [
         [f"{row.stage} at the instants, ms", f"{row.min_us / 1e3:.4g} min, "
          f"{row.median_us / 1e3:.4g} median, {row.max_us / 1e3:.4g} max"]
-        for row in run.result.latency
+        for row in judged.run.result.latency
     ]  # fmt: skip
     return (
         "<h2>Reports</h2><p>Every pixel reports at the start; these first reports are left out of "
@@ -140,11 +138,14 @@ def _traffic(run: ContinuousRun) -> str:
         "do not wait. A report's age is no delay: what has not changed is not reported again.</p>"
         + plot(path, "reports over time")
         + table(["what", "value"], rows)
+        + f'<pre>reports = numpy.load("{STREAM}")   # row, column, time (ticks), value '
+        "(electrons/s)</pre>"
     )
 
 
-def _machine(run: ContinuousRun) -> str:
-    setting, chip, section = run.setting, run.setting.chip, run.scenario.sensor.continuous
+def _machine(judged: ContinuousRun) -> str:
+    spec = judged.spec
+    setting, chip, section = spec.setting, spec.setting.chip, spec.section.continuous
     assert section is not None
     provenance, plain = chip.provenance(), ContinuousSection()
 
@@ -152,7 +153,7 @@ def _machine(run: ContinuousRun) -> str:
         same = all(getattr(section, n) == getattr(plain, n) for n in names)
         return "assumed: the default" if same else "scenario"
 
-    converter, share = setting.converter, setting.floor / run.white
+    converter, share = setting.converter, setting.floor / spec.white
     full = "1e5 lux at QE 0.7, Huang 2022 section 4.3"
     numbers = [
         ["pixels", f"{chip.width} x {chip.height}",
@@ -170,54 +171,38 @@ def _machine(run: ContinuousRun) -> str:
          ground("bits", "exponent_bits")],
         ["its full scale, smallest step", f"{converter.full_scale:.3g}, {converter.unit:.3g} e/s",
          full if section.full_scale == plain.full_scale else "scenario"],
-        *optics_rows(run.camera),
-        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
-         f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
-         "scenario" if run.scenario.sensor.lens.f_number else "f-number chosen"],
-        ["white on the sensor", f"{run.white:.3g} e/s, {run.white * setting.time_constant:.3g} "
-         "electrons a time constant", "computed"],
-        *fault_rows(run.scenario.sensor),
+        *optics_rows(spec.camera),
+        ["lens", f"f/{spec.lens.f_number:.3g}, T {spec.lens.transmission:g}, "
+         f"m {spec.lens.magnification:g}, PSF {spec.lens.psf}",
+         "scenario" if spec.section.lens.f_number else "f-number chosen"],
+        ["white on the sensor", f"{spec.white:.3g} e/s, "
+         f"{spec.white * setting.time_constant:.3g} electrons a time constant", "computed"],
+        *fault_rows(spec.section),
     ]  # fmt: skip
     return (
         "<h2>The machine</h2>"
         + table(["what", "value", "from"], numbers)
         + "<h2>What was kept and what was left out</h2><p>Nothing was left out.</p>"
-        + table(["effect"], [[name] for name in run.result.kept])
+        + table(["effect"], [[name] for name in judged.run.result.kept])
     )
 
 
-def _again(run: ContinuousRun) -> str:
-    lines = [
-        f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}",
-        f'reports = numpy.load("{STREAM}")   # row, column, time (ticks), value (electrons/s)',
+def continuous_page(judged: ContinuousRun) -> Page:
+    """Writes the figures, and makes the page's parts."""
+    spec, reports, counts = judged.spec, judged.views.reports, _counts(judged)
+    sections = [
+        _images(judged, counts),
+        _pixels(judged, counts),
+        _traffic(judged),
+        _machine(judged),
     ]
-    return (
-        "<h2>Make it again</h2><p>The same bits, however the run is split.</p>"
-        f"<pre>{html.escape(chr(10).join(lines))}</pre>"
-        f"<h2>The resolved scenario</h2><pre>{html.escape(to_toml(run.scenario))}</pre>"
+    figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
+    return Page(
+        spec.title,
+        f"{spec.setting.chip.title}, continuous readout, {spec.setting.clock.hz / 1e3:g} kHz, "
+        f"{reports.ticks} cycles",
+        _cards(judged),
+        sections,
+        commands_do="<p>The same bits, however the run is split.</p>",
+        files=[f"figures/{name}" for name in figures],
     )
-
-
-def write_continuous_report(run: ContinuousRun) -> list[str]:
-    """Writes figures and report.html into the run's folder; their names."""
-    begin = time.perf_counter()
-    (run.folder / "figures").mkdir(exist_ok=True)
-    counts, clock = _counts(run), run.setting.clock
-    shown = [_images(run, counts), _pixels(run, counts), _traffic(run), _machine(run)]
-    run.seconds["report"] = time.perf_counter() - begin
-    body = [
-        opening(
-            run.scenario.title,
-            f"{run.setting.chip.title}, continuous readout, {clock.hz / 1e3:g} kHz, "
-            f"{run.reports.ticks} cycles",
-            run.result,
-            run.notes,
-        ),
-        _cards(run),
-        *shown,
-        run_time(run.result, run.seconds),
-        _again(run),
-    ]
-    write_page(run.folder, run.scenario.title, "".join(body))
-    figures = sorted(path.name for path in (run.folder / "figures").glob("*.png"))
-    return [*(f"figures/{name}" for name in figures), "report.html"]

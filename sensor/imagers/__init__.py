@@ -1,7 +1,7 @@
 """Pixels of conventional imagers: from light to digital numbers, row by row."""
 
-from sensor.imagers.draws import binomial, gamma, negative_binomial, normal, poisson
-from sensor.imagers.pixel import Exposed, ImagerSummary, PixelModel, Values
+from sensor.imagers.draws import normal, poisson
+from sensor.imagers.pixel import Exposed, ImagerSummary, PixelModel
 from sensor.imagers.scenery import Course, LightScenery, Scenery, Still
 
 __all__ = [
@@ -12,10 +12,6 @@ __all__ = [
     "PixelModel",
     "Scenery",
     "Still",
-    "Values",
-    "binomial",
-    "gamma",
-    "negative_binomial",
     "normal",
     "poisson",
 ]

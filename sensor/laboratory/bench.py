@@ -1,35 +1,57 @@
-"""The bench: a uniform light, a camera's pixels, stacks of frames.
+"""The bench: uniform light, the pixels of a camera, stacks of frames.
 
-Light is stated as photons at 555 nm on the pixel's area (4.09e15 a second and square metre in a
-lux). The exposure time stays, the light rises (EMVA 1288's first method). Every frame has a number
-of its own, so no two share their noise.
+Light is stated as photons at 555 nm on the area of a pixel (one lux is 4.09e15 photons/(s m^2)).
+The exposure time is constant and the light varies (the first method of EMVA 1288). Each frame has a
+number of its own, so that no two share their noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.light.radiometry import photons_per_lux
-from sensor.imagers import Exposed, PixelModel
+from cosim.plan.effects import Effect
+from sensor.imagers import Exposed
 
-__all__ = ["LEAST_VARIANCE", "Bench", "Stack", "take_levels"]
+__all__ = ["LEAST_VARIANCE", "Bench", "Pixels", "Stack", "take_levels"]
 
 Values = npt.NDArray[np.float64]
 
 
 LEAST_VARIANCE = 0.24
 """DN^2 in the dark below which rounding hides the noise (EMVA 1288): 0.4^2 and 1/12."""
-DEAF = "these pixels must answer to light, and do not up to 1e15 photons"
+DEAF = "these pixels must respond to light, and do not up to 1e15 photons"
+
+
+class Pixels(Protocol):
+    """What the bench needs of a `PixelModel`."""
+
+    @property
+    def effects(self) -> Mapping[str, Effect]: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    @property
+    def bits(self) -> int: ...
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]: ...
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """photons: mean, a pixel. seconds: exposure. mean, variance: (rows, W) of each pixel over the
-    frames, DN and DN^2, the variance without bias. frames: so many."""
+    """Statistics of the frames at one level of light.
+
+    Attributes:
+        photons: mean per pixel.
+        seconds: exposure time.
+        mean, variance: of each pixel over the frames, DN and DN^2, (rows, W); the variance is
+            unbiased.
+        frames: their number.
+    """
 
     photons: float
     seconds: float
@@ -46,25 +68,33 @@ class Stack:
 
 @dataclass
 class Bench:
-    """pixels: to be measured. area: of a pixel, square metres, that gathers light: quantum
-    efficiency is stated relative to it. seconds: exposure time. dark_seconds: exposure times in the
-    dark, at least two. rows: that are read, from `first` on. columns: of them that count, first and
-    number; all when None. levels: of light over the range
-    of the fit. frames: at each. stack: frames in the dark and at half of saturation, where spatial
-    variances are taken. seed: of the temporal noise. kept: effects, all when None. start: number of
-    the first frame.
+    """Uniform light and stacks of frames.
 
-    linear: share of saturation up to which slopes are fitted, 0.7 in EMVA 1288. Where few electrons
-    fill the scale (an EBAPS at high voltage: some ten) the upper tail of their law is cut long
-    before the mean is full, and the share must be less.
-
-    bias: photons that also shine in the "dark". A camera without black level cuts what lies below
-    zero, and one of few bits rounds its noise away; light that lifts the value off zero and gives
-    it noise of its own heals both, and its known share is taken off again. None: as much as is
-    needed. 0 is EMVA 1288.
+    Attributes:
+        pixels: to be measured.
+        area: of a pixel that gathers light, m^2; quantum efficiency is stated relative to it.
+        seconds: exposure time.
+        dark_seconds: exposure times in the dark, at least two.
+        rows, first: number of rows that are read, and the first of them.
+        levels: of light over the range of the fit.
+        frames: at each level.
+        stack: frames in the dark and at half of saturation, where spatial variances are measured.
+        seed: of the temporal noise.
+        kept: effects; all if None.
+        start: number of the first frame.
+        columns: first and number of the columns that count; all if None.
+        bias: photons per exposure that also shine in the "dark"; None for as many as are needed, 0
+            for EMVA 1288. A camera without black level clips what lies below zero, and one of few
+            bits hides its noise by rounding. Light that lifts the value off zero and has noise of
+            its own avoids both; its known share is subtracted.
+        dark_bias: photons per exposure while dark current and DSNU are measured; as `bias` if
+            None. 0 suits a count, whose mean rounding does not shift.
+        linear: share of saturation up to which slopes are fitted, 0.7 in EMVA 1288. Where few
+            electrons fill the scale (an EBAPS at high voltage: some ten) the upper tail of their
+            law is clipped long before the mean is full, and the share must be less.
     """
 
-    pixels: PixelModel
+    pixels: Pixels
     area: float
     seconds: float
     dark_seconds: tuple[float, ...]
@@ -79,6 +109,7 @@ class Bench:
     columns: tuple[int, int] | None = None
     bias: float | None = 0.0
     linear: float = 0.7
+    dark_bias: float | None = None
     _taken: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -124,6 +155,12 @@ class Bench:
         if self.bias is None:
             self.bias = self._find_bias()
         return self.take(self.bias, seconds, self.stack)
+
+    def unlit(self, seconds: float) -> Stack:
+        """A long stack under the bias of dark current and DSNU."""
+        if self.dark_bias is None:
+            return self.dark(seconds)
+        return self.take(self.dark_bias, seconds, self.stack)
 
     def _find_bias(self) -> float:
         """The least of 0, 1, 2, 4, ... photons under which hardly a value is 0 and noise spans

@@ -22,19 +22,32 @@ from sensor.laboratory.bench import LEAST_VARIANCE, Bench, Stack
 from sensor.laboratory.estimate import Estimate, deviations
 from sensor.laboratory.transfer import PhotonTransfer, measure_transfer
 
-__all__ = ["LEVEL", "Measured", "Report", "measure_camera"]
+__all__ = ["LEVEL", "Parameter", "Report", "measure_camera"]
 
 LEVEL = 0.99
 """Of the confidence limits."""
+SENSITIVITY, LINEARITY = "sensitivity", "linearity"
+DARK_CURRENT, NON_UNIFORMITY = "dark current", "non-uniformity"
 QUANTISATION = 1 / 12
 """DN^2 of rounding to whole DN."""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """One figure. symbol: the standard's. low, high: confidence limits at `LEVEL`."""
+class Parameter:
+    """A parameter of the standard.
+
+    Attributes:
+        symbol: of the standard.
+        section: "sensitivity", "linearity", "dark current" or "non-uniformity", the parts in which
+            the standard measures.
+        what: its name.
+        unit: of the value.
+        value: measured.
+        low, high: confidence limits at `LEVEL`.
+    """
 
     symbol: str
+    section: str
     what: str
     unit: str
     value: float
@@ -48,34 +61,44 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """figures: by name. transfer: the curve that they come from. notes: what a reader must know."""
+    """The measurement of a camera.
 
-    figures: dict[str, Measured]
+    Attributes:
+        figures: parameters by name.
+        transfer: the curve that they come from.
+        notes: what a reader must know.
+        level: of the confidence limits.
+    """
+
+    figures: dict[str, Parameter]
     transfer: PhotonTransfer
     notes: tuple[str, ...]
+    level: float = LEVEL
 
-    def __getitem__(self, name: str) -> Measured:
+    def __getitem__(self, name: str) -> Parameter:
         return self.figures[name]
 
     def rows(self) -> list[dict[str, str | float]]:
-        """For a table or a document: {name, symbol, what, unit, value, low, high}."""
+        """For a table or a document: {name, symbol, section, what, unit, value, low, high}."""
         return [{"name": name, **asdict(figure)} for name, figure in self.figures.items()]
 
 
-def _plain(symbol: str, what: str, unit: str, found: Estimate) -> Measured:
-    return Measured(symbol, what, unit, found.value, *found.limits(LEVEL))
+def _parameter(symbol: str, section: str, what: str, unit: str, found: Estimate) -> Parameter:
+    return Parameter(symbol, section, what, unit, found.value, *found.limits(LEVEL))
 
 
-def _root(symbol: str, what: str, unit: str, squared: Estimate, scale: float = 1.0) -> Measured:
+def _deviation(
+    symbol: str, section: str, what: str, unit: str, squared: Estimate, scale: float = 1.0
+) -> Parameter:
     """The root of a variance; limits are the roots of its own, not below zero."""
     low, high = squared.limits(LEVEL)
     roots = (scale * math.sqrt(max(v, 0.0)) for v in (squared.value, low, high))
-    return Measured(symbol, what, unit, *roots)
+    return Parameter(symbol, section, what, unit, *roots)
 
 
 def _dark_current(bench: Bench) -> tuple[Estimate, Estimate]:
     """Slopes of mean and variance in the dark over exposure time: DN/s and DN^2/s."""
-    stacks = [bench.dark(t) for t in bench.dark_seconds]
+    stacks = [bench.unlit(t) for t in bench.dark_seconds]
     t = np.array(bench.dark_seconds)
     share = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
 
@@ -86,7 +109,7 @@ def _dark_current(bench: Bench) -> tuple[Estimate, Estimate]:
     return slope("mean"), slope("variance")
 
 
-def _linearity(transfer: PhotonTransfer) -> Measured:
+def _linearity(transfer: PhotonTransfer) -> Parameter:
     """Mean of the deviations from a straight line, relative to it, over 5 to 95 % of saturation;
     the line is fitted with weights of 1/y^2, so that relative deviations count alike. The limits
     hold for any correlation of the levels."""
@@ -110,14 +133,20 @@ def _linearity(transfer: PhotonTransfer) -> Measured:
     wide = [Estimate(0.0, e / f).deviation for e, f in zip(errors, fit, strict=True)]
     found = float(np.abs(off).mean())
     half = deviations(LEVEL) * float(np.mean(wide))
-    return Measured(
-        "LE", "linearity error", "%", 100 * found, 100 * max(found - half, 0), 100 * (found + half)
+    return Parameter(
+        "LE",
+        LINEARITY,
+        "linearity error",
+        "%",
+        100 * found,
+        100 * max(found - half, 0),
+        100 * (found + half),
     )
 
 
 def _patterns(
     half: Stack, dark: Stack, gain: Estimate, response: Estimate
-) -> tuple[Measured, Measured]:
+) -> tuple[Parameter, Parameter]:
     """DSNU and PRNU. Under a bias, PRNU's share of it is in both stacks."""
     in_dark, in_light = Estimate.mean(dark.spatial), Estimate.mean(half.spatial)
     bias = response * dark.photons
@@ -125,8 +154,8 @@ def _patterns(
     prnu = (in_light - in_dark) / (signal * signal - bias * bias)
     dsnu = (in_dark - prnu * bias * bias) / (gain * gain)
     return (
-        _root("DSNU", "dark signal non-uniformity", "e", dsnu),
-        _root("PRNU", "photo response non-uniformity", "%", prnu, 100),
+        _deviation("DSNU", NON_UNIFORMITY, "dark signal non-uniformity", "e", dsnu),
+        _deviation("PRNU", NON_UNIFORMITY, "photo response non-uniformity", "%", prnu, 100),
     )
 
 
@@ -153,7 +182,8 @@ def measure_camera(bench: Bench) -> Report:
     efficiency = response / gain
     rise, spread = _dark_current(bench)
     half = bench.take(transfer.saturated_photons / 2, bench.seconds, bench.stack)
-    dsnu, prnu = _patterns(half, dark, gain, response)
+    unlit = dark if bench.dark_bias is None else bench.unlit(bench.seconds)
+    dsnu, prnu = _patterns(half, unlit, gain, response)
     # sigma_d/K + 1/2 electrons, in photons; sigma_d with rounding in it.
     # Rounding alone is 1/12, so nothing less can be meant.
     deviation = math.sqrt(max(noise.value, QUANTISATION))
@@ -164,30 +194,37 @@ def measure_camera(bench: Bench) -> Report:
     bottom = least.limits(LEVEL)
     electrons = (efficiency.value * full, few * low, many * high)
     figures = {
-        "gain": _plain("K", "overall system gain", "DN/e", gain),
-        "responsivity": _plain("R", "responsivity", "DN/photon", response),
-        "quantum_efficiency": _plain("eta", "quantum efficiency", "1", efficiency),
-        "dark_noise": _root(
-            "sigma_d", "temporal dark noise", "e", (noise - QUANTISATION) / (gain * gain)
+        "gain": _parameter("K", SENSITIVITY, "overall system gain", "DN/e", gain),
+        "responsivity": _parameter("R", SENSITIVITY, "responsivity", "DN/photon", response),
+        "quantum_efficiency": _parameter("eta", SENSITIVITY, "quantum efficiency", "1", efficiency),
+        "dark_noise": _deviation(
+            "sigma_d", SENSITIVITY, "temporal dark noise", "e",
+            (noise - QUANTISATION) / (gain * gain),
         ),
-        "dark_current": _plain("mu_I", "dark current, of the mean", "e/s", rise / gain),
-        "dark_current_variance": _plain(
-            "mu_I,var", "dark current, of the variance", "e/s", spread / (gain * gain)
+        "saturation_photons": Parameter(
+            "mu_p.sat", SENSITIVITY, "saturation capacity", "photon", full, low, high
+        ),
+        "saturation_electrons": Parameter(
+            "mu_e.sat", SENSITIVITY, "saturation capacity", "e", *electrons
+        ),
+        "least_photons": _parameter(
+            "mu_p.min", SENSITIVITY, "absolute sensitivity threshold", "photon", least
+        ),
+        "snr_max": Parameter(
+            "SNR_max", SENSITIVITY, "largest signal-to-noise ratio", "1", *map(math.sqrt, electrons)
+        ),
+        "dynamic_range": Parameter(
+            "DR", SENSITIVITY, "dynamic range", "dB", decibels(full / least.value),
+            decibels(low / bottom[1]), decibels(high / max(bottom[0], 1e-12)),
+        ),
+        "linearity_error": _linearity(transfer),
+        "dark_current": _parameter(
+            "mu_I", DARK_CURRENT, "dark current, of the mean", "e/s", rise / gain
+        ),
+        "dark_current_variance": _parameter(
+            "mu_I,var", DARK_CURRENT, "dark current, of the variance", "e/s", spread / (gain * gain)
         ),
         "dsnu": dsnu,
         "prnu": prnu,
-        "saturation_photons": Measured(
-            "mu_p.sat", "saturation capacity", "photon", full, low, high
-        ),
-        "saturation_electrons": Measured("mu_e.sat", "saturation capacity", "e", *electrons),
-        "least_photons": _plain("mu_p.min", "absolute sensitivity threshold", "photon", least),
-        "snr_max": Measured(
-            "SNR_max", "largest signal-to-noise ratio", "1", *map(math.sqrt, electrons)
-        ),
-        "dynamic_range": Measured(
-            "DR", "dynamic range", "dB", decibels(full / least.value), decibels(low / bottom[1]),
-            decibels(high / max(bottom[0], 1e-12)),
-        ),
-        "linearity_error": _linearity(transfer),
     }  # fmt: skip
     return Report(figures, transfer, tuple(notes))

@@ -7,17 +7,23 @@ from pathlib import Path
 import numpy as np
 
 from cosim.report.figures import INK, LINE, MARK, pyplot
-from sensor.laboratory import Report
+from sensor.laboratory.emva import Report
 
 __all__ = ["photon_transfer_figure"]
 
 _BLUE, _GREEN = "#2f5fa8", "#3a8f5c"
 
 
-def photon_transfer_figure(report: Report, name: str, path: Path) -> None:
-    """Draws a camera's measurement to a PNG or SVG: on the left temporal and spatial noise over
-    signal, logarithmic, with the fitted K and PRNU; on the right the response with the fitted R.
-    name: of the camera."""
+def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "png") -> None:
+    """Draws a measurement: on the left temporal and spatial noise over signal, logarithmic, with
+    the fitted K and PRNU; on the right the response with the fitted R.
+
+    Args:
+        report: the measurement.
+        name: of the camera.
+        path: of the file.
+        form: "png" or "svg".
+    """
     plt = pyplot()
     curve = report.transfer.curve()
     signal, variance = np.array(curve["mean"]), np.array(curve["variance"])
@@ -62,5 +68,5 @@ def photon_transfer_figure(report: Report, name: str, path: Path) -> None:
         fontsize=10.5, color=INK,
     )  # fmt: skip
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, format=form)
     plt.close(figure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -104,13 +104,20 @@ class CameraSetting:
         gathered = lux * self.electrons_per_lux * float(self.clock.period)
         return gathered / self.model.mean
 
+    def transferred(self, electrons: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Electrons of a cycle after the transfers, from those before."""
+        for transfer in self.model.transfers:
+            electrons = transfer.share(electrons / self.threshold) * self.threshold
+        return electrons
+
     @property
     def kept(self) -> tuple[Effect, ...]:
         """Every effect that acts in this setting."""
         return tuple(effect.planned(self) for effect in acting(self))
 
-    def without(self, names: Collection[str]) -> CameraSetting:
+    def without(self, names: Iterable[str]) -> CameraSetting:
         """The setting with these effects left out, named as in `kept`."""
+        names = frozenset(names)
         left = replace(self, effects=tuple(e for e in self.effects if e.name not in names))
         for effect in named(names):
             left = left.changed(**effect.removed(left))

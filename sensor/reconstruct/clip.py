@@ -12,6 +12,7 @@ import numpy as np
 from cosim import InputError, SpikeStream
 from cosim.files.whole import whole
 from cosim.report.png import for_display
+from cosim.run.progress import Progress
 from sensor import tfp
 
 __all__ = ["CLIPS", "write_clip"]
@@ -29,7 +30,7 @@ def write_clip(
     every: int,
     scale: float,
     rate: float,
-    progress: Any,
+    progress: Progress | None = None,
     largest: int | None = None,
 ) -> None:
     """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
@@ -55,7 +56,8 @@ def write_clip(
         raise InputError("the stream", "at least 2x2 pixels for a clip", size, "use viform image")
     codec = _CODECS.get(path.suffix.lower(), "libx264")
     white = np.float32(scale)
-    progress.start(path.name, len(instants))
+    if progress is not None:
+        progress.start(path.name, len(instants))
     try:
         with whole(path) as part, av.open(str(part), "w", format=_container(path)) as container:
             speed = Fraction(repr(float(rate))).limit_denominator(1001)
@@ -70,7 +72,8 @@ def write_clip(
                     rates = rates.reshape(height, reduce, width, reduce).mean(axis=(1, 3))
                 frame = av.VideoFrame.from_ndarray(for_display(rates / white), format="gray")
                 container.mux(video.encode(frame))
-                progress.advance(n + 1)
+                if progress is not None:
+                    progress.advance(n + 1)
             container.mux(video.encode(None))
     except av.FFmpegError as exc:
         given = f"{width}x{height} ({exc.strerror})"

@@ -30,7 +30,7 @@ labeled_data_suffix: npy
 data_field_identifier: 'input'
 label_field_identifier: 'gt'
 """
-MEND = "mend it, or give the recording itself with its --size WxH"
+MEND = "correct it, or give the recording itself with its --size WxH"
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from link.choosing import Trial, choose, foresee, longest_run
 from link.coding import Blocks
 from link.layout import TRAINING, Layout
 from link.line_codes import encode_line
 from link.mode import Mode
+from link.setup.choosing import Trial, choose, foresee, longest_run
 
 SIZE, HZ = 4_000_000, 40e3
 

@@ -16,7 +16,7 @@ import pytest
 
 from cosim.run.machine import Options
 from cosim.run.result import Result
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.entry import _main
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report

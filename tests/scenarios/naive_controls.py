@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rtl_model.imagers.adaptive import Search, from_register, unlimited
-from rtl_model.imagers.emccd import Cooler
+from rtl_model.imagers.adaptive.decision import Search
+from rtl_model.imagers.adaptive.loop import from_register, unlimited
+from rtl_model.imagers.emccd.cooling import Cooler
 from tests.rtl_model.imagers.naive_ebaps import (
     float32_sum,
     proportional,

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from display import PlainRenderer
+from display import GoldenRenderer
 from display.render import golden
 
 
-class Float32Sums(PlainRenderer):
+class Float32Sums(GoldenRenderer):
     """Case 22: light is added up in float32."""
 
     def _look(self, image, views):  # type: ignore[no-untyped-def]
@@ -21,7 +21,7 @@ class Float32Sums(PlainRenderer):
         self._images[image] = total
 
 
-class WrappingAge(PlainRenderer):
+class WrappingAge(GoldenRenderer):
     """Case 23: an age of 32 bits goes on from 2^32 - 1 to 0."""
 
     def _plane(self, spike):  # type: ignore[no-untyped-def]
@@ -32,7 +32,7 @@ class WrappingAge(PlainRenderer):
         return np.where(again & ~spike, 1.0 / np.maximum(self.tau, 1), light)
 
 
-class NoInterval(PlainRenderer):
+class NoInterval(GoldenRenderer):
     """Case 23: 1 / tau before there is a tau."""
 
     def _plane(self, spike):  # type: ignore[no-untyped-def]
@@ -41,7 +41,7 @@ class NoInterval(PlainRenderer):
             return light if self.panel.drive == "impulse" else light + (1.0 / self.tau) * 0.0
 
 
-class SpikeAtTheStart(PlainRenderer):
+class SpikeAtTheStart(GoldenRenderer):
     """Case 24: the first interval begins with the run."""
 
     def __init__(self, *given) -> None:  # type: ignore[no-untyped-def]
@@ -49,7 +49,7 @@ class SpikeAtTheStart(PlainRenderer):
         self.seen[:] = True
 
 
-class DarkPlanes(PlainRenderer):
+class DarkPlanes(GoldenRenderer):
     """Case 25: an interval is the dark planes between two spikes."""
 
     def _plane(self, spike):  # type: ignore[no-untyped-def]
@@ -58,7 +58,7 @@ class DarkPlanes(PlainRenderer):
         return np.where(self.tau > 0, light, 0.0) if self.panel.drive != "impulse" else light
 
 
-class ExplicitEuler(PlainRenderer):
+class ExplicitEuler(GoldenRenderer):
     """Case 26: one step of y' = (x - y) / c."""
 
     def _relax(self, drive, share):  # type: ignore[no-untyped-def]
@@ -70,7 +70,7 @@ class ExplicitEuler(PlainRenderer):
         return light
 
 
-class AtTheEdge(PlainRenderer):
+class AtTheEdge(GoldenRenderer):
     """Case 27: a position beside the panel sees the panel's edge, or comes in at the other side."""
 
     around = False

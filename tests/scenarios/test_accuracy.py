@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from cosim.plan.ladder import LADDER, fit_order
-from scenarios.assemble.latched_ladder import accuracy
-from scenarios.assemble.loading import load
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.ladder import accuracy
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 
 STAR = (
@@ -62,7 +62,7 @@ def test_a_tighter_tolerance_is_never_less_accurate(document):
 
 def test_the_command_prints_one_document(viform, monkeypatch, document):
     # The measuring is tested above.
-    monkeypatch.setattr("scenarios.assemble.latched_study.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.camera.study.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star", "--json")
     printed = json.loads(out)
     assert code == 0
@@ -72,7 +72,7 @@ def test_the_command_prints_one_document(viform, monkeypatch, document):
 
 
 def test_a_reader_gets_a_table(viform, monkeypatch, document):
-    monkeypatch.setattr("scenarios.assemble.latched_study.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.camera.study.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star")
     assert code == 0 and "times faster" in out and "shot noise" in out
 

@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-import scenarios.cli.machine
+import scenarios.cli.checks
 import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
+from scenarios.cli.checks import Check
 from scenarios.cli.entry import _main
-from scenarios.cli.machine import Check
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_doctor_names_what_is_missing_and_the_mend(
     needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = Check("opencl", False, "no device", "apt-get install something", needed)
-    monkeypatch.setattr(scenarios.cli.machine, "_EXAMINATIONS", (lambda: missing,))
+    monkeypatch.setattr(scenarios.cli.checks, "_EXAMINATIONS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "mend: apt-get install something" in out
@@ -94,16 +94,14 @@ def test_doctor_names_what_is_missing_and_the_mend(
 
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.cli.machine, "probe", list)
-    check = scenarios.cli.machine._opencl()
+    monkeypatch.setattr(scenarios.cli.checks, "probe", list)
+    check = scenarios.cli.checks._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.mend
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        scenarios.cli.machine, "probe_gl", lambda: (False, "the EGL vendor must be")
-    )
-    check = scenarios.cli.machine._gl()
+    monkeypatch.setattr(scenarios.cli.checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = scenarios.cli.checks._gl()
     assert not check.ok and not check.needed
     assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +14,16 @@ from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.spikes.viform import count_spikes
-from link.run.prepare import ready_link
 from link.sending import Transmission
+from link.setup.setup import set_up_link
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import stand_in
 from rtl_model.virtual import VirtualBoard
-from scenarios.assemble.boards import BoardCamera
-from scenarios.assemble.camera import resized
+from scenarios.assemble.camera.boards import BoardCamera
+from scenarios.assemble.camera.lensed import resized
 from scenarios.assemble.link_loop import open_loop
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting
@@ -131,9 +132,10 @@ class FourPlanes:
 
 def test_a_links_planes_come_back_bit_for_bit() -> None:
     _, scenario = load("light-link", LINK)
-    sent = ready_link(scenario, "numba", SilentProgress()).sent
-    with open_loop(scenario) as loop:
-        assert loop is not None
+    sent = set_up_link(scenario, "numba", SilentProgress()).sent
+    loop = open_loop(scenario)
+    assert loop is not None
+    with closing(loop):
         loop.send(FourPlanes(sent), SilentProgress())  # type: ignore[arg-type]
         metric = {name: each.value for name, each in loop.metrics().items()}
         assert (metric, loop.fault) == ({"loop_planes": 4, "loop_bits_wrong": 0}, None)

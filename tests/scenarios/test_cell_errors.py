@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from link.evaluation.cell_errors import cell_errors
-from link.evaluation.light import cell_scene, cell_sight
-from link.evaluation.reach import predict_errors
 from link.mode import Mode
+from link.prediction.cell_errors import cell_errors
+from link.prediction.light import cell_scene, cell_sight
+from link.prediction.reach import predict_errors
 from link.setting import link_setting
 from link.trial.patches import true_timing
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 
 
 def _sight(*assignments):
@@ -50,7 +50,7 @@ def test_more_light_than_a_tick_needs_and_no_blur_make_no_errors_in_large_cells(
     ("ticks", "missed"), [(2, 4), (3, 20)]
 )  # the coarse estimate misses errors by more than so many times
 def test_small_cells_err_as_often_as_in_a_film(ticks, missed):
-    from link.trial.pilot import film_pilot, strip_of
+    from link.setup.pilot import film_pilot, strip_of
 
     setting = link_setting(load("light-link", ["link.distance=5 m"])[1])
     strip = strip_of(setting)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock
-from display.observe.pursuit import pursuit_speed, shift_between
-from scenarios.assemble.loading import load
+from display.chain.pursuit import measured_shift, pursuit_of
+from scenarios.assemble.schema.loading import load
 from scenarios.scenes.charts.chart import PURSUIT, SLOW, STRIPS, Chart
 from scenarios.scenes.charts.chart_art import DARK, MIDDLE, WEDGE
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.clips.film import FilmSource
-from scenarios.scenes.making import make_source
-from scenarios.scenes.source import AnalyticSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
+from scenarios.scenes.kinds.grid import SceneGrid
 
 SHAPE = (240, 300)
 CHART = Chart(SHAPE)
@@ -103,21 +103,21 @@ def test_a_finer_grid_shows_the_same_light():
 def test_the_front_door_is_this_chart():
     _, scenario = load("glass")
     assert scenario.display is not None and scenario.display.drive == "causal"
-    source = make_source(scenario.scene, (40, 50), CLOCK, 2560)
+    source = scenario.scene.source(SceneGrid((40, 50), CLOCK, 2560))
     assert isinstance(source, AnalyticSource) and source.pursuit == PURSUIT
     light = source.step(None, Block(0, 64))
     assert np.array_equal(light.at(0), Chart((40, 50)).reflectance(0.0) * np.float32(700))
     _, film = load("film")
-    other = make_source(film.scene, (40, 50), CLOCK, 2560)
+    other = film.scene.source(SceneGrid((40, 50), CLOCK, 2560))
     assert isinstance(other, AnalyticSource) and other.pursuit is None
 
 
 def test_a_scene_that_says_nothing_is_measured():
     source = AnalyticSource(Chart((400, 500)), 700.0, CLOCK)
-    speed, note = pursuit_speed(source, CLOCK.edge(2560))
+    speed, note = pursuit_of(source, CLOCK.edge(2560))
     assert speed == PURSUIT and "as the scene says" in note
     source.pursuit = None
-    speed, note = pursuit_speed(source, CLOCK.edge(2560))
+    speed, note = pursuit_of(source, CLOCK.edge(2560))
     assert speed == pytest.approx(PURSUIT, rel=0.02)
     assert f"{speed:.4g} pixels/s, measured" in note
     assert SLOW < PURSUIT
@@ -125,10 +125,10 @@ def test_a_scene_that_says_nothing_is_measured():
 
 def test_an_eye_keeps_still_where_nothing_moves(tmp_path, make_clip):
     step = StepSource((64, 80), 700.0, 0.1, 0.9, 0.0, CLOCK.edge(100))
-    assert pursuit_speed(step, CLOCK.edge(100)) == (
+    assert pursuit_of(step, CLOCK.edge(100)) == (
         0.0, "the pursuing eye keeps still: no motion along the rows was found in the scene"
     )  # fmt: skip
-    assert shift_between(np.zeros((9, 9), np.float32), np.zeros((9, 9), np.float32)) is None
+    assert measured_shift(np.zeros((9, 9), np.float32), np.zeros((9, 9), np.float32)) is None
 
 
 @pytest.mark.parametrize("speed", [-2, 3])
@@ -138,5 +138,5 @@ def test_a_clip_is_measured_in_pixels_a_second(tmp_path, make_clip, speed):
     frames = np.stack([np.roll(still, speed * n, axis=1)[:, 200:400] for n in range(30)])
     clip = make_clip(tmp_path / "a.mkv", frames)
     source = FilmSource(clip, (192, 200), 500.0, CLOCK, 20_000, rate=200.0)
-    found, _ = pursuit_speed(source, 120 * PS // 1000)
+    found, _ = pursuit_of(source, 120 * PS // 1000)
     assert found == pytest.approx(speed * 200, rel=0.05)

@@ -21,8 +21,8 @@ import cosim.run.loop
 import scenarios.run
 from cosim import Interrupted
 from cosim.files import open_stream
-from scenarios.assemble.loading import load, shipped
-from scenarios.assemble.scenario import export
+from scenarios.assemble.schema.loading import load, shipped
+from scenarios.assemble.schema.scenario import export
 
 PROGRAM = Path(sys.executable).with_name("viform")
 SET_SMALL = ("--set", "sensor.chip=spikeone", "--set", "duration=2.5 ms", "--set", "image.at=[50]")

@@ -12,9 +12,12 @@ import pytest
 from scipy.special import ndtr
 
 from cosim import PS, InputError
-from rtl_model.imagers.sections import EbapsSection, EmccdSection
+from rtl_model.imagers.adaptive.comparison import AdaptiveComparison
+from rtl_model.imagers.ebaps.comparison import EbapsComparison
+from rtl_model.imagers.ebaps.section import EbapsSection
+from rtl_model.imagers.emccd.comparison import EmccdComparison
+from rtl_model.imagers.emccd.section import EmccdSection
 from scenarios.studies.compare import load_comparison
-from scenarios.studies.compare.knobs import set_ebaps, set_emccd
 from scenarios.studies.compare.measure import EDGE, noise, still_blur
 from scenarios.studies.compare.motion import RAMP, Motion
 from scenarios.studies.compare.ranges import ends, one_frame, with_controls
@@ -191,13 +194,20 @@ def test_dynamic_range_is_full_scale_over_the_dark_s_noise() -> None:
     assert one_frame(AdaptivePixels((16, 16)), 0.01) == pytest.approx(56.3, abs=0.3)
     chip = EmccdPixels(gain=1.0)
     assert ends(chip, 0.01)[1] * chip.responsivity == pytest.approx(chip.image_well, rel=0.01)
-    assert with_controls("adaptive-exposure", AdaptivePixels((16, 16))) == pytest.approx(
+    assert with_controls(AdaptiveComparison(), AdaptivePixels((16, 16))) == pytest.approx(
         56.3 + 20 * np.log10(65_536), abs=0.5
     )
 
 
 def test_knobs_follow_the_light_and_leave_what_is_given() -> None:
     day, night = 50.0, 3e-4
+
+    def set_ebaps(section: EbapsSection, mean: float, given: frozenset[str]) -> EbapsSection:
+        return EbapsComparison().adjust(section, 2 * mean, mean, given)
+
+    def set_emccd(section: EmccdSection, white: float, given: frozenset[str]) -> EmccdSection:
+        return EmccdComparison().adjust(section, white, white / 2, given)
+
     assert set_ebaps(EbapsSection(kind="ebaps"), night, frozenset()).high_voltage == -1500
     assert set_ebaps(EbapsSection(kind="ebaps"), day, frozenset()).high_voltage > -500
     kept = set_ebaps(EbapsSection(kind="ebaps"), day, frozenset({"high_voltage", "exposure"}))

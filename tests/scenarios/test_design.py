@@ -15,8 +15,10 @@ from PIL import Image
 
 from cosim import InputError
 from scenarios.studies.design import budget_document, load_budget, to_budget
-from sensor.laboratory import Bench, LinearPixels, measure_camera
+from sensor.laboratory.bench import Bench
+from sensor.laboratory.emva import measure_camera
 from sensor.laboratory.figure import photon_transfer_figure
+from tests.sensor.laboratory.linear_camera import LinearPixels
 
 DESIGN = ("design", "dynamic-range")
 SMALL = ("--set", "temperature=25 degC", "--set", "circuit_noise=0.1 mV", "--set", "digital_gain=1")

@@ -11,9 +11,9 @@ import pytest
 from cosim import Block
 from cosim.plan.ladder import LADDER
 from display.trial.cost import display_ns, golden_ns
-from scenarios.assemble.latched_ladder import accuracy
-from scenarios.assemble.loading import load
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.ladder import accuracy
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from tests.scenarios.test_display_plan import GLASS, SPANS
 
@@ -68,7 +68,7 @@ def test_the_display_s_cost_counts_planes_and_looks(document):
     ]
     asked: list[tuple[int, int]] = []
 
-    class Counting(cost.PlainRenderer):
+    class Counting(cost.GoldenRenderer):
         def step(self, words, cycles, views):  # type: ignore[no-untyped-def]
             asked.append((cycles, views.weight.shape[1]))
             super().step(words, cycles, views)

@@ -14,13 +14,13 @@ import pytest
 from cosim import Block, Bound
 from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
+from display.chain.pursuit import Pursuit
 from display.effects.costs import SHOWN, SPAN_COST
-from scenarios.assemble.display import display_of
-from scenarios.assemble.loading import load
-from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.setup import set_up_camera
-from scenarios.assemble.shown import TRUTH
-from scenarios.assemble.verifier import Verifier
+from display.trial.paired import TRUTH
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.camera.verifier import Verifier
+from scenarios.assemble.schema.loading import load
 
 SPANS = ("planes within 8", "planes within 64")
 GLASS = """
@@ -56,9 +56,9 @@ class Made:
         self.setting, self.cycles, self.instants = setup.setting, setup.cycles, setup.instants
         self.lens, self.white = setup.lens, setup.white_rate
         self.seen = setup.survey()
-        shown = display_of(self.scenario, self.setting, self.white, self.instants, self.cycles)
-        assert shown is not None
-        self.display = shown
+        display = setup.display(Pursuit(0.0, ""))
+        assert display is not None
+        self.display = display
 
     def plan(self, tolerance: float, display: DisplaySetting | None = None, **more: Any) -> RunPlan:
         return plan_run(
@@ -137,7 +137,7 @@ def test_the_check_is_of_radiance_and_its_promises_hold(glass):
     assert set(measured) == set(plan.plan.left_out) and check.broken() == []
     for name, value in measured.items():
         assert 0 < value <= plan.plan.promise[name].max()
-    truth = check.shown.images(TRUTH)
+    truth = check.displays.images(TRUTH)
     # White is 1, and the star is neither black nor white all over.
     assert 0.05 < truth.mean() < 1
     told = check.told()
@@ -199,5 +199,5 @@ def test_a_check_goes_on_from_its_state(glass):
         if start == 192:
             second.restore(first.state())
         (first if start < 192 else second).step(light, block)
-    np.testing.assert_array_equal(whole.shown.images("run"), second.shown.images("run"))
+    np.testing.assert_array_equal(whole.displays.images("run"), second.displays.images("run"))
     assert whole.error() == second.error()

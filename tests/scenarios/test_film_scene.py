@@ -20,7 +20,8 @@ from cosim.stage import blocks
 from scenarios.scenes.charts.step import BARS, StepSource
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.film import FilmSource
-from scenarios.scenes.source import AnalyticSource, spread_points
+from scenarios.scenes.drawing.analytic import AnalyticSource
+from scenarios.scenes.drawing.points import spread_points
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 

@@ -19,15 +19,16 @@ from skimage.metrics import structural_similarity
 from cosim import Block, Clock, Interrupted, Light, Piece, Viform
 from cosim.light.ssim import Likeness, inside
 from cosim.spikes.viform import pack_planes
-from display import CameraPlane, DisplaySetting, FramePanel, PlainRenderer, SpikePanel
-from display.observe.clip import chosen_tiles
-from display.observe.showing import key_of
+from display import CameraPlane, DisplaySetting, FramePanel, GoldenRenderer, SpikePanel
+from display.chain.clip import chosen_tiles
+from display.chain.display import DisplayChain
+from display.chain.panel_stage import PanelStage
+from display.chain.tap import LightTap, panel_waves, spike_waves
 from display.observe.slow_motion import SlowMotion
-from display.observe.stage import DisplayStage
-from display.observe.tap import LightTap, spike_waves, wave_of
-from display.quality.fidelity import BANDS, judge_glass
-from scenarios.assemble.glass import Glass
-from scenarios.assemble.probes import Probes, metrics
+from display.panels.panel import metric_key
+from display.probes import metrics
+from display.probes.metrics import Probes
+from display.quality.fidelity import BANDS, display_fidelity
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 
@@ -48,10 +49,10 @@ class Shot:
 
         self.result, self.folder = film("glass", out, *SETS, *sets, report=report, **how)
         self.run = runs[0]
-        self.shown = self.run.shown
+        self.outcome = self.run.display
 
     def images(self, observer: str = "eye") -> Any:
-        return self.shown.seen["spike"][observer]
+        return self.outcome.images["spike"][observer]
 
     def value(self, name: str) -> float:
         value: float = self.result.metrics[name].value
@@ -70,13 +71,13 @@ def drawn(film, tmp_path_factory) -> Shot:
 @pytest.fixture
 def probed(drawn: Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Probes are those of the first run: they depend on nothing that these tests change."""
-    probes: Probes = drawn.shown.probes
-    monkeypatch.setattr(Glass, "probes", lambda *_: probes)
+    probes: Probes = drawn.outcome.probes
+    monkeypatch.setattr(DisplayChain, "probes", lambda *_: probes)
 
 
 def test_the_document_says_what_was_seen(drawn):
     document = json.loads((drawn.folder / "result.json").read_text(encoding="utf-8"))
-    assert document["renderer"] == drawn.shown.glass.shown.renderer.name
+    assert document["renderer"] == drawn.outcome.chain.panel_stage.renderer.name
     figures = document["metrics"]
     for name in ("spike", "120hz", "1000hz", "projector"):
         for kind in ("psnr", "psnr_pursuit"):
@@ -102,7 +103,7 @@ def test_psnr_follows_from_the_pictures_of_the_middle_instant(drawn):
         for name in ("truth", "120hz")
     )
     rms = math.sqrt(np.mean((image - truth) ** 2))
-    seen = drawn.shown.seen
+    seen = drawn.outcome.images
     exact = np.clip(seen["120 Hz"]["eye"][1], 0, 1) - np.clip(seen["truth"]["eye"][1], 0, 1)
     # Both pictures are rounded by at most half a step of 1/255.
     assert rms == pytest.approx(float(np.sqrt(np.mean(exact**2))), abs=1 / 255)
@@ -120,7 +121,7 @@ def test_the_golden_model_sees_the_same(drawn, probed, film, tmp_path):
         np.testing.assert_allclose(drawn.images(observer), golden.images(observer), atol=2e-6)
     for name in ("psnr_spike", "ssim_spike", "psnr_pursuit_spike", "total_light"):
         assert drawn.value(name) == pytest.approx(golden.value(name), rel=1e-6)
-    away = drawn.shown.frames["spike"].astype(int) - golden.shown.frames["spike"]
+    away = drawn.outcome.frames["spike"].astype(int) - golden.outcome.frames["spike"]
     assert np.abs(away).max() <= 1  # a level that lies on the edge of two 8-bit steps
 
 
@@ -139,10 +140,10 @@ def test_a_run_that_is_gone_on_with_sees_the_same(drawn, probed, film, tmp_path)
     with pytest.raises(Interrupted, match=r"(?:64|128) of 160"):
         film("glass", folder, *SETS, progress=Stopping())
     gone_on = Shot(film, folder, resume=True)
-    for name, views in drawn.shown.seen.items():
+    for name, views in drawn.outcome.images.items():
         for observer, images in views.items():
-            np.testing.assert_array_equal(gone_on.shown.seen[name][observer], images)
-        np.testing.assert_array_equal(gone_on.shown.frames[name], drawn.shown.frames[name])
+            np.testing.assert_array_equal(gone_on.outcome.images[name][observer], images)
+        np.testing.assert_array_equal(gone_on.outcome.frames[name], drawn.outcome.frames[name])
     assert gone_on.value("total_light") == drawn.value("total_light")
     again = Shot(film, tmp_path / "other", "seed=2")
     assert not np.array_equal(again.images(), drawn.images())
@@ -164,10 +165,10 @@ def test_a_panel_of_another_size_shows_what_fits(probed, film, tmp_path):
         film, tmp_path / "run", "display.width=200", "display.height=125", "display.fit=nearest",
         "display.renderer=numpy",
     )  # fmt: skip
-    assert shot.images().shape == shot.shown.seen["120 Hz"]["eye"].shape == (2, 125, 200)
+    assert shot.images().shape == shot.outcome.images["120 Hz"]["eye"].shape == (2, 125, 200)
     # Every second pixel of the truth is what the panel is held against.
-    whole = shot.shown.glass.beside.images()["truth"]["eye"]
-    np.testing.assert_array_equal(shot.shown.seen["truth"]["eye"], whole[:, 1::2, 1::2])
+    whole = shot.outcome.chain.references.images()["truth"]["eye"]
+    np.testing.assert_array_equal(shot.outcome.images["truth"]["eye"], whole[:, 1::2, 1::2])
     assert shot.value("psnr_spike") > 20
 
 
@@ -215,15 +216,15 @@ def test_fidelity_of_a_known_error_by_luminance():
     truth[:, :, 20:] = 0.8
     image = truth + np.float32(0.02)
     image[:, :, 20:] -= np.float32(0.1)
-    (judged,) = judge_glass({"truth": {"eye": truth}, "60 Hz": {"eye": image}}, ["eye"])
-    assert judged.psnr == pytest.approx(-10 * math.log10((0.02**2 + 0.08**2) / 2), rel=1e-5)
-    dim, bright = judged.bands
+    (fidelity,) = display_fidelity({"truth": {"eye": truth}, "60 Hz": {"eye": image}}, ["eye"])
+    assert fidelity.psnr == pytest.approx(-10 * math.log10((0.02**2 + 0.08**2) / 2), rel=1e-5)
+    dim, bright = fidelity.bands
     assert (dim.low, bright.high) == (BANDS[3], BANDS[5])
     assert dim.share == bright.share == 0.5
     assert dim.psnr == pytest.approx(-20 * math.log10(0.02), rel=1e-5)
     assert (dim.bias, dim.spread) == pytest.approx((0.1, 0.1), rel=1e-5)
     assert (bright.bias, bright.spread) == pytest.approx((-0.1, 0.1), rel=1e-5)
-    assert set(judged.metrics()) == {"psnr_60hz", "ssim_60hz"}
+    assert set(fidelity.metrics()) == {"psnr_60hz", "ssim_60hz"}
 
 
 def test_structural_similarity_is_that_of_scikit_image():
@@ -241,7 +242,7 @@ def test_structural_similarity_is_that_of_scikit_image():
 
 def test_names_of_displays_in_metrics():
     names = ["spike", "59.94 Hz", "1000 Hz", "16 kHz binary"]
-    assert [key_of(name) for name in names] == ["spike", "59_94hz", "1000hz", "projector"]
+    assert [metric_key(name) for name in names] == ["spike", "59_94hz", "1000hz", "projector"]
 
 
 def test_the_clip_has_so_many_tiles():
@@ -264,12 +265,12 @@ def test_the_slow_motion_plays_in_browsers(drawn):
         video = container.streams.video[0]
         assert (video.codec_context.name, video.codec_context.pix_fmt) == ("h264", "yuv420p")
         frames = [frame.to_ndarray(format="gray") for frame in container.decode(video)]
-    motion = drawn.shown.glass.motion
+    motion = drawn.outcome.chain.motion
     assert len(frames) == motion.count == 160  # of a cycle
     assert motion.exposure == CLOCK.edge(1)
     height, width = motion.shape
     tile = frames[60][6 + 26 : 6 + 26 + height, 6 : 6 + width]
-    truth = drawn.shown.frames["truth"][60]
+    truth = drawn.outcome.frames["truth"][60]
     assert np.abs(tile.astype(int) - truth).mean() < 4  # H.264 at crf 21
 
 
@@ -289,8 +290,8 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
     motion = SlowMotion((4, 6), 0, CLOCK.edge(cycles), CLOCK.edge(every), 1)
     still = CameraPlane((CLOCK.edge(cycles),), CLOCK.edge(cycles))
     setting = DisplaySetting(panel, still, 1)
-    stage = DisplayStage(
-        setting, {"camera": still}, motion, cycles, lambda n: PlainRenderer(panel, 1, n)
+    stage = PanelStage(
+        setting, {"camera": still}, motion, cycles, lambda n: GoldenRenderer(panel, 1, n)
     )
     for first in range(0, cycles, 64):
         block = Block(first, min(64, cycles - first))
@@ -305,9 +306,9 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
 
 
 def test_the_table_on_a_terminal(drawn):
-    from scenarios.report.glass_tables import display_lines
+    from scenarios.assemble.camera.pages.display_tables import display_lines
 
-    lines = display_lines(drawn.shown)
+    lines = display_lines(drawn.outcome)
     assert lines[0].split() == ["display", "EBET", "SVM", "PSNR", "still", "pursuing", "delay"]
     assert [line[:8].strip() for line in lines[1:-1]] == [
         "spikes,", "spikes,", "spikes,", "120 Hz", "1000 Hz", "16 kHz b",
@@ -327,7 +328,7 @@ def test_the_light_of_a_pixel_is_kept_and_a_hold_shows_it(tmp_path):
     assert len(light.pieces) == 1
     np.testing.assert_allclose(light.at(stop // 2)[0], 0.25, rtol=1e-6)
     at = np.array([stop // 10, stop // 2 + stop // 100], np.int64)  # of 10 ms, at 1 and 5.1 ms
-    wave = wave_of(FramePanel(Clock(1000)), light, at)
+    wave = panel_waves(FramePanel(Clock(1000)), light, at)
     np.testing.assert_allclose(wave[:, 0], [0.05, 0.25], rtol=1e-6)  # of 1 and 5 ms
 
 

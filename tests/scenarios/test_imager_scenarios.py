@@ -1,27 +1,34 @@
 """Scenarios of the other imagers: what is refused, what is seen, what is foreseen."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cosim import PS, InputError
+from cosim.light.charts import CHARTS, draw, regions
+from cosim.run.machine import Options
 from cosim.run.result import Metric
 from rtl_model.imagers import design
-from rtl_model.imagers.adaptive.run import AdaptiveMachine, changes
-from rtl_model.imagers.run.filming import watched
-from rtl_model.imagers.run.kinds import machine_of
-from rtl_model.imagers.run.machine import take
-from rtl_model.imagers.run.page import said
-from rtl_model.imagers.run.planning import ready_imager
-from rtl_model.imagers.run.view import make_view
-from scenarios.assemble.loading import filmed, linked, load, shipped, to_toml
-from scenarios.assemble.messages import validate
-from scenarios.cli.run import refuse_device
-from scenarios.scenes.charts.target_art import CHARTS, draw, regions
-from scenarios.scenes.making import make_source
+from rtl_model.imagers.adaptive.model import AdaptiveModel, changes
+from rtl_model.imagers.catalogue import IMAGERS
+from rtl_model.imagers.check.paired import watched_frames
+from rtl_model.imagers.report.page import metric_text
+from rtl_model.imagers.run.model import measure_frame
+from scenarios.assemble.imager import plan_imager
+from scenarios.assemble.machine import assemble, assemble_study
+from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.view import make_view
+from scenarios.cli.accuracy import _text
+from scenarios.scenes.kinds.grid import SceneGrid
 
-IMAGERS = ("adaptive-exposure", "ebaps-night", "emccd-window")
+SHIPPED = ("adaptive-exposure", "ebaps-night", "emccd-window")
+
+
+def model_of(scenario):
+    return IMAGERS[scenario.imager.kind].model(scenario.imager, scenario.duration)
 
 
 def scenario(kind, scene=None, lens=None, duration="100 ms", **imager):
@@ -32,7 +39,7 @@ def scenario(kind, scene=None, lens=None, duration="100 ms", **imager):
     return validate(data if lens is None else data | {"lens": lens})
 
 
-@pytest.mark.parametrize("name", IMAGERS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_scenario_reads_back_as_it_was_written(name, tmp_path):
     assert name in shipped()
     _, loaded = load(name)
@@ -129,8 +136,10 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
     with pytest.raises(InputError, match="not one of another imager"):
         linked(loaded, "link ber")
     with pytest.raises(InputError, match="--device must be numba, or absent"):
-        refuse_device("H200")
-    refuse_device("numba")
+        assemble("x", loaded, Options(device="H200"), None)
+    with pytest.raises(InputError, match="--device must be numba, or absent"):
+        assemble_study("plan", "x", loaded, "H200")
+    assemble_study("plan", "x", loaded, "numba")
 
 
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
@@ -146,7 +155,7 @@ def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
     ):
         given = scenario(kind, writes=[["1 ms", wide.name, 1], ["2 ms", register, value]])
         with pytest.raises(InputError, match=says) as told:
-            ready_imager("x", given, machine_of(given))
+            plan_imager("x", given)
         assert str(told.value).startswith("imager.writes.1 must be a write that the imager takes")
         assert "\n" not in str(told.value)
 
@@ -187,7 +196,7 @@ def test_a_course_is_the_same_as_light_in_pieces():
     view = make_view(given, (32, 40))
     from cosim import Clock
 
-    light = make_source(given.scene, (32, 40), Clock(40_000), 400).step(None, None)
+    light = given.scene.source(SceneGrid((32, 40), Clock(40_000), 400)).step(None, None)
     begin = np.zeros(32, np.int64)
     end = begin + 12 * PS // 1000
     assert light.integral(0, int(end[0])) == pytest.approx(
@@ -215,28 +224,28 @@ def test_what_is_foreseen_holds_what_the_controller_does():
         "adaptive-exposure", {"course": [["0 ms", 1], ["250 ms", 1], ["250 ms", 300]]},
         duration="600 ms", rows=16, columns=16,
     )  # fmt: skip
-    machine = machine_of(given)
-    ready = ready_imager("x", given, machine)
-    imager = machine.make()
-    frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
-    taken = [take(frame) for frame in frames]
-    low, high = ready.expected.seconds
-    assert abs(len(taken) - ready.expected.frames) <= 1
+    model = model_of(given)
+    ready = plan_imager("x", given)
+    imager = model.make()
+    frames = imager.film(ready.view.scenery, ready.spec.stop, seed=1, kept=ready.kept)
+    taken = [measure_frame(frame) for frame in frames]
+    low, high = ready.exposures.seconds
+    assert abs(len(taken) - ready.exposures.frames) <= 1
     assert all(low <= t.seconds <= high for t in taken)
     start, jump = changes(taken, ready.view)
     assert start.frames is not None and jump.after == 300 and jump.frames >= 3
-    metrics = machine.metrics(taken, ready.view, imager)
+    metrics = model.metrics(taken, ready.view, imager)
     assert metrics["frames_to_settle"].value == max(start.frames, jump.frames)
     short = [t for t in taken if t.ready < jump.ps + jump.delay]  # ends before it has settled
-    assert machine.metrics(short, ready.view, imager)["frames_to_settle"].value is None
+    assert model.metrics(short, ready.view, imager)["frames_to_settle"].value is None
     assert metrics["saturated"] == Metric(taken[-1].full, "1")
     assert metrics["saturated_most"] == Metric(max(t.full for t in taken), "1")
     assert metrics["saturated_pixels"] == Metric(taken[-1].state["saturated"], "pixels")
     blind = replace(taken[-1], state=taken[-1].state | {"largest": 256})  # no value below full
-    assert machine.metrics([*taken, blind], ready.view, imager)["largest"].value is None
+    assert model.metrics([*taken, blind], ready.view, imager)["largest"].value is None
     # Full scale at 1 V/(lx s) and this exposure; the right one leaves the white step below it.
     assert metrics["exposure"].value * 1e-6 * 0.9 * 30_000 < 1.0
-    assert machine.latency(taken, ready.view)[0].max_us == pytest.approx(
+    assert model.latency(taken, ready.view)[0].max_us == pytest.approx(
         max(start.delay, jump.delay) * 1e-6
     )
 
@@ -246,19 +255,21 @@ def test_an_adaptive_sensor_is_what_its_section_says():
         "adaptive-exposure", rows=16, columns=32, adapt=False, multiplier=50, search="half",
         window=[2, 4, 8, 16], threshold=3, writes=[["30 ms", "user", 200]],
     )  # fmt: skip
-    machine = machine_of(given)
-    assert isinstance(machine, AdaptiveMachine)
-    imager = machine.make()
+    model = model_of(given)
+    assert isinstance(model, AdaptiveModel)
+    imager = model.make()
     assert imager.read("adaptive_rows") == 9 << 16 | 2
     assert imager.read("adaptive_columns") == 19 << 16 | 4
     assert imager.read("adaptive_search") == 3 and imager.read("adaptive_threshold") == 3
-    view = make_view(given, machine.shape)
-    taken = [take(f) for f in imager.film(view.scenery, PS // 10, seed=1, kept=frozenset())]
+    view = make_view(given, model.shape)
+    taken = [
+        measure_frame(f) for f in imager.film(view.scenery, PS // 10, seed=1, kept=frozenset())
+    ]
     assert {round(t.seconds * 1e6) for t in taken} == {50, 200}
     with pytest.raises(InputError, match=r"imager\.window must be within 16 x 32 pixels"):
-        machine_of(scenario("adaptive-exposure", rows=16, columns=32, window=[10, 0, 8, 8])).make()
+        model_of(scenario("adaptive-exposure", rows=16, columns=32, window=[10, 0, 8, 8])).make()
     with pytest.raises(InputError, match=r"imager\.frame_rate must be low enough"):
-        machine_of(scenario("adaptive-exposure", rows=2048, frame_rate="10 kHz")).make()
+        model_of(scenario("adaptive-exposure", rows=2048, frame_rate="10 kHz")).make()
 
 
 def test_an_ebaps_is_what_its_section_says():
@@ -267,19 +278,19 @@ def test_an_ebaps_is_what_its_section_says():
         high_voltage="-800 V", exposure_loop=False, exposure="5 ms", duration="300 ms",
         writes=[["150 ms", "high_voltage", 1200]],
     )  # fmt: skip
-    machine = machine_of(given)
-    ready = ready_imager("x", given, machine)
-    assert ready.expected.seconds == (5e-3, 5e-3)
-    assert [m.volts for m in machine.models(ready.pixels)] == [800.0, 1200.0]
-    imager = machine.make()
-    frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
-    taken = [take(frame) for frame in frames]
-    assert len(taken) == ready.expected.frames
+    model = model_of(given)
+    ready = plan_imager("x", given)
+    assert ready.exposures.seconds == (5e-3, 5e-3)
+    assert [m.volts for m in model.settings(ready.pixels)] == [800.0, 1200.0]
+    imager = model.make()
+    frames = imager.film(ready.view.scenery, ready.spec.stop, seed=1, kept=ready.kept)
+    taken = [measure_frame(frame) for frame in frames]
+    assert len(taken) == ready.exposures.frames
     assert [t.state["key"] for t in taken[:5]] == [1, 1, 1, 1, 0]
     assert {t.state["high_voltage"] for t in taken} == {800.0, 1200.0}
-    metrics = machine.metrics(taken, ready.view, imager)
+    metrics = model.metrics(taken, ready.view, imager)
     assert metrics["high_voltage"].value == -1200 and metrics["dark_frames"].value == 4
-    own = np.sqrt(machine.pixels.mean_variance(0.0, 5e-3)[1])
+    own = np.sqrt(model.pixels.mean_variance(0.0, 5e-3)[1])
     left = np.sqrt(metrics["dark_noise"].value ** 2 * 1.25 + 5 / 64)
     assert metrics["dark_residual"].value == pytest.approx(left)
     assert 0.5 * own < metrics["dark_noise"].value < 2 * own  # few ion bursts in 768 pixels
@@ -294,11 +305,11 @@ def test_the_bars_of_the_night_chart_stand_out_at_night_and_not_without_voltage(
             columns=96, high_voltage=volts, exposure_loop=False, exposure="25 ms",
             duration="260 ms", pedestal=2000,
         )  # fmt: skip
-        machine = machine_of(given)
-        ready = ready_imager("x", given, machine)
-        imager = machine.make()
-        frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
-        metrics = machine.metrics([take(f) for f in frames], ready.view, imager)
+        model = model_of(given)
+        ready = plan_imager("x", given)
+        imager = model.make()
+        frames = imager.film(ready.view.scenery, ready.spec.stop, seed=1, kept=ready.kept)
+        metrics = model.metrics([measure_frame(f) for f in frames], ready.view, imager)
         assert metrics["bar_width"].value == pytest.approx(0.05 * 0.95 * 96)
         seen.append(metrics["contrast_to_noise"].value)
     assert seen[0] > 5 > seen[1]  # Rose
@@ -306,25 +317,25 @@ def test_the_bars_of_the_night_chart_stand_out_at_night_and_not_without_voltage(
 
 def test_an_emccds_frames_are_foreseen_through_its_writes():
     _, given = load("emccd-window")
-    machine = machine_of(given)
-    view = make_view(given, machine.shape)
+    model = model_of(given)
+    view = make_view(given, model.shape)
     stop = round(given.duration * PS)
-    imager = machine.make()
+    imager = model.make()
 
     class Blind:
-        shape = machine.shape
+        shape = model.shape
 
         def lux_seconds(self, first, begin, end):
             return np.zeros((begin.size, self.shape[1]))
 
-    frames = [take(f) for f in imager.film(Blind(), stop, seed=1, kept=frozenset())]
-    expected = machine.expected(view, stop)
+    frames = [measure_frame(f) for f in imager.film(Blind(), stop, seed=1, kept=frozenset())]
+    expected = model.exposures(view, stop)
     assert len(frames) == expected.frames
     assert expected.seconds == pytest.approx((2e-3, 20e-3))
     assert {t.state["external"] for t in frames} == {0.0, 1.0}
     assert {t.shape for t in frames} == {(512, 536), (256, 536), (128, 536)}
     assert frames[0].state["kelvin"] == pytest.approx(263.15, abs=0.05)
-    assert len(machine.models(machine.pixels)) == 2
+    assert len(model.settings(model.pixels)) == 2
 
 
 def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
@@ -334,24 +345,36 @@ def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
         ("emccd", {"gain": 900}),
     ):
         given = scenario(kind, {"illuminance": "1e6 lux"}, duration="120 ms", **keys)
-        machine = machine_of(given)
-        ready = ready_imager("x", given, machine)
-        imager = machine.make()
-        frames = imager.film(ready.view.scenery, ready.stop, seed=1, kept=ready.kept)
-        taken = [take(frame) for frame in frames]
-        metrics = machine.metrics(taken, ready.view, imager)
+        model = model_of(given)
+        ready = plan_imager("x", given)
+        imager = model.make()
+        frames = imager.film(ready.view.scenery, ready.spec.stop, seed=1, kept=ready.kept)
+        taken = [measure_frame(frame) for frame in frames]
+        metrics = model.metrics(taken, ready.view, imager)
         for name in ("saturated", "saturated_most"):
             assert metrics[name].unit == "1" and 0.9 < metrics[name].value <= 1
-        told = {name: said(name, metric) for name, metric in metrics.items()}
+        told = {name: metric_text(name, metric) for name, metric in metrics.items()}
         share = f"{100 * metrics['saturated'].value:.4g} %"
         assert told["saturated"] == (share, "of the last frame's pixels read the largest value "
                                      "there is")  # fmt: skip
-    assert said("settled", Metric(1.0, "1"))[0] == "yes"
-    assert said("settled", Metric(0.0, "1"))[0] == "no"
-    assert said("settled", Metric(None, "1"))[0] == "unknown"
+    assert metric_text("settled", Metric(1.0, "1"))[0] == "yes"
+    assert metric_text("settled", Metric(0.0, "1"))[0] == "no"
+    assert metric_text("settled", Metric(None, "1"))[0] == "unknown"
 
 
 def test_frames_that_are_checked_lie_within_the_run():
     for frames in (1, 2, 3, 5, 100):
-        chosen = watched(frames)
+        chosen = watched_frames(frames)
         assert chosen and min(chosen) >= 0 and max(chosen) < frames
+
+
+@pytest.mark.parametrize(("name", "told"), [("adaptive-exposure", True), ("emccd-window", False)])
+def test_accuracy_says_that_decisions_are_not_compared(viform, name, told):
+    command = ["accuracy", name, "--set", "duration=10 ms"]
+    if told:
+        command += ["--set", "imager.rows=16", "--set", "imager.columns=32"]
+    else:
+        command += ["--set", "imager.rows=16"]
+    document = json.loads(viform(*command, "--json").out)
+    assert document["reference"]["decisions"] == ("not compared" if told else "none")
+    assert ("decides" in _text(name, document)) == told

@@ -12,8 +12,8 @@ import pytest
 
 from cosim.run.folder import begin_folder
 from cosim.run.inputs import changed, digest, sealed
-from rtl_model.imagers.run.filming import _identity
-from scenarios.assemble.loading import load, to_toml
+from rtl_model.imagers.run.chain import FrameChain
+from scenarios.assemble.schema.loading import load, to_toml
 
 
 @pytest.fixture
@@ -55,10 +55,13 @@ def test_a_run_s_folder_holds_a_scenario_that_can_be_run_again(sent, tmp_path):
 
 
 def test_an_imager_s_tape_is_of_one_clip(sent):
-    run: Any = SimpleNamespace(
-        kept=frozenset(), scenario=scenario(sent, "ebaps-night", "scene.path")
-    )
-    before = _identity(run)
-    assert _identity(run) == before
+    spec = SimpleNamespace(toml=to_toml(scenario(sent, "ebaps-night", "scene.path")), seed=1)
+    planned: Any = SimpleNamespace(
+        kept=frozenset(), spec=spec, pixels=SimpleNamespace(effects={}),
+        exposures=SimpleNamespace(frames=1),
+    )  # fmt: skip
+    chain = FrameChain(planned, sent.parent)
+    before = chain._identity()
+    assert chain._identity() == before
     sent.write_bytes(b"of others")
-    assert _identity(run) != before
+    assert chain._identity() != before

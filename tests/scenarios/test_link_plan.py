@@ -12,18 +12,18 @@ from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
 from link.air import Scene, charge_changes
-from link.evaluation.reach import CellScene, reach
 from link.layout import TRAINING
 from link.mode import Mode
+from link.prediction.reach import CellScene, reach
 from link.sending import Transmission
 from link.setting import LinkSetting, link_setting
+from link.setup.truth import true_timing
 from link.theory import clopper_pearson
-from link.trial.accuracy import accuracy_link
 from link.trial.check import LinkCheck, check_link, compare, goodput_change
-from link.trial.forecast import forecast_link
-from link.trial.patches import LinkPatches, Variant, true_timing
-from link.trial.plan import LinkLook, camera_changes, half_width, look_link
-from scenarios.assemble.loading import linked, load
+from link.trial.patches import LinkPatches, Variant
+from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
+from link.trial.study import LinkStudy
+from scenarios.assemble.schema.loading import linked, load
 from sensor import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)
@@ -55,8 +55,8 @@ def sent() -> Transmission:
 
 
 @pytest.fixture(scope="module")
-def seen(setting: LinkSetting, sent: Transmission) -> LinkLook:
-    return look_link(setting, MODE, sent.symbols, 200)
+def seen(setting: LinkSetting, sent: Transmission) -> LinkSurvey:
+    return survey_link(setting, MODE, sent.symbols, 200)
 
 
 def test_the_unit_is_half_the_interval_of_the_runs_rate() -> None:
@@ -122,7 +122,7 @@ def test_goodput_follows_from_the_codewords_that_come_through() -> None:
     assert goodput_change(0.4, 0.4, MODE) == 0
 
 
-def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkLook) -> None:
+def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkSurvey) -> None:
     scene = seen.scene
     camera = replace(
         seen.camera, row_skew=0.25, crosstalk=0.04, dead_time=5e-6, comparator_delay=2.5e-6,
@@ -141,7 +141,7 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkLook) -
 
 
 def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
-    seen: LinkLook, device: Device
+    seen: LinkSurvey, device: Device
 ) -> None:
     plan = seen.plan(0.1, device)
     assert "scintillation" in plan.left_out and plan.tier == "fast"
@@ -162,7 +162,7 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
 
 
 def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
-    look = look_link(small("link.air.structure=1e-9"), MODE, sent.symbols, 200)
+    look = survey_link(small("link.air.structure=1e-9"), MODE, sent.symbols, 200)
     assert "scintillation" in look.plan(0.1, device).kept
 
 
@@ -170,7 +170,7 @@ def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
 def test_the_default_link_at_ten_metres_leaves_scintillation_out(structure: str, out: bool) -> None:
     given = ["link.distance=10 m", f"link.air.structure={structure}"]
     setting = link_setting(linked(load("light-link", given)[1], "test"))
-    look = look_link(setting, Mode(960, 960, 8, 2, "8b10b", 64), 3700, 7400)
+    look = survey_link(setting, Mode(960, 960, 8, 2, "8b10b", 64), 3700, 7400)
     plan = look.plan(0.1, None)
     assert ("scintillation" in plan.left_out) == out
     assert plan.plan.kind == ("estimate" if out else "proof")  # of nothing left out
@@ -194,7 +194,7 @@ def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int
         one = replace(given, air=replace(given.air, seed=seed))
         patches = LinkPatches(one, sending, 1)
         cycles = (TRAINING + patches.symbols) * MODE.ticks
-        scene = look_link(one, sending.mode, sending.symbols, cycles).scene
+        scene = survey_link(one, sending.mode, sending.symbols, cycles).scene
         bound = changes["scintillation"].units(replace(scene, bits=patches.bits))
         found = patches.film(
             {"with": Variant("exact", one.camera), "out": Variant("exact", one.camera, kept)},
@@ -209,7 +209,7 @@ def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int
 
 @pytest.mark.slow
 def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
-    setting: LinkSetting, sent: Transmission, seen: LinkLook, device: Device
+    setting: LinkSetting, sent: Transmission, seen: LinkSurvey, device: Device
 ) -> None:
     patches = LinkPatches(setting, sent, 1)
     assert patches.plane is not None and patches.bits > 3000
@@ -239,7 +239,7 @@ def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
 
 
 def test_the_check_measures_what_is_left_out(
-    setting: LinkSetting, sent: Transmission, seen: LinkLook, device: Device
+    setting: LinkSetting, sent: Transmission, seen: LinkSurvey, device: Device
 ) -> None:
     plan = seen.plan(0.1, device)
     found = check_link(setting, sent, plan, seed=1, device=device, progress=Silent())
@@ -254,7 +254,7 @@ def test_the_check_measures_what_is_left_out(
 
 def test_a_panel_out_of_view_has_nothing_to_compare(sent: Transmission, device: Device) -> None:
     away = small("link.aim.offset_x=5000")
-    plan = look_link(away, MODE, sent.symbols, 200).plan(0.1, device)
+    plan = survey_link(away, MODE, sent.symbols, 200).plan(0.1, device)
     found = check_link(away, sent, plan, seed=1, device=device, progress=Silent())
     assert found.paired is None and found.error.value is None and not found.beyond(0.1)
     assert found.measured == dict.fromkeys(plan.left_out)
@@ -289,7 +289,7 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
                             "link.modem.line=8b10b", "link.modem.parity=32",
                             "sensor.crosstalk=0"])[1], "test",
     )  # fmt: skip
-    document = forecast_link("small", given, None, Silent())
+    document = LinkStudy("small", given, None).forecast(Silent())
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
     assert "scintillation" in {row["effect"] for row in document["left_out"]}
     assert 0 < document["promised"] <= SHARE * document["tolerance"]
@@ -300,4 +300,4 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
     aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
     away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
     with pytest.raises(InputError, match="whose panel is in view"):
-        accuracy_link(away, None, Silent())
+        LinkStudy("away", away, None).ladder(Silent())

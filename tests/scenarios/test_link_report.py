@@ -7,7 +7,7 @@ import numpy as np
 from link.evaluation.errors import count_errors
 from link.layout import Layout
 from link.mode import Mode
-from link.report.errors import of_end
+from link.report.errors import end_text
 from link.report.figures import lowest_rate
 
 LAYOUT = Layout(Mode(128, 128, 8, 2, "8b10b", 32))
@@ -28,12 +28,12 @@ def _errors(wrong: dict[int, int], last: int):
 def test_errors_of_the_transmissions_last_symbol_are_told_apart():
     errors = _errors({50: 2, 57: 5}, 57)
     assert (errors.wrong, errors.at_end) == (7, 5)
-    told = of_end(errors)
+    told = end_text(errors)
     assert told.startswith(" 5 of the wrong bits")
     assert f"{2 / (9 * LAYOUT.cells):.2g} are wrong" in told
     for other in (_errors({50: 2}, 57), _errors({50: 2, 57: 5}, 59), _errors({}, 57)):
         assert other.at_end == 0
-        assert not of_end(other)
+        assert not end_text(other)
 
 
 def test_the_axis_of_error_rates_begins_below_all_that_is_drawn():

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from link.evaluation.capacity import Given, capacity_document
 from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
+from link.prediction.capacity import CapacityInput, capacity_document
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
 KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]
@@ -107,7 +107,7 @@ class TestBer:
 
 
 class TestCapacity:
-    GIVEN = Given(140.0, 10.0, 100.0, "residual", 40_000.0, 10**6, 900_000.0, 1)
+    GIVEN = CapacityInput(140.0, 10.0, 100.0, "residual", 40_000.0, 10**6, 900_000.0, 1)
     MODE = Mode(960, 960, 2, 2, "8b10b", 32)
 
     def test_the_budget_ends_at_the_coded_rate(self) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from cosim import InputError
 from display import open_window
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.cli.window import FRAME, show_live
 

@@ -11,8 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cosim import InputError
-from scenarios.assemble.loading import load, shipped, to_toml
-from scenarios.assemble.scenario import AnyScenario
+from scenarios.assemble.schema.loading import load, shipped, to_toml
+from scenarios.assemble.schema.scenario import AnyScenario
 
 FILM = shipped()["film"]
 

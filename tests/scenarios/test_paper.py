@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from scenarios.studies.paper import DOCUMENTS, Row, paper_rows
-from scenarios.studies.paper.row import agreement, listed, number, unprinted
+from cosim.run.printed import Row, agreement, listed, number, unprinted
+from scenarios.studies.paper import DOCUMENTS, paper_rows
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +69,10 @@ def test_a_proof_is_needed_where_the_document_errs_and_only_there() -> None:
     ("module", "name", "wrong", "document"),
     [
         ("sensor.dynamic_range.spike", "photons_per_lux", lambda nm: 4.2e15, "000"),
-        ("scenarios.studies.paper.adaptive_exposure", "lengthening", lambda value: 2, "001"),
+        ("rtl_model.imagers.adaptive.paper", "lengthening", lambda value: 2, "001"),
         ("sensor.imagers.cmos.setting", "ROUNDING", 2.0, "001"),
-        ("scenarios.studies.paper.ebaps", "region_bytes", lambda: 1280 * 1024, "002"),
-        ("scenarios.studies.paper.emccd", "frame_clocks", lambda *_: 10**5, "003"),
+        ("rtl_model.imagers.ebaps.paper", "region_bytes", lambda: 1280 * 1024, "002"),
+        ("rtl_model.imagers.emccd.paper", "frame_clocks", lambda *_: 10**5, "003"),
         ("scenarios.studies.paper.dynamic_range", "decibels", lambda ratio: 10.0, "004"),
     ],
 )  # fmt: skip

@@ -12,10 +12,10 @@ from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
 from cosim.plan.tiles import TileGrid
-from scenarios.assemble.loading import load
-from scenarios.assemble.planning import RunPlan, plan_run
-from scenarios.assemble.setup import set_up_camera
-from scenarios.scenes import make_source
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.loading import load
+from scenarios.scenes.kinds.grid import SceneGrid
 
 SHAPE, CYCLES = (96, 160), 200
 SCENES = ("step", "star", "wave", "film")
@@ -24,7 +24,7 @@ SCENES = ("step", "star", "wave", "film")
 def made(name: str, *assignments: str):
     _, scenario = load(name, list(assignments))
     setting = set_up_camera(scenario, "numba").setting
-    return make_source(scenario.scene, SHAPE, setting.clock, CYCLES, True), setting.clock
+    return scenario.scene.source(SceneGrid(SHAPE, setting.clock, CYCLES, True)), setting.clock
 
 
 @pytest.mark.parametrize("name", SCENES)

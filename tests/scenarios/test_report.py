@@ -17,7 +17,7 @@ import pytest
 from cosim import Clock, Viform
 from cosim.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
 from cosim.report.png import for_display, to_linear_bytes
-from scenarios.assemble.loading import load, to_toml
+from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.report import write_report
 from sensor import EFFECTS
 

@@ -20,8 +20,8 @@ from cosim.files import Recorder, ZarrStream, open_stream
 from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
-from scenarios.assemble.camera import choose_lens
-from scenarios.assemble.loading import load, to_toml
+from scenarios.assemble.camera.lensed import choose_lens
+from scenarios.assemble.schema.loading import load, to_toml
 from sensor import CHIPS, EFFECTS, CameraSetting
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
 

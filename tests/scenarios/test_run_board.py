@@ -6,17 +6,19 @@ import xml.etree.ElementTree as xml
 import pytest
 
 from cosim import InputError
+from cosim.run.machine import Options
 from rtl_model.bringup import bring_up
-from rtl_model.bringup.place import virtual_board
-from rtl_model.bringup.report import write_board_report
-from scenarios.assemble.loading import load
-from scenarios.assemble.run_board import run_board
+from rtl_model.bringup.bench.endpoint import virtual_board
+from rtl_model.bringup.report.page import write_board_report
+from scenarios.assemble.schema.loading import load
+from scenarios.cli.output import SilentProgress
+from scenarios.run import run_scenario
 
 
-class Silent:
-    def start(self, what, total): ...
-    def advance(self, done): ...
-    def note(self, text): ...
+def run_board(name, scenario, out, trace=None):
+    options, progress = Options(trace=trace), SilentProgress()
+    done = run_scenario(name, scenario, out, options=options, progress=progress, began=0.0)
+    return done.result, done.folder
 
 
 SMALL = ["board.level=model", "board.rows=4", "board.columns=40", "board.frames=12"]
@@ -28,7 +30,7 @@ SMALL = ["board.level=model", "board.rows=4", "board.columns=40", "board.frames=
 )
 def test_a_run_brings_a_board_up(tmp_path, faults, outcome):
     name, scenario = load("bring-up", SMALL + faults)
-    result, folder = run_board(name, scenario, tmp_path / "run", progress=Silent(), began=0.0)
+    result, folder = run_board(name, scenario, tmp_path / "run")
     document = json.loads((folder / "result.json").read_text())
     assert result.outcome == document["outcome"] == outcome
     suite = xml.parse(folder / "junit.xml").getroot().find("testsuite")
@@ -65,7 +67,7 @@ def test_more_frames_than_memory_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"board\.frames must be at most"):
         run_board(
             name, scenario.model_copy(update={"board": scenario.board.model_copy(
-                update={"frames": 60_000})}), tmp_path / "run", progress=Silent(), began=0.0,
+                update={"frames": 60_000})}), tmp_path / "run",
         )  # fmt: skip
     assert not (tmp_path / "run").exists()
 
@@ -74,7 +76,7 @@ def test_waveforms_of_a_real_board_are_refused(tmp_path):
     name, scenario = load("bring-up", ["board.port=/dev/ttyUSB9"])
     with pytest.raises(InputError, match=r"--trace must be given with board\.port=virtual"):
         run_board(
-            name, scenario, tmp_path / "run", progress=Silent(), began=0.0,
+            name, scenario, tmp_path / "run",
             trace=tmp_path / "x.fst",
         )  # fmt: skip
 

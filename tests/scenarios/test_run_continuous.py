@@ -15,13 +15,15 @@ import pytest
 
 from cosim import Clock, Interrupted, Light, Piece
 from cosim.files.intensities import read_intensities
+from cosim.light.steps import light_steps
+from cosim.run.machine import Machine, Options, Run
 from cosim.run.result import Result
-from scenarios.assemble.loading import load
-from scenarios.assemble.readout import light_steps
-from scenarios.assemble.run_continuous import ContinuousRun, run_continuous
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
+from scenarios.report import write_report
+from scenarios.run import run_scenario
 from sensor.continuous import ContinuousCamera
-from sensor.continuous.report import write_continuous_report
+from sensor.continuous.run import ContinuousRun
 from sensor.continuous.shots import PixelLight
 from sensor.device.crosstalk import side_share
 
@@ -33,20 +35,20 @@ WHITE = 0.6 * 1000 * 40_000
 
 
 def shoot(
-    out: Path, *sets: str, name: str = "step", report: Any = None, **more: Any
+    out: Path, *sets: str, name: str = "step", report: Any = None
 ) -> tuple[Result, ContinuousRun]:
     runs: list[ContinuousRun] = []
 
-    def keep(run: ContinuousRun) -> list[str]:
-        runs.append(run)
-        return [] if report is None else report(run)
+    def keep(machine: Any, run: Run) -> list[str]:
+        runs.append(machine.judged(run))
+        return [] if report is None else report(machine, run)
 
     short, scenario = load(name, list(sets))
-    result, _ = run_continuous(
-        short, scenario, out, progress=SilentProgress(), began=time.perf_counter(), report=keep,
-        **more,
+    done = run_scenario(
+        short, scenario, out, options=Options(), progress=SilentProgress(),
+        began=time.perf_counter(), report=keep,
     )  # fmt: skip
-    return result, runs[0]
+    return done.result, runs[0]
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, ContinuousR
     """400 cycles of bars whose light jumps ninefold in the middle, with the report."""
     folder = tmp_path_factory.mktemp("runs") / "step"
     sets = ("duration=10 ms", "scene.at=5 ms", "title=A <b>step</b> & more")
-    return shoot(folder, *SMALL, *sets, report=write_continuous_report)
+    return shoot(folder, *SMALL, *sets, report=write_report)
 
 
 # Closed forms, from lux to the file.
@@ -70,8 +72,8 @@ def test_a_jump_is_reported_in_steps_of_the_contrast(tmp_path):
     )  # fmt: skip
     steps = int(np.log(9) / np.log(1.1))
     assert steps == 23
-    reports = read_intensities(run.folder / "stream.intensities.npz")
-    assert reports == run.reports
+    reports = read_intensities(run.run.folder / "stream.intensities.npz")
+    assert reports == run.views.reports
     assert len(reports) == 640 * (steps + 1)
     k = np.arange(steps + 1)
     times = 2e-3 + 4e-3 * np.log(8 / (9 - 1.1 ** k[1:]))
@@ -90,15 +92,20 @@ def test_cross_talk_is_mixed_into_the_light(tmp_path):
         tmp_path / "run", *SMALL, "duration=1 ms", "scene.at=0.5 ms", "sensor.crosstalk=0.3",
         "sensor.continuous.shot_noise=false", "image.at=[0]",
     )  # fmt: skip
-    row = run.shots[0].continuous[8]
+    row = run.views.shots[0].continuous[8]
     # The last column of bar 1 gives its light away to both sides and gets some of bar 2's.
     mixed = 1 / 8 + side_share(0.3) * (2 / 8 - 1 / 8)
     assert row[4] == pytest.approx(0.1 * mixed, rel=1 / 1024 + 1e-6)
     assert row[2] == pytest.approx(0.1 / 8, rel=1 / 1024 + 1e-6)
-    assert run.result.kept[-1] == "optical cross-talk"
+    assert run.run.result.kept[-1] == "optical cross-talk"
     # The light kept for the figures is the light that the pixels saw.
-    assert len(run.light.points) == 8 and run.light.when == [0, 5 * 10**8, 5 * 10**8, 10**9]
-    lux = np.array(run.light.level) * (run.setting.electrons_per_lux / run.white)
+    assert len(run.views.light.points) == 8 and run.views.light.when == [
+        0,
+        5 * 10**8,
+        5 * 10**8,
+        10**9,
+    ]
+    lux = np.array(run.views.light.level) * (run.spec.setting.electrons_per_lux / run.spec.white)
     assert lux[:2, 0] == pytest.approx(0.1 / 8) and lux[2:, 7] == pytest.approx(0.9)
 
 
@@ -109,7 +116,7 @@ def test_noise_is_that_of_the_monitor(tmp_path):
         "sensor.continuous.height=200", "sensor.continuous.exponent_bits=0",
         "sensor.continuous.bits=24", "sensor.continuous.full_scale=1e8 e/s",
     )  # fmt: skip
-    bar = run.shots[0].continuous[:, 35:] * WHITE
+    bar = run.views.shots[0].continuous[:, 35:] * WHITE
     mean, tau = 0.1 * WHITE, 250e-6
     sigma = (mean / (2 * tau)) ** 0.5
     assert abs(bar.mean() - mean) < 4.9 * sigma / bar.size**0.5
@@ -125,8 +132,8 @@ def test_a_clock_of_odd_periods_is_run_in_steps_that_its_arithmetic_holds(tmp_pa
         f"sensor.clock={clock}", "sensor.lens.f_number=2", "sensor.continuous.shot_noise=false",
         "scene.at=500 s",
     )  # fmt: skip
-    assert len(run.reports) == 640 and not run.reports.time.any()
-    assert run.reports.ticks == round(1000 * float(clock.split()[0]))
+    assert len(run.views.reports) == 640 and not run.views.reports.time.any()
+    assert run.views.reports.ticks == round(1000 * float(clock.split()[0]))
 
 
 # The folder.
@@ -134,15 +141,15 @@ def test_a_clock_of_odd_periods_is_run_in_steps_that_its_arithmetic_holds(tmp_pa
 
 def test_the_folder_is_as_the_design_says(whole):
     result, run = whole
-    document = json.loads((run.folder / "result.json").read_text(encoding="utf-8"))
+    document = json.loads((run.run.folder / "result.json").read_text(encoding="utf-8"))
     assert document == json.loads(json.dumps(result.document()))
-    there = {str(p.relative_to(run.folder)) for p in run.folder.rglob("*") if p.is_file()}
+    there = {str(p.relative_to(run.run.folder)) for p in run.run.folder.rglob("*") if p.is_file()}
     assert set(document["files"]) == there
     assert {"report.html", "stream.intensities.npz", "scenario.toml", "result.json"} <= there
     assert {"images/truth-00200.png", "images/continuous-00360.png"} <= there
     assert document["outcome"] == "ok" and document["error"]["value"] is None
     metrics = {name: m["value"] for name, m in document["metrics"].items()}
-    assert metrics["reports"] == len(run.reports) > 2 * 640
+    assert metrics["reports"] == len(run.views.reports) > 2 * 640
     assert metrics["report_rate"] == pytest.approx(metrics["reports"] / 640 / 10e-3)
     assert metrics["report_bits"] == 4 + 6 + 14
     assert metrics["bit_rate"] == pytest.approx(metrics["report_rate"] * 24)
@@ -157,7 +164,7 @@ def test_the_folder_is_as_the_design_says(whole):
 
 def test_the_page_is_one_file_without_a_network(whole):
     _, run = whole
-    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    page = (run.run.folder / "report.html").read_text(encoding="utf-8")
     assert "http" not in page
     assert "<b>step</b>" not in page and "&lt;b&gt;step&lt;/b&gt; &amp; more" in page
     assert page.count("data:image/png;base64,") == 2
@@ -165,17 +172,17 @@ def test_the_page_is_one_file_without_a_network(whole):
     assert "4 row + 6 column + 14 value = 24" in page
     text = re.sub(r'base64,[^"]*', "", page)
     assert not re.search(r"\b(nan|inf|None)\b", text)
-    for effect in run.result.kept:
+    for effect in run.run.result.kept:
         assert f"<td>{effect}</td>" in page.replace("&#x27;", "'")
     assert "<td>assumed: the default</td>" in page
 
 
 def test_the_scenario_in_the_folder_makes_the_same_reports(whole, tmp_path):
     _, run = whole
-    _, again = shoot(tmp_path / "again", name=str(run.folder / "scenario.toml"))
-    assert again.reports == run.reports
-    _, other = shoot(tmp_path / "other", "seed=2", name=str(run.folder / "scenario.toml"))
-    assert other.reports != run.reports
+    _, again = shoot(tmp_path / "again", name=str(run.run.folder / "scenario.toml"))
+    assert again.views.reports == run.views.reports
+    _, other = shoot(tmp_path / "other", "seed=2", name=str(run.run.folder / "scenario.toml"))
+    assert other.views.reports != run.views.reports
 
 
 def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatch):
@@ -189,7 +196,7 @@ def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatc
 
 
 def test_an_interrupt_in_the_report_leaves_nothing_that_looks_whole(tmp_path):
-    def stop(run: ContinuousRun) -> list[str]:
+    def stop(machine: Machine, run: Run) -> list[str]:
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
@@ -202,15 +209,14 @@ def test_an_interrupt_in_the_report_leaves_nothing_that_looks_whole(tmp_path):
 
 
 def test_the_preset_silicon_keeps_what_such_pixels_have(tmp_path):
-    """`wave` ships with the preset, and runs as it is but for its readout."""
-    sets = (*SMALL, "duration=1 ms", "image.at=[5]")
-    result, run = shoot(tmp_path / "run", *sets, name="wave")
+    sets = (*SMALL, "sensor.preset=silicon", "duration=1 ms", "scene.at=0.5 ms", "image.at=[5]")
+    result, run = shoot(tmp_path / "run", *sets)
     assert {"PRNU", "dark current and DSNU", "hot and dead pixels"} <= set(result.kept)
     assert not {"threshold noise", "threshold FPN", "dead time"} & set(result.kept)
-    assert any("no pixel spikes: row skew" in note for note in run.notes)
-    assert run.setting.pattern is not None and run.setting.pattern.prnu == 0.058
-    _, again = shoot(tmp_path / "again", name=str(run.folder))
-    assert again.reports == run.reports
+    assert any("no pixel spikes: row skew" in note for note in run.run.notes)
+    assert run.spec.setting.pattern is not None and run.spec.setting.pattern.prnu == 0.058
+    _, again = shoot(tmp_path / "again", name=str(run.run.folder))
+    assert again.views.reports == run.views.reports
 
 
 def test_pixels_that_measure_are_black_until_they_have(tmp_path):
@@ -219,11 +225,11 @@ def test_pixels_that_measure_are_black_until_they_have(tmp_path):
         "sensor.continuous.measure=1 ms", "sensor.continuous.time_constant=1 us",
         "sensor.continuous.full_scale=1.2e7 e/s",
     )  # fmt: skip
-    first, last = run.shots
+    first, last = run.views.shots
     assert first.silent == 640 and not first.continuous.any()
     assert last.silent == 0 and last.continuous.all()
-    assert run.notes[-1] == "640 pixels had not reported by cycle 10 and are black in its image"
-    told = " ".join(run.notes)
+    assert run.run.notes[-1] == "640 pixels had not reported by cycle 10 and are black in its image"
+    told = " ".join(run.run.notes)
     assert "more than 0.5 of the light is beyond full_scale" in told
     assert "white brings 24 electrons a time constant" in told
     assert "changes of 7.5 of white or more" in told
@@ -319,7 +325,7 @@ def test_too_many_reports_end_with_advice(viform, tmp_path):
 
 
 def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
-    monkeypatch.setattr("sensor.continuous.report.write_continuous_report", lambda run: [])
+    monkeypatch.setattr("scenarios.run.REPORT", lambda machine, run: [])
     code, out, _ = viform(
         "run", "step", "--out", tmp_path / "run", "--json", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],

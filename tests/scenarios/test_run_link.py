@@ -14,18 +14,21 @@ import pytest
 from scipy.stats import chi2
 
 from cosim import InputError
+from cosim.run.machine import Options
 from cosim.run.result import Metric, Result
-from link.evaluation.finished import LinkRun
+from link.evaluation.delivery import judge_delivery
+from link.evaluation.record import LinkEvaluation
 from link.layout import Layout
 from link.mode import Mode
-from link.report.page import write_link_report
-from link.run.prepare import choose_mode, ready_link, tags_told
 from link.setting import link_setting
+from link.setup.modes import choose_mode, tag_warning
+from link.setup.setup import set_up_link
 from link.verdict import Cause, Verdict
-from scenarios.assemble.loading import load
-from scenarios.assemble.run_link import link_verdict, run_link
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.cli.run import print_result
+from scenarios.report import write_report
+from scenarios.run import run_scenario
 
 SMALL = (
     "sensor.chip=spikeone", "link.panel.width=384", "link.panel.height=224", "link.size=20000",
@@ -34,22 +37,23 @@ SMALL = (
 """384 x 224 panel pixels before 400 x 250 camera pixels, in a mode that is known to work."""
 
 
-def link(out: Path, *assignments, report=lambda run: []):
+def link(out: Path, *assignments, report=lambda machine, run: []):
     name, scenario = load("light-link", [*SMALL, *assignments])
-    result, folder = run_link(
-        name, scenario, out, progress=SilentProgress(), began=time.perf_counter(), report=report,
+    done = run_scenario(
+        name, scenario, out, options=Options(), progress=SilentProgress(),
+        began=time.perf_counter(), report=report,
     )  # fmt: skip
-    return result, json.loads((folder / "verdict.json").read_text()), folder
+    return done.result, json.loads((done.folder / "verdict.json").read_text()), done.folder
 
 
 @pytest.fixture(scope="module")
 def sent(tmp_path_factory):
     """A run with its report; what it left in memory."""
-    kept: list[LinkRun] = []
+    kept: list[LinkEvaluation] = []
 
-    def report(run: LinkRun) -> list[str]:
-        kept.append(run)
-        return write_link_report(run)
+    def report(machine, run):
+        kept.append(run.outcome.views)
+        return write_report(machine, run)
 
     folder = tmp_path_factory.mktemp("link")
     file = folder / "a picture.bin"
@@ -138,7 +142,7 @@ def test_the_eye_and_the_overheads_are_told(sent):
 def test_an_empty_file_crosses_as_one(tmp_path):
     file = tmp_path / "nothing.txt"
     file.touch()
-    result, verdict, folder = link(tmp_path / "run", f"link.file={file}", report=write_link_report)
+    result, verdict, folder = link(tmp_path / "run", f"link.file={file}", report=write_report)
     assert (result.outcome, verdict["delivered"], verdict["bytes"]) == ("ok", True, 0)
     assert (folder / "received" / file.name).read_bytes() == b""
     assert result.metrics["goodput_bps"].value == 0
@@ -167,7 +171,7 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     if cause == "too_small":  # the run knew before
         assert "tags too small" in verdict["told"]
         setting = link_setting(load("light-link", [*SMALL, assignment])[1])
-        told = tags_told(setting, Mode(384, 224, 2, 2, "8b10b", 32))
+        told = tag_warning(setting, Mode(384, 224, 2, 2, "8b10b", 32))
         assert told is not None and "has 0.98 camera pixels and is found from 1.6 on" in told
     # What was neither measured nor foreseen is null, and 0 only what was counted.
     metric = {name: each.value for name, each in result.metrics.items()}
@@ -188,16 +192,16 @@ HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")
 
 def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone():
     runs = [
-        ready_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
+        set_up_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
         for more in ([], ["link.modem.parity=128"], ["duration=40 ms"])
     ]
     cut, given, timed = runs
     assert cut.choice is not None and not cut.choice.holds
-    assert [run.hopeless for run in runs] == [True, False, False]
+    assert [run.shortened for run in runs] == [True, False, False]
     assert cut.mode == given.mode and given.sent.sent_whole and not cut.sent.sent_whole
     assert 500 < cut.sent.planes <= 600 < timed.sent.planes <= 1600 < given.sent.planes
     seconds = [run.sent.planes / run.setting.panel.clock.hz for run in (cut, given)]
-    told = cut.hopeless_told()
+    told = cut.shortened_message()
     assert "no mode is foreseen to work (0." in told and "of a pilot's bits were wrong" in told
     assert (
         f"so only {seconds[0]:.3g} s of the {seconds[1]:.3g} s that the file takes are filmed"
@@ -205,8 +209,8 @@ def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone()
     )
     # the receiver's cause stands: too little room is not what is wrong
     received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.NOISY, "seen"))
-    assert link_verdict(cut, received) == (Verdict(Cause.NOISY, f"seen; {told}"), False)
-    assert link_verdict(timed, received)[0].cause is Cause.TOO_LARGE
+    assert judge_delivery(cut, received) == (Verdict(Cause.NOISY, f"seen; {told}"), False)
+    assert judge_delivery(timed, received)[0].cause is Cause.TOO_LARGE
 
 
 def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
@@ -263,13 +267,14 @@ def test_scene_and_link_together_and_commands_of_the_other_kind_are_refused(refu
 @pytest.mark.slow
 def test_four_megabytes_cross_two_metres_at_a_gigabit(tmp_path):
     name, scenario = load("light-link")
-    result, folder = run_link(
-        name, scenario, tmp_path / "run", progress=SilentProgress(), began=time.perf_counter(),
-        report=write_link_report,
+    done = run_scenario(
+        name, scenario, tmp_path / "run", options=Options(), progress=SilentProgress(),
+        began=time.perf_counter(),
     )  # fmt: skip
+    result = done.result
     assert result.outcome == "ok"
     assert result.metrics["goodput_bps"].value >= 1e9
-    assert (folder / "received" / "random.bin").stat().st_size == 4_000_000
+    assert (done.folder / "received" / "random.bin").stat().st_size == 4_000_000
     assert "scintillation" in [row["effect"] for row in result.left_out]
 
 

@@ -16,11 +16,9 @@ from pydantic import BaseModel
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
-from display import DRIVES
-from display.section import DRIVES as schema_drives
-from scenarios.assemble.loading import load, shipped, to_toml
-from scenarios.assemble.messages import validate
-from scenarios.assemble.scenario import AnyScenario, Scenario, export
+from scenarios.assemble.schema.loading import load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import AnyScenario, Scenario, export
 
 GOOD: dict[str, Any] = {
     "title": "A clip",
@@ -245,10 +243,6 @@ def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_a_shipped_scenario_fits_the_exported_json_schema(name):
     assert [*faults(export(), tomllib.loads(shipped()[name]))] == []
-
-
-def test_drives_are_those_of_the_display() -> None:
-    assert schema_drives == DRIVES
 
 
 @pytest.mark.parametrize(

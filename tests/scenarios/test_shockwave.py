@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, InputError
-from scenarios.assemble.loading import load
-from scenarios.scenes import make_source
+from scenarios.assemble.schema.loading import load
 from scenarios.scenes.drawing.paced import PARTS, PacedSource
 from scenarios.scenes.flow import shockwave as module
 from scenarios.scenes.flow.gasdynamics import (
@@ -34,6 +33,7 @@ from scenarios.scenes.flow.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
 from scenarios.scenes.flow.shockwave import Shockwave
 from scenarios.scenes.flow.sightlines import WIDTH
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge, _layer_density
+from scenarios.scenes.kinds.grid import SceneGrid
 
 CLOCK = Clock(40_000)
 SHAPE = (250, 400)
@@ -380,7 +380,7 @@ def test_light_does_not_depend_on_how_a_run_is_split(aligned):
 def made(*assignments: str):
     _, scenario = load("shockwave", list(assignments))
     cycles = CLOCK.cycles_in(round(scenario.duration * PS))
-    return make_source(scenario.scene, SMALL, CLOCK, cycles)
+    return scenario.scene.source(SceneGrid(SMALL, CLOCK, cycles))
 
 
 def test_the_scenario_makes_a_source_that_says_how_it_is_drawn():

@@ -14,33 +14,36 @@ import pytest
 
 from cosim import Clock, Interrupted
 from cosim.files import read_events
+from cosim.light.steps import light_steps
+from cosim.run.machine import Options, Run
 from cosim.run.result import Result
-from scenarios.assemble.loading import load
-from scenarios.assemble.readout import light_steps
-from scenarios.assemble.run_events import EventRun, run_events
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
+from scenarios.report import write_report
+from scenarios.run import run_scenario
 from scenarios.scenes.charts.sky import FINE, Sky, star_levels
 from sensor.asynchronous import AsynchronousPixels
-from sensor.asynchronous.report import write_events_report
+from sensor.asynchronous.output import Output
+from sensor.asynchronous.run import EventRun
 
 SMALL = ("sensor.asynchronous.width=96", "sensor.asynchronous.height=96")
 
 
 def shoot(
-    out: Path, *sets: str, name: str = "sun-and-stars", report: Any = None, **more: Any
+    out: Path, *sets: str, name: str = "sun-and-stars", report: Any = None
 ) -> tuple[Result, EventRun]:
     runs: list[EventRun] = []
 
-    def keep(run: EventRun) -> list[str]:
-        runs.append(run)
-        return [] if report is None else report(run)
+    def keep(machine: Any, run: Run) -> list[str]:
+        runs.append(machine.judged(run))
+        return [] if report is None else report(machine, run)
 
     short, scenario = load(name, list(sets))
-    result, _ = run_events(
-        short, scenario, out, progress=SilentProgress(), began=time.perf_counter(), report=keep,
-        **more,
+    done = run_scenario(
+        short, scenario, out, options=Options(), progress=SilentProgress(),
+        began=time.perf_counter(), report=keep,
     )  # fmt: skip
-    return result, runs[0]
+    return done.result, runs[0]
 
 
 def decibels(result: Result) -> tuple[float, float, float]:
@@ -52,7 +55,7 @@ def decibels(result: Result) -> tuple[float, float, float]:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, EventRun]:
     """The scenario as it ships, smaller, with its report."""
     folder = tmp_path_factory.mktemp("runs") / "sky"
-    return shoot(folder, *SMALL, "title=A <b>sky</b> & more", report=write_events_report)
+    return shoot(folder, *SMALL, "title=A <b>sky</b> & more", report=write_report)
 
 
 # What the paper promises.
@@ -68,8 +71,8 @@ def test_widths_to_ten_seconds_span_180_db(whole):
     assert result.metrics["brightest"].value == 1e5
     assert result.metrics["dimmest"].value <= 1.0001e-4
     # The sun's first widths are at the limit of the circuit, a fifth of them held at 10 ns.
-    sun = run.found[0]
-    held = run.sent.exact[: sun.fired] == 10_000
+    sun = run.views.recovered[0]
+    held = run.views.sent.exact[: sun.fired] == 10_000
     assert 0.1 < held.mean() < 0.35
     assert sun.plain is not None and sun.plain < 0.98e5
 
@@ -93,7 +96,7 @@ def test_the_ranges_of_section_4_5(tmp_path, sets, formula, least, most):
     true, recovered, said = decibels(result)
     assert said == pytest.approx(formula)
     assert least < true < most and recovered > least
-    for one in run.found[: int(result.metrics["patches_recovered"].value)]:
+    for one in run.views.recovered[: int(result.metrics["patches_recovered"].value)]:
         assert abs(one.error) <= 0.2
         assert one.fired + one.read + one.silent + one.lost == one.pixels
 
@@ -110,10 +113,10 @@ def test_the_dark_costs_nothing(tmp_path):
 def test_a_lower_level_of_the_threshold_acts(tmp_path):
     """Half of 300 e: a pixel is full twice as soon, and its light is told all the same."""
     _, run = shoot(tmp_path / "run", *SMALL, "duration=100 ms", "sensor.threshold_level=8")
-    assert run.setting.threshold == run.model.threshold == 150
-    star = run.found[1]  # 1e4 lux: 0.7 QE on 100 square micrometres
-    exact = run.sent.exact[star.target.mask.ravel()[run.sent.pixel]]
-    rate = star.lux * run.setting.electrons_per_lux
+    assert run.spec.setting.threshold == run.spec.model.threshold == 150
+    star = run.views.recovered[1]  # 1e4 lux: 0.7 QE on 100 square micrometres
+    exact = run.views.sent.exact[star.target.mask.ravel()[run.views.sent.pixel]]
+    rate = star.lux * run.spec.setting.electrons_per_lux
     # Widths have a deviation of 1/sqrt(150), and every pixel's gain one of 1 %.
     assert exact[: star.fired].mean() * 1e-12 == pytest.approx(
         150 / rate, rel=4.9 * 0.09 / math.sqrt(star.fired)
@@ -155,9 +158,9 @@ def test_targets_do_not_touch_and_hold_their_light(shape):
 
 def test_the_folder_is_as_the_design_says(whole):
     result, run = whole
-    document = json.loads((run.folder / "result.json").read_text(encoding="utf-8"))
+    document = json.loads((run.run.folder / "result.json").read_text(encoding="utf-8"))
     assert document == json.loads(json.dumps(result.document()))
-    there = {str(p.relative_to(run.folder)) for p in run.folder.rglob("*") if p.is_file()}
+    there = {str(p.relative_to(run.run.folder)) for p in run.run.folder.rglob("*") if p.is_file()}
     assert set(document["files"]) == there
     assert {"report.html", "stream.events.npz", "scenario.toml", "result.json"} <= there
     assert document["outcome"] == "ok"
@@ -171,11 +174,11 @@ def test_the_folder_is_as_the_design_says(whole):
 
 def test_the_page_is_one_file_without_a_network(whole):
     _, run = whole
-    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    page = (run.run.folder / "report.html").read_text(encoding="utf-8")
     assert "http" not in page.replace("http-equiv", "")
     assert "<b>sky</b>" not in page and "&lt;b&gt;sky&lt;/b&gt; &amp; more" in page
     assert page.count("data:image/png;base64,") == 5
-    for patch in run.found:
+    for patch in run.views.recovered:
         assert f"<td>{patch.target.name}</td>" in page
     assert (
         "nan" not in page.lower().split("<h2>the machine")[0].split("what was recovered")[1][-9000:]
@@ -184,7 +187,7 @@ def test_the_page_is_one_file_without_a_network(whole):
 
 def test_the_page_says_the_error_and_what_was_left_out(whole):
     result, run = whole
-    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    page = (run.run.folder / "report.html").read_text(encoding="utf-8")
     assert "not measured yet" not in page
     assert f"<b>{result.error.value:.2g}</b>" in page
     assert result.left_out
@@ -195,27 +198,31 @@ def test_the_page_says_the_error_and_what_was_left_out(whole):
 
 def test_the_stream_holds_what_was_sent(whole):
     _, run = whole
-    events = read_events(run.folder / "stream.events.npz")
-    assert events == run.events and len(events) == len(run.sent)
+    events = read_events(run.run.folder / "stream.events.npz")
+    assert events == run.views.events and len(events) == len(run.views.sent)
     assert events.ticks == 10**10 and events.clock == Clock(10**9)
 
 
 def test_the_scenario_in_the_folder_makes_the_same_events(whole, tmp_path):
     _, run = whole
-    _, again = shoot(tmp_path / "again", name=str(run.folder / "scenario.toml"))
-    assert again.events == run.events
-    _, other = shoot(tmp_path / "other", "seed=2", name=str(run.folder / "scenario.toml"))
-    assert other.events != run.events
+    _, again = shoot(tmp_path / "again", name=str(run.run.folder / "scenario.toml"))
+    assert again.views.events == run.views.events
+    _, other = shoot(tmp_path / "other", "seed=2", name=str(run.run.folder / "scenario.toml"))
+    assert other.views.events != run.views.events
 
 
 def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatch):
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(AsynchronousPixels, "unordered", stop)
+    monkeypatch.setattr(Output, "take", stop)
     with pytest.raises(Interrupted, match="run it afresh"):
         shoot(tmp_path / "run", *SMALL)
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["scenario.toml"]
+    monkeypatch.setattr(AsynchronousPixels, "unordered", stop)  # in the trial of the plan
+    with pytest.raises(Interrupted, match="run it afresh"):
+        shoot(tmp_path / "other", *SMALL)
+    assert list((tmp_path / "other").iterdir()) == []
 
 
 # The channel in a run.
@@ -225,22 +232,24 @@ def test_a_slow_channel_delays_and_loses_and_says_so(tmp_path):
     sets = (*SMALL, "duration=20 ms", "sensor.channel.rate=50 kHz", "sensor.asynchronous.change=4")
     result, run = shoot(tmp_path / "late", *sets, "sensor.channel.timestamp=channel")
     assert result.outcome == "ok"  # it is the camera that loses them, not the simulation
-    assert any("found their place taken" in note for note in run.notes)
+    assert any("found their place taken" in note for note in run.run.notes)
     metrics = {name: m.value for name, m in result.metrics.items()}
     assert metrics["events_lost"] > 0 and metrics["events_under_way"] > 0
     # 20 ms of a bus that is always busy carry a thousand.
     assert metrics["events_carried"] == pytest.approx(1000, abs=1)
-    assert run.delay is not None
+    assert run.views.delay is not None
     # Stamped as they leave: an event each 20 us, whenever it fired.
-    assert (np.diff(run.events.time) == 20_000).mean() > 0.99
+    assert (np.diff(run.views.events.time) == 20_000).mean() > 0.99
     # Stamped at the pixel they are the same events at the times they fired, and those that cross
     # after the end are waited for.
     other, exact = shoot(tmp_path / "exact", *sets)
     assert other.metrics["events_lost"] == result.metrics["events_lost"]
     assert other.metrics["events_under_way"].value == 0
-    late = -(-(exact.sent.instant + exact.delay) // 1000) - 1
-    assert np.array_equal(late[: len(run.events)], run.events.time)
-    assert np.array_equal(np.sort(-(-exact.sent.instant // 1000) - 1), exact.events.time)
+    late = -(-(exact.views.sent.instant + exact.views.delay) // 1000) - 1
+    assert np.array_equal(late[: len(run.views.events)], run.views.events.time)
+    assert np.array_equal(
+        np.sort(-(-exact.views.sent.instant // 1000) - 1), exact.views.events.time
+    )
 
 
 @pytest.mark.parametrize(
@@ -259,23 +268,23 @@ def test_what_the_channel_lost_is_no_evidence_of_the_dark(tmp_path, stamp, rules
     result, run = shoot(
         tmp_path / "run", *SMALL, "duration=20 ms", f"sensor.channel.rate={rate}",
         f"sensor.channel.timestamp={stamp}", *[f"sensor.channel.{rule}" for rule in rules],
-        report=write_events_report,
+        report=write_report,
     )  # fmt: skip
-    sun = run.found[0]
+    sun = run.views.recovered[0]
     assert sun.lost > 100 and sun.fired > 10 and sun.silent == 0
     assert sun.low is not None
     if math.isfinite(most):
         assert sun.estimate is not None and 0.95e5 < sun.estimate < most * 1e5
     else:
         assert sun.low > 0.95e5
-    for one in run.found:
+    for one in run.views.recovered:
         assert one.fired + one.read + one.silent + one.lost == one.pixels
         assert one.lux > 0.05 or one.lost == 0  # 0.01 lux gather 60 electrons in 20 ms
-    lost = sum(one.lost for one in run.found)
+    lost = sum(one.lost for one in run.views.recovered)
     assert result.metrics["events_of_patches_unheard"].value == lost
-    assert any(f"{lost} of" in note and "left out" in note for note in run.notes)
+    assert any(f"{lost} of" in note and "left out" in note for note in run.run.notes)
     # A patch of which nobody was heard is unknown, not dark.
-    deaf = [p for p in run.found if p.lost == p.pixels]
+    deaf = [p for p in run.views.recovered if p.lost == p.pixels]
     assert deaf
     assert all(p.estimate is p.low is p.high is p.plain is None for p in deaf)
 
@@ -287,14 +296,14 @@ def test_a_step_of_light_is_seen_by_events(tmp_path):
     result, run = shoot(
         tmp_path / "run", "sensor.readout=asynchronous", "sensor.asynchronous.width=80",
         "sensor.asynchronous.height=20", "sensor.asynchronous.change=3", "duration=20 ms",
-        "scene.at=10 ms", "image.at=[200, 700]", name="step", report=write_events_report,
+        "scene.at=10 ms", "image.at=[200, 700]", name="step", report=write_report,
     )  # fmt: skip
-    assert len(list(run.setting.chip.provenance())) > 0
+    assert len(list(run.spec.setting.chip.provenance())) > 0
     assert result.metrics["tfi_psnr"].value > 25
     assert {"images/truth-00200.png", "images/tfi-00700.png"} <= set(result.files)
-    assert [s.cycle for s in run.shots] == [200, 700]
+    assert [s.cycle for s in run.views.shots] == [200, 700]
     # Every pixel that the jump ninefolds says so within the first interval after it.
-    after = run.sent.take(run.sent.instant > 10**10)
+    after = run.views.sent.take(run.views.sent.instant > 10**10)
     assert len(np.unique(after.pixel)) == 1600
     assert [row.stage for row in result.latency] == ["first event"]
     assert "channel_load" not in result.metrics
@@ -307,12 +316,14 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
     sets = ("sensor.readout=asynchronous", "sensor.asynchronous.width=12", "duration=4 ms",
             "sensor.asynchronous.height=10", f"scene.path={clip}")  # fmt: skip
     result, run = shoot(tmp_path / "run", *sets, name="film")
-    steps = list(light_steps(run.source, lambda light: light, run.setting.clock, run.stop))
+    steps = list(
+        light_steps(run.spec.source, lambda light: light, run.spec.setting.clock, run.spec.stop)
+    )
     assert [s[1:] for s in steps] == [(0, 16 * 10**8), (16 * 10**8, 4 * 10**9)]
     assert result.metrics["tfi_psnr"].value > 15
     # Light integrates to spikes: 0.6 a cycle of white at 40 kHz, less than one a pixel left over.
-    total = sum(float(run.source.truth(t * 10**7).sum()) for t in range(5, 400, 10)) / 40
-    assert len(run.sent) == pytest.approx(0.6 * 160 * total, rel=0.02, abs=120)
+    total = sum(float(run.spec.source.truth(t * 10**7).sum()) for t in range(5, 400, 10)) / 40
+    assert len(run.views.sent) == pytest.approx(0.6 * 160 * total, rel=0.02, abs=120)
 
 
 # Refusals.
@@ -397,7 +408,7 @@ def test_events_that_the_memory_cannot_hold_end_in_one_line(viform, tmp_path, mo
 
 
 def test_the_command_prints_what_it_found(viform, tmp_path, monkeypatch):
-    monkeypatch.setattr("sensor.asynchronous.report.write_events_report", lambda run: [])
+    monkeypatch.setattr("scenarios.run.REPORT", lambda machine, run: [])
     code, out, _ = viform(
         "run", "sun-and-stars", "--out", tmp_path / "run", "--json", "--set", "duration=1 ms",
         *[part for s in SMALL for part in ("--set", s)],

@@ -10,15 +10,15 @@ import pytest
 
 from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
+from cosim.plan.paired import compare, windows, worst
 from cosim.run.machine import BrokenPromise
-from scenarios.assemble.loading import load
-from scenarios.assemble.planning import plan_run
-from scenarios.assemble.setup import set_up_camera
-from scenarios.assemble.verifier import Planned, Verifier
+from scenarios.assemble.camera.planning import plan_run
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.camera.verifier import Planned, Verifier
+from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME
 from sensor.latched.effects.fixed_pattern import PRNU
-from sensor.latched.paired import compare, windows, worst
 
 LIES = {
     "reset dead time": ("sensor.dead_time=2 us", DEAD_TIME),

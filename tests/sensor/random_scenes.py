@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim import PS, Clock, Light, Piece, Summary
+from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
 from sensor import CHIPS, CameraSetting, DevicePattern
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 
 CLOCK = Clock.from_hz(40e3)
 PERIOD = PS // 40_000

@@ -10,9 +10,10 @@ import pytest
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
+from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TileGrid
 from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
-from sensor.latched.patches import PatchCamera, PatchPlane
+from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
 PERIOD = PS // 40_000

@@ -11,10 +11,19 @@ import numpy as np
 from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
-from rtl_model.imagers.adaptive import AdaptiveExposure, Timing
-from rtl_model.imagers.adaptive.run import HALF, AdaptiveMachine, changes
-from rtl_model.imagers.run.figures import BLUE, GREEN, VIOLET, finish, plain, read_vcd, waveforms
-from scenarios.assemble.run_imager import ImagerRun
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.model import HALF, AdaptiveModel, changes
+from rtl_model.imagers.adaptive.timing import Timing
+from rtl_model.imagers.report.figures import (
+    BLUE,
+    GREEN,
+    VIOLET,
+    read_vcd,
+    save_figure,
+    style_axes,
+    waveforms,
+)
+from rtl_model.imagers.report.imager_run import ImagerRun
 from sensor.imagers import Still
 from sensor.imagers.cmos import AdaptivePixels
 
@@ -26,14 +35,12 @@ SETTLING = 16
 """Frames it has to find an exposure: more than half a search takes."""
 
 
-def adaptive_sections(run: ImagerRun) -> str:
+def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
     """The sections of the page, their figures written."""
     folder = run.folder / "figures"
-    machine = run.run.machine
-    assert isinstance(machine, AdaptiveMachine)
     _course(run, folder / "exposure.png")
-    _response(machine, folder / "response.png")
-    _timing(run, machine, folder / "timing.png")
+    _response(model, folder / "response.png")
+    _timing(run, model, folder / "timing.png")
     return (
         "<h2>Exposure and signal as the light changes</h2><p>The document's figure 6a. Light is "
         "that of the brightest pixel; the exposure is T 2<sup>n</sup>, T = 1 &micro;s; the signal "
@@ -55,25 +62,25 @@ def adaptive_sections(run: ImagerRun) -> str:
 
 
 def _course(run: ImagerRun, path: Path) -> None:
-    taken, view = run.filmed.taken, run.run.view
+    taken, view = run.frames, run.planned.view
     plt = pyplot()
     figure, (top, middle, low) = plt.subplots(
         3, 1, figsize=(9.5, 6.6), sharex=True, layout="constrained"
     )
     if isinstance(view.scenery, Still):
         peak, course = float(view.scenery.lux.max()), view.scenery.course
-        times = np.linspace(0, run.run.stop, 1400)
+        times = np.linspace(0, run.planned.spec.stop, 1400)
         times = np.union1d(times, [t + d for t, _ in course.knots for d in (-1, 0)])
-        times = times[(times >= 0) & (times <= run.run.stop)]
+        times = times[(times >= 0) & (times <= run.planned.spec.stop)]
         top.plot(times / 1e9, [peak * course.at(int(t)) for t in times], color=MARK, linewidth=1.4)
     top.set_yscale("log")
-    plain(top, y="light, lux")
+    style_axes(top, y="light, lux")
     ready = np.array([t.ready for t in taken]) / 1e9
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
     middle.plot(ready, multiple, "o", markersize=2, color=BLUE)  # one frame makes no step
     middle.set_yscale("log", base=2)
-    plain(middle, y="exposure, T = 1 µs")
+    style_axes(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
     seen = np.minimum(largest, 255)
@@ -82,13 +89,13 @@ def _course(run: ImagerRun, path: Path) -> None:
     low.plot(ready[~flagged], seen[~flagged], "o", markersize=3, color=GREEN)
     low.plot(ready[flagged], np.full(flagged.sum(), 255), "s", markersize=4, color=MARK)
     low.set_ylim(0, 265)
-    plain(low, "time at which a frame has been read, ms", "largest value, DN")
-    finish(figure, path)
+    style_axes(low, "time at which a frame has been read, ms", "largest value, DN")
+    save_figure(figure, path)
 
 
 def _changes(run: ImagerRun) -> str:
     rows = []
-    jumps = [c for c in changes(run.filmed.taken, run.run.view) if c.ps < run.run.stop]
+    jumps = [c for c in changes(run.frames, run.planned.view) if c.ps < run.planned.spec.stop]
     for c in jumps:
         told = "power-on" if c.before == 0 else f"x {c.after / c.before:.4g}"
         until = "the run's end" if c is jumps[-1] else "the next"
@@ -107,11 +114,11 @@ def _changes(run: ImagerRun) -> str:
     )
 
 
-def _response(machine: AdaptiveMachine, path: Path) -> None:
+def _response(model: AdaptiveModel, path: Path) -> None:
     """Largest value and exposure once settled, over seven decades of light."""
-    section = machine.section
+    section = model.section
     lux = np.geomspace(0.1, 1e6, 57)
-    setting = machine.setting
+    setting = model.setting
     found = []
     for level in lux:
         imager = AdaptiveExposure(
@@ -135,22 +142,22 @@ def _response(machine: AdaptiveMachine, path: Path) -> None:
     combined = value / multiple
     top.set_xscale("log")
     top.set_ylim(0, 265)
-    plain(top, y="mean value, DN")
+    style_axes(top, y="mean value, DN")
     low.step(lux, multiple, where="mid", color=BLUE, linewidth=1.3, label="exposure, us")
     low.plot(lux, combined, "o", color=VIOLET, markersize=3.5, label="value / exposure, DN/us")
     low.plot(lux, lux * 256e-6 * section.gain, color=INK, linewidth=0.7, label="A S E / LSB")
     low.set_yscale("log")
     low.legend(fontsize=8, frameon=False)
-    plain(low)
+    style_axes(low)
     together = value + HALF * (section.longest - np.log2(multiple))
     last.plot(lux, together, "o-", color=GREEN, markersize=3.5, linewidth=0.9)
-    plain(last, "light on the sensor, lux", "frames put together, DN")
-    finish(figure, path)
+    style_axes(last, "light on the sensor, lux", "frames put together, DN")
+    save_figure(figure, path)
 
 
-def _timing(run: ImagerRun, machine: AdaptiveMachine, path: Path) -> None:
-    taken = run.filmed.taken
-    timing = machine.timing
+def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
+    taken = run.frames
+    timing = model.timing
     steps = [
         n for n in range(1, len(taken))
         if taken[n].state["multiplier"] != taken[n - 1].state["multiplier"] and n > 1
@@ -183,12 +190,12 @@ def _timing(run: ImagerRun, machine: AdaptiveMachine, path: Path) -> None:
     top.plot([], [], color=INK, label="sampled and read")
     top.legend(fontsize=8, frameon=False, loc="upper right")
     top.invert_yaxis()
-    plain(top, "time, ms", "row")
-    _signals(machine, low)
-    finish(figure, path)
+    style_axes(top, "time, ms", "row")
+    _signals(model, low)
+    save_figure(figure, path)
 
 
-def _signals(machine: AdaptiveMachine, axes: Any) -> None:
+def _signals(model: AdaptiveModel, axes: Any) -> None:
     """Signals of the first rows of a frame, from a trace of a sensor of its own, exposed for 40
     us."""
     imager = AdaptiveExposure(AdaptivePixels((SMALL, SMALL)), Timing.of(SMALL, SMALL, 1000.0))

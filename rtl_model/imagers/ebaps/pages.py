@@ -9,16 +9,16 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.light.lens import Lens
+from cosim.light.charts import ASPECT, bar_width, draw, regions
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.ebaps import DARKS, ExposureRule, mean_of_four, subtract
-from rtl_model.imagers.ebaps.run import EbapsMachine, live
-from rtl_model.imagers.run.figures import BLUE, GREEN, finish, plain, stretched
-from scenarios.assemble.run_imager import ImagerRun
-from scenarios.scenes.charts.target_art import ASPECT, bar_width, draw, regions
+from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
+from rtl_model.imagers.ebaps.exposure import ExposureRule
+from rtl_model.imagers.ebaps.model import EbapsModel, live
+from rtl_model.imagers.report.figures import BLUE, GREEN, save_figure, stretch, style_axes
+from rtl_model.imagers.report.imager_run import ImagerRun
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import EbapsPixels
 
@@ -35,20 +35,19 @@ ROSE: Final = 5.0
 Values = npt.NDArray[np.float64]
 
 
-def ebaps_sections(run: ImagerRun) -> str:
+def ebaps_sections(model: EbapsModel, run: ImagerRun) -> str:
     """The sections of the page, their figures written."""
-    folder, machine = run.folder / "figures", run.run.machine
-    assert isinstance(machine, EbapsMachine)
+    folder = run.folder / "figures"
     _loop(run, folder / "loop.png")
     _histogram(run, folder / "histogram.png")
-    rows = _grid(run, machine, folder / "voltages.png")
+    rows = _grid(run, model, folder / "voltages.png")
     return (
         "<h2>The exposure loop</h2><p>Mean brightness of each live frame against the window [24 "
         "000, 25 600] DN, and the exposure that a constant step of 0.64 ms makes of it. Hatched "
         "frames are dark ones (KEY = 1), taken at the live exposure. A frame's mean can change the "
         "frame after next at the earliest; the loop acts on frames that show what it last did."
         "</p>" + plot(folder / "loop.png", "mean brightness and exposure over time")
-        + _before_after(run)
+        + _before_after(model, run)
         + plot(folder / "histogram.png", "histograms before and after dark subtraction")
         + "<h2>High voltage and light</h2><p>The document's figure 11: rows are high voltages, "
         "columns the light on the chart; each picture is one live frame less the mean of four "
@@ -63,7 +62,7 @@ def ebaps_sections(run: ImagerRun) -> str:
 
 
 def _loop(run: ImagerRun, path: Path) -> None:
-    rule, taken = ExposureRule(), run.filmed.taken
+    rule, taken = ExposureRule(), run.frames
     time = np.array([t.ready for t in taken]) / 1e9
     key = np.array([t.state["key"] for t in taken]) > 0
     mean = np.array([t.state["mean"] for t in taken])
@@ -80,26 +79,26 @@ def _loop(run: ImagerRun, path: Path) -> None:
              label="after it")  # fmt: skip
     top.set_ylim(0, None)
     top.legend(fontsize=8, frameon=False, loc="lower right")
-    plain(top, y="mean of a frame, DN")
+    style_axes(top, y="mean of a frame, DN")
     low.step(time, exposure, where="mid", color=BLUE, linewidth=1.3)
     for limit in (rule.shortest, rule.longest):
         low.axhline(limit / 1e6, color=INK, linewidth=0.7, linestyle=":")
-    plain(low, "time at which a frame has been read, ms; shaded: dark frames", "exposure, ms")
-    finish(figure, path)
+    style_axes(low, "time at which a frame has been read, ms; shaded: dark frames", "exposure, ms")
+    save_figure(figure, path)
 
 
 def _pair(run: ImagerRun) -> tuple[Any, Any, Any] | None:
     """The last live frame, the darks' mean, both as stored, and what came of it."""
-    memory = run.filmed.imager.memory
-    shown = live(run.filmed.taken)
-    if not shown or not run.filmed.imager.sequencer.subtracts():
+    memory = run.imager.memory
+    shown = live(run.frames)
+    if not shown or not run.imager.sequencer.subtracts():
         return None
     darks = mean_of_four([memory.read(n) for n in range(DARKS)])
-    at = run.filmed.taken.index(shown[-1])
+    at = run.frames.index(shown[-1])
     return memory.read(DARKS), darks, run.frame(at)
 
 
-def _before_after(run: ImagerRun) -> str:
+def _before_after(model: EbapsModel, run: ImagerRun) -> str:
     pair = _pair(run)
     if pair is None:
         return "<h2>Dark subtraction</h2><p>It was off.</p>"
@@ -108,30 +107,28 @@ def _before_after(run: ImagerRun) -> str:
     zero, top = np.percentile(shown, (0.2, 99.8))
     floor, ceiling = np.percentile(darks, (0.2, 99.8))
     pictures = [
-        picture(for_display(stretched(raw, low, high)), "the last live frame as it was read"),
-        picture(for_display(stretched(darks, floor, ceiling)), "the mean of four dark frames"),
-        picture(for_display(stretched(shown, zero, top)), "their difference"),
+        picture(for_display(stretch(raw, low, high)), "the last live frame as it was read"),
+        picture(for_display(stretch(darks, floor, ceiling)), "the mean of four dark frames"),
+        picture(for_display(stretch(shown, zero, top)), "their difference"),
     ]
     return (
         "<h2>Dark subtraction</h2><p>The document's figure 9: a live frame, the mean of the four "
         "dark frames in memory, and the difference, each stretched to its own range. Offsets and "
         "dark current of each pixel go; stripes of rows that scale with the light stay, as in the "
         f'document\'s pictures.</p><div class="grid by3">{"".join(pictures)}</div>'
-        + table(["what", "value"], _residual(run, darks))
+        + table(["what", "value"], _residual(model, run, darks))
     )
 
 
-def _residual(run: ImagerRun, darks: Any) -> list[list[str]]:
+def _residual(model: EbapsModel, run: ImagerRun, darks: Any) -> list[list[str]]:
     """What the mean of four leaves of a dark frame's pattern, beside theory."""
-    from rtl_model.imagers.ebaps import residual_variance
+    from rtl_model.imagers.ebaps.darks import residual_variance
 
-    machine = run.run.machine
-    assert isinstance(machine, EbapsMachine)
-    seconds = run.filmed.imager.sequencer.dark_exposure * 1e-9
-    pixels = machine.pixels
+    seconds = run.imager.sequencer.dark_exposure * 1e-9
+    pixels = model.pixels
     rows, columns = pixels.shape
     nothing = Exposed(np.zeros((rows, columns)), np.full(rows, seconds), np.zeros(rows), 0, 1 << 25)
-    fresh = pixels.convert(nothing, run.run.scenario.seed, run.run.kept).astype(float)
+    fresh = pixels.convert(nothing, run.planned.spec.seed, run.planned.kept).astype(float)
     left = fresh - darks
     one = float(pixels.mean_variance(0.0, seconds)[1])
     theory = np.sqrt(residual_variance(one, one))
@@ -161,8 +158,8 @@ def _histogram(run: ImagerRun, path: Path) -> None:
             )
         axes.set_yscale("log")
         axes.legend(fontsize=8, frameon=False)
-    plain(axes, "value, DN", "pixels")
-    finish(figure, path)
+    style_axes(axes, "value, DN", "pixels")
+    save_figure(figure, path)
 
 
 def _stands(pixels: EbapsPixels, chart: Values, lux: float) -> float:
@@ -176,14 +173,13 @@ def _stands(pixels: EbapsPixels, chart: Values, lux: float) -> float:
     return float(np.clip(seconds, rule.shortest * 1e-9, rule.longest * 1e-9))
 
 
-def _grid(run: ImagerRun, machine: EbapsMachine, path: Path) -> list[list[str]]:
-    lens = run.run.scenario.lens
-    gain = 1.0 if lens is None else Lens(lens.f_number, lens.transmission, lens.magnification).gain
+def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
+    gain = run.planned.view.gain
     chart = draw("night", SIZE)
     white, black = regions(chart)
     bar = ASPECT * (bar_width("night", SIZE) or 0.0) ** 2
-    kept, seed = frozenset(machine.pixels.effects), run.run.scenario.seed
-    device = EbapsPixels(SIZE, 0.0, machine.pixels.kelvin, machine.pixels.device)
+    kept, seed = frozenset(model.pixels.effects), run.planned.spec.seed
+    device = EbapsPixels(SIZE, 0.0, model.pixels.kelvin, model.pixels.device)
     plt = pyplot()
     figure, places = plt.subplots(
         len(VOLTAGES), len(LIGHT), figsize=(9.5, 10.4), layout="constrained"
@@ -201,7 +197,7 @@ def _grid(run: ImagerRun, machine: EbapsMachine, path: Path) -> list[list[str]]:
             cnr = step * np.sqrt(bar) / max(float(noise), 1e-9)
             low, high = np.percentile(shown, (0.5, 99.5))
             axes.imshow(
-                for_display(stretched(shown, low, high)), cmap="gray", vmin=0, vmax=255,
+                for_display(stretch(shown, low, high)), cmap="gray", vmin=0, vmax=255,
                 interpolation="nearest",
             )  # fmt: skip
             axes.set_xticks([])
@@ -215,7 +211,7 @@ def _grid(run: ImagerRun, machine: EbapsMachine, path: Path) -> list[list[str]]:
                 [_named(volts), f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
                  f"{shown.mean():.5g} DN", f"{cnr:.3g}", told]
             )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
     return rows
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from cosim.clock import PS
 from cosim.frames import Frame
+from rtl_model.imagers.emccd.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.cooling import Cooler
-from rtl_model.imagers.emccd.machine import EmccdMachine
 from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.timing import Timing
 from rtl_model.imagers.trace import Signal, trace_ending, write_trace
@@ -63,7 +63,7 @@ class Emccd:
         self._waiting: list[tuple[int, int, str, int]] = []  # (edge, order, register, value)
         self._written = self._now = 0
         self._cycles: list[Cycle] = []  # begun, not yet delivered
-        self.machine = EmccdMachine(self.timing, self._pulses, self._cycles.append)
+        self.sequencer = EmccdSequencer(self.timing, self._pulses, self._cycles.append)
 
     @property
     def now(self) -> int:
@@ -74,16 +74,16 @@ class Emccd:
         """See `Imager`. It is strobed at the first edge not before `at`; a cycle that begins at a
         later edge takes it. What is written at 0 stands before the first edge. InputError for no
         such register, one that is only read, a value that does not fit, a time that has passed."""
-        entry = register_of(self.machine.registers, register)
+        entry = register_of(self.sequencer.registers, register)
         when = write_instant(entry, register, value, at, self._now)
-        edge = max(self._edge(when), self.machine.clock - 1) if when else -1
+        edge = max(self._edge(when), self.sequencer.clock - 1) if when else -1
         insort(self._waiting, (edge, self._written, entry.name, value))
         self._written += 1
-        self._strobe(self.machine.clock)
+        self._strobe(self.sequencer.clock)
 
     def read(self, register: str) -> int:
         """See `Imager`."""
-        registers = self.machine.registers
+        registers = self.sequencer.registers
         return registers.read(register_of(registers, register).name)
 
     def film(
@@ -117,7 +117,7 @@ class Emccd:
         """Writes whose edge has passed take their places."""
         while self._waiting and self._waiting[0][0] < clock:
             _, _, name, value = self._waiting.pop(0)
-            self.machine.registers.write(name, value)
+            self.sequencer.registers.write(name, value)
 
     def _cycle(self, stop: int) -> Cycle | None:
         """Runs edges before `stop` until a frame's last pixel has left; its cycle, or None."""
@@ -127,11 +127,11 @@ class Emccd:
                 goal = min(goal, self._cycles[0].ready + 1)
             if self._waiting:
                 goal = min(goal, self._waiting[0][0] + 1)
-            begun = self.machine.run(goal)
-            self._strobe(self.machine.clock)
-            if self._cycles and self.machine.clock > self._cycles[0].ready:
+            begun = self.sequencer.run(goal)
+            self._strobe(self.sequencer.clock)
+            if self._cycles and self.sequencer.clock > self._cycles[0].ready:
                 return self._cycles.pop(0)
-            if not begun and self.machine.clock >= stop:
+            if not begun and self.sequencer.clock >= stop:
                 return None
 
     def _frame(self, cycle: Cycle, scene: Scenery, seed: int, kept: frozenset[str]) -> Frame:

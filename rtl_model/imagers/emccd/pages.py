@@ -12,11 +12,21 @@ from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.emccd import Emccd, Settings, Timing, frame_rate, run_cooling, window_table
-from rtl_model.imagers.emccd.run import STEP, EmccdMachine, cooler_of
-from rtl_model.imagers.run.figures import BLUE, GREEN, finish, plain, read_vcd, stretched, waveforms
-from rtl_model.imagers.run.machine import Taken
-from scenarios.assemble.run_imager import ImagerRun
+from rtl_model.imagers.emccd.cooling import run_cooling
+from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.model import STEP, EmccdModel, cooler_of
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_rate, window_table
+from rtl_model.imagers.report.figures import (
+    BLUE,
+    GREEN,
+    read_vcd,
+    save_figure,
+    stretch,
+    style_axes,
+    waveforms,
+)
+from rtl_model.imagers.report.imager_run import ImagerRun
+from rtl_model.imagers.run.model import FrameFigures
 from sensor.imagers import Exposed, Still
 from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
 
@@ -26,15 +36,14 @@ GAINS = (2.0, 10.0, 100.0, 1000.0)
 """Of the photon transfer."""
 
 
-def emccd_sections(run: ImagerRun) -> str:
+def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
     """The sections of the page, their figures written."""
-    folder, machine = run.folder / "figures", run.run.machine
-    assert isinstance(machine, EmccdMachine)
+    folder = run.folder / "figures"
     shown = _modes(run, folder / "modes.png")
-    _course(run, folder / "course.png")
-    _gain(machine, folder / "gain.png")
+    _course(model, run, folder / "course.png")
+    _gain(model, folder / "gain.png")
     _sequence(folder / "sequence.png")
-    _cooling(machine, folder / "cooling.png")
+    _cooling(model, folder / "cooling.png")
     timing = Timing()
     rows = [
         [f"{size} x {timing.columns}", f"{rate:.4g} frames/s", f"{1e3 / rate:.4g} ms"]
@@ -71,14 +80,14 @@ def emccd_sections(run: ImagerRun) -> str:
     )
 
 
-def _settings(frame: Taken) -> tuple[float, ...]:
+def _settings(frame: FrameFigures) -> tuple[float, ...]:
     s = frame.state
     return s["exposure_steps"], s["gain_step"], s["first_row"], s["rows"], s["external"]
 
 
 def _chosen(run: ImagerRun) -> list[int]:
     """Places of the first frame of each stretch of one setting."""
-    taken = run.filmed.taken
+    taken = run.frames
     found = [0]
     for n in range(1, len(taken)):
         if _settings(taken[n]) != _settings(taken[n - 1]):
@@ -87,7 +96,7 @@ def _chosen(run: ImagerRun) -> list[int]:
 
 
 def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
-    places, taken = _chosen(run), run.filmed.taken
+    places, taken = _chosen(run), run.frames
     plt = pyplot()
     wide = min(len(places), 4)
     lines = -(-len(places) // wide)
@@ -103,7 +112,7 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
         state = frame.state
         whole = np.zeros((512, values.shape[1]))
         first = int(state["first_row"])
-        whole[first : first + len(values)] = stretched(values, low, high)
+        whole[first : first + len(values)] = stretch(values, low, high)
         axes.imshow(for_display(whole), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         exposure = state["exposure_steps"] * STEP
         axes.set_title(
@@ -117,12 +126,12 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
              "external" if state["external"] else "internal", f"{rate:.4g} /s",
              f"{low:.0f}, {high:.0f}"]
         )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
     return rows
 
 
-def _course(run: ImagerRun, path: Path) -> None:
-    taken = run.filmed.taken
+def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
+    taken = run.frames
     time = np.array([t.ready for t in taken]) / 1e9
     named = (
         ("exposure, ms", [t.state["exposure_steps"] * STEP * 1e3 for t in taken]),
@@ -135,26 +144,25 @@ def _course(run: ImagerRun, path: Path) -> None:
     figure, places = plt.subplots(
         len(named), 1, figsize=(9.5, 7.2), sharex=True, layout="constrained"
     )
-    section = run.run.scenario.imager
     for axes, (name, values) in zip(places, named, strict=True):
         axes.plot(time, values, "o-", color=BLUE, markersize=3, linewidth=0.9)
-        for seconds in sorted({w[0] for w in getattr(section, "writes", ())}):
+        for seconds in sorted({w[0] for w in model.section.writes}):
             axes.axvline(seconds * 1e3, color=MARK, linewidth=0.7)
         if name.split(",")[0] in ("gain", "mean"):
             axes.set_yscale("log")
-        plain(axes, y=name)
+        style_axes(axes, y=name)
     places[-1].set_xlabel("time at which a frame has been read, ms", fontsize=9, color=INK)
-    finish(figure, path)
+    save_figure(figure, path)
 
 
-def _gain(machine: EmccdMachine, path: Path) -> None:
+def _gain(model: EmccdModel, path: Path) -> None:
     plt = pyplot()
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
-    voltage = machine.voltage
+    voltage = model.voltage
     volts = [voltage.volts(step) for step in range(256)]
     left.plot(voltage.table(), color=BLUE, linewidth=1.3)
     left.set_yscale("log")
-    plain(left, "step of the potentiometer", "gain")
+    style_axes(left, "step of the potentiometer", "gain")
     other = left.twinx()
     other.plot(volts, color=INK, linewidth=0.9, linestyle="--")
     other.set_ylabel("peak of the high-voltage clock, V (dashed)", fontsize=9, color=INK)
@@ -170,8 +178,8 @@ def _gain(machine: EmccdMachine, path: Path) -> None:
         label = f"gain {gain:g}: F$^2$ = {factor:.3f}"
         right.plot(seen[:, 0], seen[:, 1], "o", color=colour, markersize=4, label=label)
     right.legend(fontsize=8, frameon=False)
-    plain(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
-    finish(figure, path)
+    style_axes(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
+    save_figure(figure, path)
 
 
 def _transfer(pixels: EmccdPixels, electrons: float) -> tuple[float, float]:
@@ -212,18 +220,18 @@ def _sequence(path: Path) -> None:
         "time, ms; phase: 1 transfer, 2 exposure, 3 transfer, 4 clear, 5 dump, 6 read, 7 dump",
         fontsize=9, color=INK,
     )  # fmt: skip
-    finish(figure, path)
+    save_figure(figure, path)
 
 
-def _cooling(machine: EmccdMachine, path: Path) -> None:
-    found: Any = run_cooling(cooler_of(machine.section), 600.0)
+def _cooling(model: EmccdModel, path: Path) -> None:
+    found: Any = run_cooling(cooler_of(model.section), 600.0)
     plt = pyplot()
     figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
     top.plot(found.seconds, found.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
     top.plot(found.seconds, found.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
-    top.axhline(machine.section.temperature, color=INK, linewidth=0.7, linestyle=":")
+    top.axhline(model.section.temperature, color=INK, linewidth=0.7, linestyle=":")
     top.legend(fontsize=8, frameon=False)
-    plain(top, y="degC")
+    style_axes(top, y="degC")
     low.plot(found.seconds, found.amps, color=GREEN, linewidth=1.0)
-    plain(low, "seconds after power-on", "Peltier current, A")
-    finish(figure, path)
+    style_axes(low, "seconds after power-on", "Peltier current, A")
+    save_figure(figure, path)

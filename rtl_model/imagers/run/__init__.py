@@ -1,1 +1,1 @@
-"""An imager's run: planned, filmed, checked and judged."""
+"""The run of an imager: planned, filmed frame by frame, measured at a ladder of tolerances."""

@@ -1,4 +1,4 @@
-"""What an imager of a scenario looks at: light on its plane, and between which limits it lies."""
+"""The light on an imager's plane during a run."""
 
 from __future__ import annotations
 
@@ -7,28 +7,27 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Clock, Light, seconds_to_ps
-from cosim.light.lens import Lens
-from cosim.light.survey import survey
-from scenarios.assemble.scenario import ImagerScenario
-from scenarios.scenes.charts.target import target_course, target_plane
-from scenarios.scenes.making import make_source
-from scenarios.scenes.sections import TargetScene
-from sensor.imagers import LightScenery, Scenery, Still
+from sensor.imagers import Scenery
 
-__all__ = ["LIGHT_CLOCK", "View", "make_view"]
+__all__ = ["View"]
 
-LIGHT_CLOCK = Clock(1000)
-"""On whose edges a scene that moves is drawn: a pixel's edge that moves faster than a pixel in a
-millisecond is drawn coarser than that, and the run says so."""
 Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """scenery: the light. gain: lux on the plane for a lux of exitance. least, most: (H, W), lux on
-    the plane at any instant of the run. certain: whether these are proven. chart: (H, W)
-    reflectance of a still scene, None of one that moves. chart_name: of a drawn one."""
+    """A scene as an imager's plane receives it.
+
+    Attributes:
+        scenery: the light.
+        gain: lux on the plane for one lux of exitance.
+        least, most: (H, W) limits of the illuminance on the plane during the run, lux.
+        certain: whether these limits are proven.
+        chart: (H, W) reflectance of a scene that stands still; None for one that moves.
+        notes: what the user must know of the scene.
+        degraded: reasons for which the run does not show the scene as asked.
+        chart_name: name of a drawn chart, "" for any other scene.
+    """
 
     scenery: Scenery
     gain: float
@@ -39,71 +38,3 @@ class View:
     notes: list[str] = field(default_factory=list)
     degraded: list[str] = field(default_factory=list)
     chart_name: str = ""
-
-
-def _gain(scenario: ImagerScenario) -> tuple[float, str]:
-    lens = scenario.lens
-    if lens is None:
-        return 1.0, "no lens: the scene's light falls on the pixels as it is"
-    gain = Lens(lens.f_number, lens.transmission, lens.magnification).gain
-    return gain, (
-        f"lens f/{lens.f_number:g}, transmission {lens.transmission:g}: {gain:.3g} lux on the "
-        "pixels for one of exitance, E T / (4 N^2 (1 + m)^2)"
-    )
-
-
-def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
-    """Least and largest factor of the course within the run."""
-    course = target_course(scene)
-    seen = [course.at(0), course.at(stop)]
-    seen += [factor for time, factor in course.knots if 0 <= time <= stop]
-    return min(seen), max(seen)
-
-
-def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = LIGHT_CLOCK) -> View:
-    """The scene on an imager's plane of so many rows and columns. clock: on whose edges a scene
-    that moves is drawn. Raises InputError."""
-    gain, told = _gain(scenario)
-    scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
-    if isinstance(scene, TargetScene):
-        chart = target_plane(scene, shape)
-        lux = chart * (scene.illuminance * gain)
-        low, high = _factors(scene, stop)
-        lit = Still(lux, target_course(scene))
-        name = scene.chart if scene.path is None else ""
-        return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
-    cycles = clock.cycle_at(stop) + 1
-    source = make_source(scene, shape, clock, cycles)
-
-    def light(begin: int, end: int) -> Light:
-        first = clock.cycle_at(begin)
-        return source.step(None, Block(first, clock.cycle_at(max(end - 1, begin)) + 1 - first))
-
-    looked = survey(make_source(scene, shape, clock, cycles), clock, cycles)
-    least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
-    scenery = _Lensed(LightScenery(shape, light), gain)
-    steady = bool(looked.steady.all())
-    still = np.asarray(source.truth(0), np.float64) if steady else None
-    every = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
-    notes = [told, *source.notes, every]
-    return View(
-        scenery, gain, least, most, bool(looked.certain.all()), still, notes, source.degraded
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Lensed:
-    """Scenery behind a lens that focuses points to points: all of it by one factor."""
-
-    scenery: Scenery
-    gain: float
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.scenery.shape
-
-    def lux_seconds(
-        self, first: int, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
-    ) -> Values:
-        """See `Scenery`."""
-        return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)

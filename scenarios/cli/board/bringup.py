@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtl_model.bringup.place import csr_of, opened
+from rtl_model.bringup.bench.endpoint import csr_map, open_endpoint
 from scenarios.cli.board.line import (
     Baud,
     Csr,
@@ -50,7 +50,7 @@ def board_bringup(
     from cosim import InputError
     from rtl_model.bringup import bring_up
 
-    known = csr_of(csr)
+    known = csr_map(csr)
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)
@@ -64,7 +64,7 @@ def board_bringup(
         if not json:
             print_stage(stage)
 
-    with opened(port, baud, time_scale, level=level, faults=fault) as place:
+    with open_endpoint(port, baud, time_scale, level=level, faults=fault) as place:
         report = bring_up(
             place.url,
             baud=baud,
@@ -80,7 +80,7 @@ def board_bringup(
         )
     files: list[str] = []
     if out is not None:
-        from rtl_model.bringup.report import write_board_report
+        from rtl_model.bringup.report.page import write_board_report
 
         files = write_board_report(report, out)
     if json:
@@ -103,6 +103,6 @@ def print_stage(stage: Stage) -> None:
 
 
 def _short(stage: Stage) -> str:
-    from rtl_model.bringup.text import summary
+    from rtl_model.bringup.report.summary import summary
 
     return summary(stage)

@@ -50,7 +50,7 @@ def board_capture(
     """Capture a burst and write it as a stream; every row is verified by sequence and CRC-32."""
     from cosim import InputError, Viform
     from cosim.files import FORMATS, ending_of, write_stream
-    from rtl_model.bringup.frames import clock_of
+    from rtl_model.bringup.bench.frames import frame_clock
     from rtl_model.host import capture
     from scenarios.cli.board.regs import assignment
 
@@ -74,7 +74,7 @@ def board_capture(
             for name, value in writes:
                 line.board.write(name, value)
             taken = capture.burst(line.board, frames, clear=clear)
-            clock = clock_of(line.board)
+            clock = frame_clock(line.board)
         stream = Viform.from_planes(taken.planes, clock)
         lost = write_stream(stream, out)
         for text in lost:

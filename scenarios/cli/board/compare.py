@@ -71,7 +71,7 @@ def board_compare(
         raise InputError(
             "--trace, --sources and --until", "given with --lockstep", "without", "add --lockstep"
         )
-    from rtl_model.bringup.frames import compared
+    from rtl_model.bringup.bench.frames import capture_and_compare
     from scenarios.cli.board.regs import assignment
 
     writes = [assignment(text) for text in assignments or ()]
@@ -80,7 +80,7 @@ def board_compare(
     ) as line:
         for name, value in writes:
             line.board.write(name, value)
-        taken, burst = compared(line.board, frames)
+        taken, burst = capture_and_compare(line.board, frames)
     wrong = burst.wrong
     if json:
         print_document({

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtl_model.bringup.place import VIRTUAL, Opened, csr_of, opened
+from rtl_model.bringup.bench.endpoint import VIRTUAL, Endpoint, csr_map, open_endpoint
 from scenarios.cli.output import print_document
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Line:
     """A board that is spoken to."""
 
     board: Board
-    opened: Opened
+    opened: Endpoint
 
 
 @contextmanager
@@ -73,10 +73,10 @@ def connected(
     from rtl_model.host import Board, LineFault, Recorder, Uartbone, is_pty, open_port, recognised
     from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
-    known = csr_of(csr)
+    known = csr_map(csr)
     with ExitStack() as stack:
         try:
-            place = stack.enter_context(opened(port, baud, time_scale, **virtual))
+            place = stack.enter_context(open_endpoint(port, baud, time_scale, **virtual))
             raw = open_port(place.url, baud)
             stack.callback(raw.close)
             if low_latency:

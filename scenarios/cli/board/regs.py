@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtl_model.bringup.place import VIRTUAL, csr_of
+from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map
 from scenarios.cli.board.line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
 from scenarios.cli.output import Json, print_document
 
@@ -39,7 +39,7 @@ def board_regs(
     from rtl_model.host import default_map
 
     writes = [assignment(text) for text in assignments or ()]
-    known = csr_of(csr)
+    known = csr_map(csr)
     if known is None and (listing or port == VIRTUAL):
         known = default_map()
     if known is not None:  # what is wrong is said before a board is spoken to

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rtl_model.bringup.place import csr_of
+from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.line import Csr
 from scenarios.cli.output import Json, print_document
 
@@ -33,7 +33,7 @@ def board_replay(
     from rtl_model.host import ReplayPort, default_map, is_pty
 
     port = ReplayPort(log)  # refuses what is no log
-    known = csr_of(csr)
+    known = csr_map(csr)
     if judge:
         from rtl_model.bringup import bring_up
         from scenarios.cli.board.bringup import print_stage

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtl_model.bringup.place import known_level, virtual_board
+from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def board_virtual(
         text = kind.csr_csv()
     else:
         level = level or "bytes"
-        clock = clock or nominal_clock(known_level(level), baud)
+        clock = clock or nominal_clock(checked_level(level), baud)
         geometry = Geometry(rows or 32, columns or 32, lanes or 32, clock, baud)
     made = virtual_board(
         baud=baud, level=level, faults=fault, geometry=geometry, link=link, imager=imager

@@ -28,15 +28,15 @@ def link_capacity(
     link.modem.cell=1 and the like.
     """
     from cosim import InputError
-    from link.evaluation.capacity import capacity_document
-    from link.evaluation.given import given_of
+    from link.prediction.capacity import capacity_document
+    from link.prediction.capacity_input import scenario_input
     from link.section import LinkScenario
-    from scenarios.assemble.loading import load
+    from scenarios.assemble.schema.loading import load
 
     name, loaded = load(scenario, assignments, seed=seed)
     if not isinstance(loaded, LinkScenario):
         raise InputError("the scenario", "one of a link", repr(name), "try light-link")
-    given, mode, assumed = given_of(loaded)
+    given, mode, assumed = scenario_input(loaded)
     document = capacity_document(given, mode, loaded.seed)
     document["assumed"] = assumed
     if json:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim import Box, Clock, InputError, Plane
 from cosim.light.source import Target
-from scenarios.scenes.source import AnalyticSource
+from scenarios.scenes.drawing.analytic import AnalyticSource
 
 __all__ = ["FINE", "JUST_BELOW", "Sky", "SkySource", "star_levels"]
 

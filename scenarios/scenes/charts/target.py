@@ -6,26 +6,49 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light, Piece, Plane, seconds_to_ps
-from scenarios.scenes.charts.target_art import PAPER, draw
-from scenarios.scenes.sections import TargetScene
-from scenarios.scenes.source import spread_points
+from cosim.light.charts import PAPER, draw
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.drawing.points import spread_points
 from sensor.imagers import Course
 
-__all__ = ["TargetSource", "target_course", "target_plane"]
+__all__ = ["ChartScene", "TargetSource", "target_course", "target_plane"]
 
 _FOREVER = 2**62
+"""End of the last piece of light, ps."""
 
 
-def target_plane(scene: TargetScene, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
-    """Reflectance of the chart or picture on so many rows and columns, (H, W) in [0, 1]."""
+class ChartScene(Protocol):
+    """What a scene of a chart is made from, as its section has it.
+
+    Attributes:
+        illuminance: lux, at a factor of 1.
+        chart: name of a drawn chart.
+        contrast: factor of the differences from the sheet's grey.
+        path: picture in the chart's place; None for a drawn chart.
+        course: knots of the light: (time in seconds, factor), in order.
+    """
+
+    @property
+    def illuminance(self) -> float: ...
+    @property
+    def chart(self) -> str: ...
+    @property
+    def contrast(self) -> float: ...
+    @property
+    def path(self) -> str | None: ...
+    @property
+    def course(self) -> tuple[tuple[float, float], ...]: ...
+
+
+def target_plane(scene: ChartScene, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Reflectance of the chart or picture on a grid of `shape`, (H, W) in [0, 1]."""
     if scene.path is not None:
-        from scenarios.scenes.clips.clip import Clip
-
         frame = Clip(Path(scene.path), shape).frame(0)
         plane = np.asarray(frame, np.float64)
     else:
@@ -35,16 +58,16 @@ def target_plane(scene: TargetScene, shape: tuple[int, int]) -> npt.NDArray[np.f
     return np.asarray(PAPER + (plane - PAPER) * scene.contrast)
 
 
-def target_course(scene: TargetScene) -> Course:
-    """How the light changes."""
+def target_course(scene: ChartScene) -> Course:
+    """Factor of the light over time."""
     return Course(tuple((seconds_to_ps(time), factor) for time, factor in scene.course))
 
 
 @dataclass
 class TargetSource:
-    """The chart as a source of `Light`, for whoever asks by blocks."""
+    """The chart as the `Source` of a run."""
 
-    scene: TargetScene
+    scene: ChartScene
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
@@ -55,7 +78,7 @@ class TargetSource:
 
     @cached_property
     def light(self) -> Light:
-        """All of it, in one piece between two knots."""
+        """The light of the whole run: one piece between two knots."""
         lux = self._plane * self.scene.illuminance
 
         def plane(factor: float) -> Plane:
@@ -78,7 +101,7 @@ class TargetSource:
         return self.light
 
     def truth(self, ps: int) -> Plane:
-        """White is the chart's white under the course's factor of 1."""
+        """Reflectance times the factor of the light at that instant."""
         return (self._plane * self._course.at(ps)).astype(np.float32)
 
     def points(self) -> list[tuple[int, int, str]]:

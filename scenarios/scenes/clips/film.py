@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from scenarios.scenes.clips.clip import Clip
-from scenarios.scenes.source import spread_points
+from scenarios.scenes.drawing.points import spread_points
 
 __all__ = ["FilmSource"]
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from cosim import PS, Block, Clock, Light, Piece, Plane
 from cosim.light.source import Sketch
-from scenarios.scenes.source import MOTION_STEP, AnalyticScene
+from scenarios.scenes.drawing.analytic import MOTION_STEP, AnalyticScene
 
 __all__ = ["PARTS", "PacedScene", "PacedSource"]
 

@@ -11,7 +11,7 @@ from cosim.compute.opencl import Device
 from cosim.files.raw_layout import FRAME_BYTES, RAW_SIZE
 from cosim.run.timing import Row, least_of
 from cosim.spikes.viform import WORD
-from rtl_model.readout import BIT_RATE, Readout, plain_readout
+from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
 
 __all__ = ["readout_row"]
 
@@ -30,7 +30,7 @@ def readout_row(device: Device, ceiling: float | None) -> Row:
     readout = Readout(device)
     raw = readout.read(words, cycles)
     spent, plain_spent = least_of(
-        [lambda: readout.read(words, cycles, raw), lambda: plain_readout(words[:1], _PLAIN_CYCLES)],
+        [lambda: readout.read(words, cycles, raw), lambda: read_in_numpy(words[:1], _PLAIN_CYCLES)],
         _TURNS,
     )
     value = cycles * FRAME_BYTES * 8 / spent

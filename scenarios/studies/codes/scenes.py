@@ -15,9 +15,13 @@ from cosim import Box, Clock, Plane, Viform
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.stage import blocks
-from scenarios.scenes import make_source
-from scenarios.scenes.sections import FilmScene, SceneSection, StarScene, StepScene, WaveScene
-from scenarios.scenes.source import AnalyticSource
+from scenarios.scenes.catalogue import SceneSection
+from scenarios.scenes.drawing.analytic import AnalyticSource
+from scenarios.scenes.kinds.film import FilmScene
+from scenarios.scenes.kinds.grid import SceneGrid
+from scenarios.scenes.kinds.star import StarScene
+from scenarios.scenes.kinds.step import StepScene
+from scenarios.scenes.kinds.wave import WaveScene
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.latched.effects import SHOT_NOISE
 
@@ -82,7 +86,7 @@ def open_scene(name: str, setting: CameraSetting) -> Source:
         "wave": lambda: WaveScene.model_validate({"kind": "wave", **light}),
         "star": lambda: StarScene.model_validate({"kind": "star", **light}),
     }
-    return make_source(sections[name](), SHAPE, CLOCK, CYCLES)
+    return sections[name]().source(SceneGrid(SHAPE, CLOCK, CYCLES))
 
 
 def film(source: Source, setting: CameraSetting, device: Device | None) -> Viform:

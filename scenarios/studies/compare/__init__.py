@@ -1,6 +1,6 @@
 """One scene before all imagers, the spike camera among them, measured side by side."""
 
 from scenarios.studies.compare.run import run_compare
-from scenarios.studies.compare.setting import Comparison, load_comparison
+from scenarios.studies.compare.setting import load_comparison
 
-__all__ = ["Comparison", "load_comparison", "run_compare"]
+__all__ = ["load_comparison", "run_compare"]

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
 from cosim.frames import Frame
-from rtl_model.imagers.run.kinds import machine_of
+from rtl_model.imagers.catalogue import IMAGERS
+from rtl_model.imagers.comparison import Comparison
 from rtl_model.imagers.run.view import View
-from rtl_model.imagers.sections import AdaptiveSection, EbapsSection
-from scenarios.assemble.scenario import ImagerScenario
+from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.studies.compare.measure import noise, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.ranges import black_and_slope, one_frame, with_controls
@@ -21,34 +21,37 @@ from scenarios.studies.compare.row import Camera, Figure
 from scenarios.studies.compare.run_in import Placed, RunIn, Seen, film_at, middle
 from scenarios.studies.compare.setting import SHAPE
 from sensor.imagers import Exposed
-from sensor.imagers.ebaps import COLUMNS, ROWS
-from sensor.imagers.emccd import without_smear
 from sensor.reconstruct.fidelity import psnr
 
 __all__ = ["film_frames"]
 
-_TITLES: Final = {
-    "adaptive-exposure": "adaptive-exposure CMOS", "ebaps": "EBAPS", "emccd": "EMCCD",
-}  # fmt: skip
 
+def film_frames(
+    scenario: ImagerScenario, comparison: Comparison, view: View, motion: Motion, white: float
+) -> Camera:
+    """Films the scene with one imager and measures its frames.
 
-def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: float) -> Camera:
-    """One imager. view: of the scene on `SHAPE`. motion: the scene around the instant. white: lux
-    on the plane of reflectance 1."""
+    Args:
+        scenario: of the imager.
+        comparison: how its frames are read.
+        view: the scene on `SHAPE`.
+        motion: the scene around the instant.
+        white: illuminance of reflectance 1 on the plane, lux.
+    """
     begin = time.perf_counter()
     truth, instant = motion.truth, motion.instant
     kind = scenario.imager.kind
-    machine = machine_of(scenario)
-    imager = machine.make()
+    model = IMAGERS[kind].model(scenario.imager, scenario.duration)
+    imager: Any = model.make()
     light = RunIn(view.scenery)
     corner = (0, 0)
     placed: Any = light
-    if machine.shape != SHAPE:
-        corner = ((machine.shape[0] - SHAPE[0]) // 2, (machine.shape[1] - SHAPE[1]) // 2)
-        placed = Placed(light, machine.shape, corner)
+    if model.shape != SHAPE:
+        corner = ((model.shape[0] - SHAPE[0]) // 2, (model.shape[1] - SHAPE[1]) // 2)
+        placed = Placed(light, model.shape, corner)
     kept = frozenset(imager.pixels.effects)
     seen = film_at(imager, placed, light, instant, scenario.seed, kept)
-    show = _Shown(scenario, seen, corner, white)
+    show = _Frames(scenario, comparison, model.make().pixels, seen, corner, white)
     image = show.estimate(seen.frame)
     corrected = show.without_smear(seen.frame, imager)
     # The still frames are of the scene's first instant.
@@ -64,7 +67,7 @@ def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: flo
     clipped = float((values >= show.ceiling(full)).mean())
     figures = {
         "dynamic_range": Figure(one_frame(show.pixels, show.seconds), "dB"),
-        "dynamic_range_controls": Figure(with_controls(kind, show.pixels), "dB"),
+        "dynamic_range_controls": Figure(with_controls(comparison, show.pixels), "dB"),
         "blur": Figure(
             None
             if clipped > 0.5
@@ -88,37 +91,41 @@ def film_frames(scenario: ImagerScenario, view: View, motion: Motion, white: flo
     }
     notes = [] if seen.rested else ["its exposure hunts and never rests"]
     notes += ["nothing moves: blur of what stands still"] if still else []
-    notes += [show.note()]
+    notes += [comparison.note]
     return Camera(
-        kind, _TITLES[kind], show.setting(), "; ".join(n for n in notes if n),
+        kind, comparison.title, show.setting(), "; ".join(n for n in notes if n),
         np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
     )  # fmt: skip
 
 
-class _Shown:
-    """Reads an imager's frames. corner: of the scene on its plane."""
+class _Frames:
+    """Reads an imager's frames.
+
+    Args:
+        scenario, comparison: see `film_frames`.
+        pixels: of the imager as it is switched on.
+        seen: what it has filmed.
+        corner: row and column of the scene on its plane.
+        white: illuminance of reflectance 1 on the plane, lux.
+    """
 
     def __init__(
-        self, scenario: ImagerScenario, seen: Seen, corner: tuple[int, int], white: float
-    ) -> None:
-        self.section = scenario.imager
-        frame, state = seen.frame, seen.frame.state
+        self, scenario: ImagerScenario, comparison: Comparison, pixels: Any, seen: Seen,
+        corner: tuple[int, int], white: float,
+    ) -> None:  # fmt: skip
+        self._section, self._comparison = scenario.imager, comparison
+        frame = seen.frame
         self.seconds = frame.exposure / PS
         self._top, self._left = corner
         self._white, self._rate = white, PS / seen.period
-        self._first = 0
-        machine = machine_of(scenario)
-        pixels: Any = machine.make().pixels
-        if not isinstance(self.section, AdaptiveSection | EbapsSection):
-            # Rows of a frame are the window's: image rows from the first one, dark rows above.
-            self._first = 8 + int(state["first_row"])
+        self._first = comparison.first_row(frame)
         self.pixels = pixels
         rows = self._rows(frame)
         self.instants = (frame.begin[rows] + frame.end[rows]) // 2 - seen.offset
         black = self._dark(scenario.seed)
-        subtracted = isinstance(self.section, EbapsSection) and self.section.darks
-        self._black = float(getattr(self.section, "pedestal", 0)) if subtracted else black
-        self._taken = black if subtracted else 0.0
+        pedestal = comparison.pedestal(self._section)
+        self._black = black if pedestal is None else pedestal
+        self._taken = 0.0 if pedestal is None else black
 
     def _dark(self, seed: int) -> float:
         """Mean of a frame of this exposure without light: what a user would take off."""
@@ -155,36 +162,19 @@ class _Shown:
     def without_smear(self, frame: Frame, imager: Any) -> npt.NDArray[np.float64] | None:
         """Reflectance in [0, 1] with the smear of frame transfer taken off by columns, over all
         rows that the frame has (around the scene it is dark); None of an imager that has none."""
-        if isinstance(self.section, AdaptiveSection | EbapsSection):
-            return None
         signal = frame.values.astype(np.float64) - self._black
-        share = imager.timing.row_shift / (frame.exposure / PS)
-        part = without_smear(signal, share)[self._rows(frame), self._left : self._left + SHAPE[1]]
+        whole = self._comparison.without_smear(signal, imager, frame.exposure / PS)
+        if whole is None:
+            return None
+        part = whole[self._rows(frame), self._left : self._left + SHAPE[1]]
         return np.clip(part / self._white_step(frame), 0, 1)
 
     def sent(self) -> tuple[float, float]:
-        """Bits of a frame that leave the imager, and its pixels: all of its array's."""
-        if isinstance(self.section, EbapsSection):
-            pixels = ROWS * COLUMNS
-        elif isinstance(self.section, AdaptiveSection):
-            pixels = self.section.rows * self.section.columns
-        else:
-            pixels = self.section.rows * 512
+        """Bits of a frame that leave the imager, and its pixels."""
+        pixels = self._comparison.sent(self._section)
         return pixels * self.pixels.bits, pixels
 
     def setting(self) -> str:
         """In words."""
         text = f"{self._rate:.3g} frames/s, exposure {self.seconds * 1e3:.4g} ms"
-        if isinstance(self.section, EbapsSection):
-            return f"{text}, {self.section.high_voltage + 0.0:.0f} V"
-        if isinstance(self.section, AdaptiveSection):
-            return f"{text}, chosen by itself"
-        return f"{text}, gain {self.pixels.gain:.3g}"
-
-    def note(self) -> str:
-        """What of the imager is not on the picture."""
-        if isinstance(self.section, EbapsSection):
-            return "corner of an array of 1280 x 1024, whose data rate is given"
-        if isinstance(self.section, AdaptiveSection):
-            return ""
-        return "middle of its 512 x 512, dark around"
+        return f"{text}, {self._comparison.setting(self._section, self.pixels)}"

@@ -7,13 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtl_model.imagers.adaptive import DEFAULT_LONGEST, longest_exposure, shortest_exposure
-from rtl_model.imagers.ebaps import ExposureRule
-from rtl_model.imagers.emccd import exposure_range
+from rtl_model.imagers.comparison import Comparison
 from sensor.dynamic_range import decibels
 from sensor.imagers import Exposed
-from sensor.imagers.ebaps import EbapsPixels
-from sensor.imagers.emccd import GAIN_RANGE, EmccdPixels
 
 __all__ = ["black_and_slope", "ends", "one_frame", "with_controls"]
 
@@ -50,18 +46,9 @@ def one_frame(pixels: Any, seconds: float) -> float:
     return decibels(most / least)
 
 
-def with_controls(kind: str, pixels: Any) -> float:
+def with_controls(comparison: Comparison, pixels: Any) -> float:
     """Of everything that the imager's exposure, gain and high voltage reach, dB."""
-    if kind == "adaptive-exposure":
-        short = long = pixels
-        times = shortest_exposure(), longest_exposure(DEFAULT_LONGEST)
-    elif kind == "ebaps":
-        rule, shape = ExposureRule(), (32, 32)
-        short, long = EbapsPixels(shape, volts=0.0), EbapsPixels(shape, volts=1500.0)
-        times = rule.shortest * 1e-9, rule.longest * 1e-9
-    else:
-        short, long = (EmccdPixels(gain=g) for g in GAIN_RANGE)
-        times = exposure_range()[:2]
-    most = ends(short, times[0])[1] / times[0]
-    least = ends(long, times[1])[0] / times[1]
+    low, high = comparison.extremes(pixels)
+    most = ends(low.pixels, low.seconds)[1] / low.seconds
+    least = ends(high.pixels, high.seconds)[0] / high.seconds
     return decibels(most / least)

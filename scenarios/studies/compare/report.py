@@ -13,9 +13,9 @@ from cosim.files.whole import whole
 from cosim.report.figures import INK, pyplot
 from cosim.report.parts import plot, table, write_page
 from cosim.report.png import for_display
-from scenarios.assemble.loading import to_toml
+from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
-from scenarios.studies.compare.setting import Comparison
+from scenarios.studies.compare.setting import SceneComparison
 
 __all__ = ["HEADS", "PICTURE", "told", "write_compare_report", "write_picture"]
 
@@ -75,7 +75,7 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
 
 
 def write_compare_report(
-    folder: Path, what: Comparison, document: dict[str, Any], cameras: list[Camera]
+    folder: Path, what: SceneComparison, document: dict[str, Any], cameras: list[Camera]
 ) -> None:
     """report.html: one file."""
     head = ["camera", *(HEADS[name] for name in FIGURES)]

@@ -13,15 +13,12 @@ from cosim.files.whole import whole
 from cosim.run.folder import check_room, claimed, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import dumps, viform_version
-from rtl_model.imagers.run.view import make_view
-from rtl_model.imagers.sections import EbapsSection, EmccdSection
-from scenarios.assemble.scenario import ImagerScenario
+from scenarios.assemble.view import make_view
 from scenarios.studies.compare.frames import film_frames
-from scenarios.studies.compare.knobs import set_ebaps, set_emccd
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.report import PICTURE, write_compare_report, write_picture
 from scenarios.studies.compare.row import Camera
-from scenarios.studies.compare.setting import IMAGERS, SHAPE, Comparison
+from scenarios.studies.compare.setting import SHAPE, SceneComparison, compared_imagers
 from scenarios.studies.compare.spike import film_spikes
 
 __all__ = ["run_compare"]
@@ -40,7 +37,7 @@ LONGEST: Final = 2.0
 
 
 def run_compare(
-    what: Comparison, out: Path | None, device: str | None, progress: Progress, began: float
+    what: SceneComparison, out: Path | None, device: str | None, progress: Progress, began: float
 ) -> tuple[dict[str, Any], Path]:
     """The document, and the folder with `compare.json`, which is written last. Raises InputError
     before anything is written where something cannot be filmed."""
@@ -65,30 +62,20 @@ def run_compare(
             "middle of one exposure falls on the instant. Nothing is left out of any camera",
         ]
         motion = Motion(truth, instant, REACH, STEP, seconds_to_ps(seconds))
-        for kind in IMAGERS:
+        for kind, comparison in compared_imagers().items():
             progress.start(kind, 1)
-            scenario = _set(what.imagers[kind], white, mean, what.given[kind])
+            given = what.imagers[kind]
+            section = comparison.adjust(given.imager, white, mean, what.given[kind])
+            scenario = given.model_copy(update={"imager": section})
             view = make_view(scenario, SHAPE, LIGHT)
-            cameras.append(film_frames(scenario, view, motion, white))
+            cameras.append(film_frames(scenario, comparison, view, motion, white))
             notes += [note for note in view.notes[1:] if note not in notes]
             progress.advance(1)
         return _finish(what, folder, cameras, truth(instant), instant, notes, began), folder
 
 
-def _set(
-    scenario: ImagerScenario, white: float, mean: float, given: frozenset[str]
-) -> ImagerScenario:
-    """With the settings that its user makes for the light."""
-    section = scenario.imager
-    if isinstance(section, EbapsSection):
-        return scenario.model_copy(update={"imager": set_ebaps(section, mean, given)})
-    if isinstance(section, EmccdSection):
-        return scenario.model_copy(update={"imager": set_emccd(section, white, given)})
-    return scenario
-
-
 def _finish(
-    what: Comparison, folder: Path, cameras: list[Camera], truth: Any, instant: int,
+    what: SceneComparison, folder: Path, cameras: list[Camera], truth: Any, instant: int,
     notes: list[str], began: float,
 ) -> dict[str, Any]:  # fmt: skip
     write_picture(folder / PICTURE, cameras, truth)

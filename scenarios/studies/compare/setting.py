@@ -9,21 +9,21 @@ from dataclasses import dataclass
 from typing import Any, Final, get_args
 
 from cosim import InputError
-from rtl_model.imagers.sections import AdaptiveSection, EbapsSection, EmccdSection
-from scenarios.assemble.camera import choose_lens
-from scenarios.assemble.loading import assign, load, shipped, to_toml
-from scenarios.assemble.messages import validate
-from scenarios.assemble.scenario import ImagerScenario, LinkScenario, Scenario
-from scenarios.scenes.sections import SceneSection
+from rtl_model.imagers.catalogue import IMAGERS
+from rtl_model.imagers.comparison import Comparison
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens
+from scenarios.assemble.schema.loading import assign, load, shipped, to_toml
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import ImagerScenario, LinkScenario, Scenario
+from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
 
-__all__ = ["CHIP", "IMAGERS", "SHAPE", "Comparison", "load_comparison"]
+__all__ = ["CHIP", "SHAPE", "SceneComparison", "compared_imagers", "load_comparison"]
 
 CHIP: Final = "spikeone"
 SHAPE: Final = (CHIPS[CHIP].height, CHIPS[CHIP].width)
 """Pixels of the scene in every camera: all of a SpikeOne, whose 40 kHz two cores film in seconds.
 Others show it on as many of theirs, pixel by pixel the same light."""
-IMAGERS: Final = ("adaptive-exposure", "ebaps", "emccd")
 DURATION: Final = "64 ms"
 ILLUMINANCE: Final = "700 lux"
 """On a scene that is named by its kind alone."""
@@ -36,15 +36,28 @@ _KINDS: Final = tuple(
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """name: of the scene. spike: the spike camera's scenario, whose lens is everyone's. imagers:
-    each one's scenario as the user set it. given: keys that the user set, by section."""
+class SceneComparison:
+    """One scene and its cameras.
+
+    Attributes:
+        name: of the scene.
+        spike: scenario of the spike camera, whose lens all cameras share.
+        imagers: scenario of each imager as the user has set it.
+        given: keys that the user has set, by section.
+        notes: what the user must know of the choices made.
+    """
 
     name: str
     spike: Scenario
     imagers: dict[str, ImagerScenario]
     given: dict[str, frozenset[str]]
     notes: tuple[str, ...]
+
+
+def compared_imagers() -> dict[str, Comparison]:
+    """The imagers of the catalogue that are compared."""
+    sides = {name: kind.comparison() for name, kind in IMAGERS.items()}
+    return {name: side for name, side in sides.items() if side is not None}
 
 
 def _scene(name: str) -> tuple[str, dict[str, Any]]:
@@ -76,17 +89,18 @@ def _scene(name: str) -> tuple[str, dict[str, Any]]:
 
 def load_comparison(
     name: str, assignments: Sequence[str] = (), seed: int | None = None
-) -> Comparison:
+) -> SceneComparison:
     """Raises InputError for a scene that is none, keys that do not exist, values out of range."""
     short, data = _scene(name)
     defaults: dict[str, Any] = {"duration": DURATION, "seed": 1, "lens": {}, "spike": {}}
     data = defaults | data
-    data |= {kind: {} for kind in IMAGERS}
+    sides = compared_imagers()
+    data |= {kind: {} for kind in sides}
     for assignment in assignments:
         assign(data, assignment)
     if seed is not None:
         data["seed"] = seed
-    known = ("scene", "lens", "duration", "seed", "spike", *IMAGERS)
+    known = ("scene", "lens", "duration", "seed", "spike", *sides)
     for key, value in data.items():
         if key not in known:
             raise InputError("--set", f"a key of {', '.join(known)}", key, "check its name")
@@ -105,23 +119,15 @@ def load_comparison(
         lens["f_number"] = _chosen(spike, notes)
         spike = _spike(common, data["scene"], sensor, lens)
     imagers = {}
-    for kind in IMAGERS:
-        section = dict(_SHARED[kind]) | data[kind]
+    for kind, side in sides.items():
+        section = side.keys(SHAPE) | data[kind]
         made = validate(
             common | {"scene": data["scene"], "lens": lens, "imager": {"kind": kind, **section}}
         )
         assert isinstance(made, ImagerScenario)
         imagers[kind] = made
-    given = {kind: frozenset(data[kind]) for kind in IMAGERS}
-    return Comparison(short, spike, imagers, given, tuple(notes))
-
-
-_SHARED: Final[dict[str, dict[str, Any]]] = {
-    "adaptive-exposure": {"rows": SHAPE[0], "columns": SHAPE[1]},
-    "ebaps": {"rows": SHAPE[0], "columns": SHAPE[1]},
-    "emccd": {},
-}
-_SECTIONS: Final = (AdaptiveSection, EbapsSection, EmccdSection)
+    given = {kind: frozenset(data[kind]) for kind in sides}
+    return SceneComparison(short, spike, imagers, given, tuple(notes))
 
 
 def _spike(
@@ -133,9 +139,7 @@ def _spike(
 
 
 def _chosen(spike: Scenario, notes: list[str]) -> float:
-    """The f-number at which white fires as the spike camera likes it, or one for the night."""
-    from scenarios.assemble.camera import camera_setting
-
+    """The f-number of the spike camera's own choice, or one for the night."""
     try:
         number = choose_lens(spike, camera_setting(spike)).f_number
     except InputError:

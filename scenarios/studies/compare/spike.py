@@ -16,10 +16,10 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.folder import begin_folder
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
-from scenarios.assemble.boards import refuse_boards
-from scenarios.assemble.loading import to_toml
-from scenarios.assemble.scenario import Scenario
-from scenarios.assemble.setup import set_up_camera
+from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.loading import to_toml
+from scenarios.assemble.schema.scenario import Scenario
 from scenarios.studies.compare.measure import Image, noise, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.row import Camera, Figure

@@ -11,8 +11,8 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator
 
 from cosim import InputError
 from cosim.config.quantity import Current, Quantity, Section, Temperature, Time
-from scenarios.assemble.loading import assign
-from scenarios.assemble.messages import first_fault
+from scenarios.assemble.schema.loading import assign
+from scenarios.assemble.schema.messages import first_fault
 from sensor.dynamic_range import (
     CONVERTERS,
     SENSORS,

@@ -6,48 +6,56 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Final, NamedTuple
 
-from scenarios.studies.paper.row import Row
+from cosim.run.printed import Row
+from rtl_model.imagers.catalogue import IMAGERS
 
-__all__ = ["DOCUMENTS", "Document", "paper_rows"]
+__all__ = ["DOCUMENTS", "paper_rows"]
+
+Rows = Callable[[], list[Row]]
 
 
 class Document(NamedTuple):
-    """title: of the document. makers: functions that give its rows, by module and name."""
+    """A source document.
+
+    Attributes:
+        title: of the document.
+        makers: functions that give its rows.
+    """
 
     title: str
-    makers: tuple[tuple[str, str], ...]
+    makers: tuple[Rows, ...]
 
 
-DOCUMENTS: Final = {
+def _rows(module: str, function: str) -> Rows:
+    """A function of a module here, which is imported when it is called."""
+
+    def rows() -> list[Row]:
+        made: list[Row] = getattr(import_module(f"scenarios.studies.paper.{module}"), function)()
+        return made
+
+    return rows
+
+
+_OF_SPIKE_CAMERAS: Final = {
     "000": Document(
         "Huang, Spiking Continuous Photographing Principle, Acta Electronica Sinica 50:2919 (2022)",
-        (("spike_principle", "principle_rows"), ("spike_chips", "chip_rows")),
-    ),
-    "001": Document(
-        "CMOS image sensor with wide dynamic range and adaptive exposure",
-        (("adaptive_exposure", "adaptive_rows"),),
-    ),
-    "002": Document(
-        "Yang, Qian, Liu, Lu, imaging circuit for an electron-bombarded CMOS sensor (EBAPS)",
-        (("ebaps", "ebaps_rows"),),
-    ),
-    "003": Document(
-        "Wang, Li, Ye, four drive modes of a frame-transfer electron-multiplying CCD",
-        (("emccd", "emccd_rows"),),
+        (_rows("spike_principle", "principle_rows"), _rows("spike_chips", "chip_rows")),
     ),
     "004": Document(
         "Wang et al., patent on the dynamic range of a system from a hardware model (2017)",
-        (("dynamic_range", "dynamic_range_rows"),),
+        (_rows("dynamic_range", "dynamic_range_rows"),),
     ),
 }
+_OF_IMAGERS: Final = {
+    kind.document[0]: Document(kind.document[1], (kind.printed,))
+    for kind in IMAGERS.values() if kind.document is not None
+}  # fmt: skip
+DOCUMENTS: Final = dict(sorted({**_OF_SPIKE_CAMERAS, **_OF_IMAGERS}.items()))
 """By number, as the sources are numbered."""
 
 
 def paper_rows(documents: tuple[str, ...] = tuple(DOCUMENTS)) -> Iterator[Row]:
     """Rows of these documents, in order, as they are computed."""
     for name in documents:
-        for module, maker in DOCUMENTS[name].makers:
-            make: Callable[[], list[Row]] = getattr(
-                import_module(f"scenarios.studies.paper.{module}"), maker
-            )
+        for make in DOCUMENTS[name].makers:
             yield from make()

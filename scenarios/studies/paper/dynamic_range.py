@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from scenarios.studies.paper.row import Row, number
+from cosim.run.printed import Row, number
 from sensor.dynamic_range import (
     DALSA,
     KODAK,

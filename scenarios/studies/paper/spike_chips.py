@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cosim import PS, Clock, Light, Piece, Viform
+from cosim.run.printed import Row, listed, number
 from cosim.spikes.viform import count_spikes
-from scenarios.studies.paper.row import Row, listed, number
 from sensor import CHIPS, tau_image
 from sensor.asynchronous import AsynchronousPixels, EventModel
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from cosim import PS, Clock, Events, Light, Piece
-from scenarios.studies.paper.row import Row, listed, number, unprinted
+from cosim.run.printed import Row, listed, number, unprinted
 from sensor import CHIPS, interval_rate
 from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.codec import first_spikes, without_transitions

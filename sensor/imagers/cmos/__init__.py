@@ -3,4 +3,8 @@
 from sensor.imagers.cmos.pixels import AdaptivePixels
 from sensor.imagers.cmos.setting import BITS, CmosSetting
 
-__all__ = ["BITS", "AdaptivePixels", "CmosSetting"]
+__all__ = [
+    "BITS",
+    "AdaptivePixels",
+    "CmosSetting",
+]

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from cosim.plan.effects import Bound, Effect, Kind, Summary
 from sensor.imagers.ebaps.budget import EMISSION, Budget
 from sensor.imagers.ebaps.costs import COSTS
 from sensor.imagers.pixel import ImagerSummary
-
-if TYPE_CHECKING:
-    from sensor.imagers.ebaps.pixels import EbapsPixels
 
 __all__ = ["ebaps_effects"]
 
@@ -42,11 +39,16 @@ def _noise(share: Any) -> Any:
     return np.maximum(1 - np.sqrt(1 - a), 0.53 * np.asarray(share, np.float64))
 
 
-def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
-    """All effects of this model, by name."""
-    tube, silicon = model.tube, model.silicon
+def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Effect]:
+    """All effects of a device, by name.
+
+    Args:
+        base: its closed form without light.
+        full_scale: largest value, DN.
+        center: share of the electrons that land on the pixel that they started from.
+    """
+    tube, silicon = base.tube, base.silicon
     k = silicon.dn_per_electron
-    base = Budget(tube, silicon, model.volts, model.kelvin, 0.0, 0.0)
 
     def corners(scene: Summary) -> list[Budget]:
         given = cast(ImagerSummary, scene)
@@ -56,7 +58,7 @@ def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
     def free_of_clipping(scene: Summary) -> bool:
         high = max(float(np.max(b.mean + _ABOVE * np.sqrt(b.variance))) for b in corners(scene))
         low = _BELOW * k * math.hypot(silicon.read_noise, silicon.offset_spread)
-        top = min(model.full_scale, silicon.black + k * silicon.well)
+        top = min(full_scale, silicon.black + k * silicon.well)
         return silicon.black > low and silicon.black + high < top
 
     def shares(b: Budget, mean: Any, variance: Any) -> Any:
@@ -99,13 +101,12 @@ def ebaps_effects(model: EbapsPixels) -> dict[str, Effect]:
 
         return bound
 
-    middle = float(model.kernel[0]) ** 2
     rows: tuple[tuple[str, str, Stream, Callable[[Summary], Bound]], ...] = (
         ("shot noise", "Poisson photoelectrons", Stream.IMAGER_SHOT, part("shot noise")),
         (EMISSION, "EBI 2.5e-7 lx, assumed", Stream.IMAGER_SHOT, part(EMISSION)),
         ("electron loss", "F^2 = 1/(1 - eta_b)", Stream.IMAGER_LOSS, part("electron loss")),
         ("gain spread", "Fano and collection", Stream.IMAGER_GAIN, part("gain spread")),
-        ("landing spread", "r = 2 d sqrt(E_t/V)", Stream.IMAGER_SPREAD, moved(1 - middle)),
+        ("landing spread", "r = 2 d sqrt(E_t/V)", Stream.IMAGER_SPREAD, moved(1 - center)),
         ("halo", "back scattering within 2 d", Stream.IMAGER_SPREAD, moved(tube.halo)),
         ("ion events", "about 1 in 600 electrons", Stream.IMAGER_IONS, part("ion events")),
         ("direct light", "leakage, assumed", Stream.NONE, part("direct light")),

@@ -66,7 +66,7 @@ class EbapsPixels:
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """See `PixelModel`."""
-        return ebaps_effects(self)
+        return ebaps_effects(self.budget(0.0, 0.0), self.full_scale, float(self.kernel[0]) ** 2)
 
     @cached_property
     def kernel(self) -> Values:

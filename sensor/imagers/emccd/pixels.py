@@ -19,7 +19,26 @@ from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
 from sensor.imagers.draws import normal, poisson
-from sensor.imagers.emccd import chip
+from sensor.imagers.emccd.chip import (
+    ADC_BITS,
+    CLOCK_INDUCED,
+    COLUMNS,
+    DARK_COLUMNS,
+    DARK_ROWS,
+    IMAGE_WELL,
+    OFFSET,
+    PITCH,
+    PRNU,
+    QUANTUM_EFFICIENCY,
+    READ_NOISE,
+    READOUT,
+    REGISTER_WELL,
+    ROW_SHIFT,
+    ROWS,
+    STAGES,
+    WAVELENGTH,
+    WORKING_KELVIN,
+)
 from sensor.imagers.emccd.dark import DARK_AT_20C, DSNU_SHARE, dark_current
 from sensor.imagers.emccd.effects import Terms, emccd_effects
 from sensor.imagers.emccd.multiplication import branch, excess_noise_squared, multiply
@@ -66,23 +85,23 @@ class EmccdPixels:
     """
 
     gain: float = 1.0
-    kelvin: float = chip.WORKING_KELVIN
+    kelvin: float = WORKING_KELVIN
     tier: Literal["fast", "exact"] = "fast"
-    stages: int = chip.STAGES
-    row_shift: float = chip.ROW_SHIFT
-    readout: float = chip.READOUT
+    stages: int = STAGES
+    row_shift: float = ROW_SHIFT
+    readout: float = READOUT
     pattern_seed: int = 1
-    quantum_efficiency: float = chip.QUANTUM_EFFICIENCY
+    quantum_efficiency: float = QUANTUM_EFFICIENCY
     dark: float = DARK_AT_20C
     dsnu: float = DSNU_SHARE
-    prnu: float = chip.PRNU
-    clock_induced: float = chip.CLOCK_INDUCED
-    image_well: float = chip.IMAGE_WELL
-    register_well: float = chip.REGISTER_WELL
-    read_noise: float = chip.READ_NOISE
-    offset: float = chip.OFFSET
-    shape: tuple[int, int] = (chip.ROWS, chip.COLUMNS)
-    bits: int = chip.ADC_BITS
+    prnu: float = PRNU
+    clock_induced: float = CLOCK_INDUCED
+    image_well: float = IMAGE_WELL
+    register_well: float = REGISTER_WELL
+    read_noise: float = READ_NOISE
+    offset: float = OFFSET
+    shape: tuple[int, int] = (ROWS, COLUMNS)
+    bits: int = ADC_BITS
     effects: dict[str, Effect] = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -100,7 +119,7 @@ class EmccdPixels:
     @property
     def responsivity(self) -> float:
         """Photoelectrons in one lux second, 9.7e5."""
-        light = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
+        light = photons_per_lux(WAVELENGTH) * PITCH**2
         return light * self.quantum_efficiency
 
     def lux_seconds(self, electrons: float, seconds: float) -> float:
@@ -120,7 +139,7 @@ class EmccdPixels:
     @property
     def _shifts(self) -> float:
         """s that a packet spends over the lit rows of its column but its own."""
-        return (self.shape[0] - 2 * chip.DARK_ROWS - 1) * self.row_shift
+        return (self.shape[0] - 2 * DARK_ROWS - 1) * self.row_shift
 
     def _terms(self) -> Terms:
         return Terms(
@@ -143,8 +162,8 @@ class EmccdPixels:
         height, width = self.shape
         y = rows.first + np.arange(rows.lux_seconds.shape[0])
         x = np.arange(width)
-        down = (y >= chip.DARK_ROWS) & (y < height - chip.DARK_ROWS)
-        across = (x >= chip.DARK_COLUMNS) & (x < width - chip.DARK_COLUMNS)
+        down = (y >= DARK_ROWS) & (y < height - DARK_ROWS)
+        across = (x >= DARK_COLUMNS) & (x < width - DARK_COLUMNS)
         return down[:, None] & across
 
     def _smear(self, photo: Values, rows: Exposed, row_shift: float) -> Values:
@@ -154,7 +173,7 @@ class EmccdPixels:
         seconds = rows.seconds[:, None]
         rate = np.divide(photo, seconds, out=np.zeros_like(photo), where=seconds > 0)
         given = max(int(self._lit(rows).any(axis=1).sum()), 1)
-        total = rate.sum(axis=0) * ((self.shape[0] - 2 * chip.DARK_ROWS) / given)
+        total = rate.sum(axis=0) * ((self.shape[0] - 2 * DARK_ROWS) / given)
         return np.maximum(total - rate, 0.0) * row_shift
 
     def _electrons(

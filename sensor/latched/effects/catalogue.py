@@ -16,7 +16,16 @@ from sensor.latched.effects.sampling import COMPARATOR_DELAY, ROW_SAMPLING
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.effects.threshold_noise import THRESHOLD_NOISE
 
-__all__ = ["CATALOGUE", "EFFECTS", "acting", "all_keys", "defaults", "named", "register"]
+__all__ = [
+    "CATALOGUE",
+    "EFFECTS",
+    "acting",
+    "all_keys",
+    "defaults",
+    "named",
+    "register",
+    "silicon_sizes",
+]
 
 CATALOGUE: Final[list[PixelEffect]] = [
     RESIDUAL,
@@ -53,6 +62,11 @@ def all_keys() -> Iterator[tuple[str, Key]]:
     for effect in CATALOGUE:
         yield from effect.keys.items()
         yield from effect.pattern_keys.items()
+
+
+def silicon_sizes() -> dict[str, float]:
+    """Size of every key under `sensor.preset = "silicon"`, by name; see `Key.silicon`."""
+    return {name: key.silicon.value for name, key in all_keys() if key.silicon is not None}
 
 
 def defaults() -> dict[str, Any]:

@@ -64,7 +64,8 @@ def rate_bound(
     top = units.top * 2.0**-units.bits
     if dead == 0 and low >= top and model.reset != "subtract":
         return Bound(2 / scale, "proof")
-    if scale == 0 or (high >= shortest and model.reset != "hard"):
+    # No rounding of a transfer is bounded here.
+    if model.transfers or scale == 0 or (high >= shortest and model.reset != "hard"):
         return Bound(math.inf, "proof")
     run = window if cycles is None else cycles
     # The exact tier rounds too: a slope for as many cycles, and the light that dead time costs.

@@ -13,7 +13,7 @@ from link.layout import Layout
 from link.mode import Mode
 from link.sending import Transmission
 from link.setting import payload_of
-from scenarios.assemble.loading import load
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.link.send import link_send
 
 app = typer.Typer()

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import pytest
 
 from rtl_model.bringup import bring_up
-from rtl_model.bringup.line import Line
+from rtl_model.bringup.bench.monitor import LineMonitor
 from rtl_model.bringup.run import ALLOWED_S
 from rtl_model.host import Uartbone, default_map
 from tests.rtl_model.bringup.faulty_ports import SIZE, EveryByte
@@ -119,12 +119,12 @@ def test_a_board_that_began_anew_has_lost_no_bytes():
     port = ModelPort(SIZE)
     bone = Uartbone(port)
     bone.read(0)
-    line = Line(bone, default_map())
+    line = LineMonitor(bone, default_map())
     line.begin()
-    assert line.evidence().clean
+    assert line.take_evidence().clean
     port._power_on()
     bone.read(0)
-    found = line.evidence()
+    found = line.take_evidence()
     assert not found.known
     assert found.directions == []
 

@@ -2,13 +2,15 @@
 
 import pytest
 
-from rtl_model.bringup import STAGES, Stage, bring_up, junit_xml
-from rtl_model.bringup.bench import Bench
-from rtl_model.bringup.deadline import DeadlinePort, OutOfTime
-from rtl_model.bringup.identity import check_identity
+from rtl_model.bringup import Stage, bring_up
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
+from rtl_model.bringup.bench.stage import STAGES
+from rtl_model.bringup.bench.uptime import Uptime
+from rtl_model.bringup.report.junit import junit_xml
+from rtl_model.bringup.report.summary import summary
 from rtl_model.bringup.run import _CHECKS
-from rtl_model.bringup.text import summary
-from rtl_model.bringup.uptime import Uptime
+from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from rtl_model.verilated import build_crc
 from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, EveryByte, Silent
@@ -135,7 +137,7 @@ def test_what_follows_a_stage_that_ran_out_of_time_is_not_blamed_for_it(monkeypa
             raise OutOfTime("the time allowed is over")
 
         port.read = over
-        bench.get("ctrl_magic")
+        bench.read("ctrl_magic")
 
     monkeypatch.setitem(_CHECKS, "registers", asks_too_late)
     report = brought_up(ModelPort(SIZE), stop_at_first=False)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from rtl_model.bringup import compare, spikes_of, which_bits
+from rtl_model.bringup.bench.wrong_bits import compare
+from rtl_model.bringup.stages.prbs import which_bits
+from rtl_model.bringup.stages.spike_count import count_spikes
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 
@@ -52,7 +54,7 @@ def test_the_closed_form_is_the_models(rule, select):
     for level in (0, 3, 15):
         for electrons in (0, 1, 97, 200, 255):
             made = planes(size, Settings(level, select, rule, None, None, 1, electrons), None, 90)
-            assert made[:, 0, 0].sum() == spikes_of(90, electrons << select, level, rule)
+            assert made[:, 0, 0].sum() == count_spikes(90, electrons << select, level, rule)
 
 
 def test_which_bits_of_a_word():

@@ -5,16 +5,9 @@ import shutil
 import pytest
 
 from cosim import InputError
-from rtl_model.gateware import (
-    TARGETS,
-    TOLERANCE,
-    baud_error,
-    block_rams,
-    check_baud,
-    design_for,
-    target_named,
-    write_folder,
-)
+from rtl_model.gateware import TARGETS, design_for, target_named, write_folder
+from rtl_model.gateware.baud import TOLERANCE, baud_error, check_baud
+from rtl_model.gateware.block_ram import block_rams
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.synthesis import VERILOG, synthesise

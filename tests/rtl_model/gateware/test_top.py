@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from rtl_model.gateware import PORTS, TARGETS, TOP, design_for, fit, pins, target_named
+from rtl_model.gateware import TARGETS, design_for, fit, target_named
+from rtl_model.gateware.top import PORTS, TOP, pins
 from rtl_model.registers import MAGIC, REGISTERS, VERSION
 
 HERE = Path(__file__).parent

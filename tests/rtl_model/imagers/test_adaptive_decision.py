@@ -5,34 +5,36 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rtl_model.imagers.adaptive import (
+from rtl_model.imagers.adaptive.decision import (
     LONGEST,
     MULTIPLIER_BITS,
     PRINTED_MULTIPLIER_BITS,
     Search,
-    Statistics,
-    Window,
-    brightest_lux,
-    combined_response,
-    darkest_lux,
     decide,
-    exponential_deviation,
+    lengthening,
+    shortened,
+)
+from rtl_model.imagers.adaptive.loop import (
     follow,
     from_judged,
     from_register,
-    gather,
-    half_scale_lux,
-    lengthening,
     light_for,
-    longest_exposure,
     recovery,
     search_path,
     settled,
-    shortened,
     shortest_exposure,
     unlimited,
     worst_search,
 )
+from rtl_model.imagers.adaptive.response import (
+    brightest_lux,
+    combined_response,
+    darkest_lux,
+    exponential_deviation,
+    half_scale_lux,
+    longest_exposure,
+)
+from rtl_model.imagers.adaptive.statistics import Statistics, Window, gather
 from sensor.imagers.cmos import CmosSetting
 
 

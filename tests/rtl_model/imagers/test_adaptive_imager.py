@@ -9,15 +9,13 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from rtl_model.imagers import line_of
-from rtl_model.imagers.adaptive import (
-    AdaptiveExposure,
-    Search,
-    Timing,
-    latency,
-    light_for,
-)
-from rtl_model.imagers.adaptive.machine import AdaptiveMachine
+from rtl_model.imagers.adaptive.bus_target import SteadySequencer
+from rtl_model.imagers.adaptive.decision import Search
+from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.latency import latency
+from rtl_model.imagers.adaptive.loop import light_for
+from rtl_model.imagers.adaptive.timing import Timing
+from rtl_model.imagers.bus import line_of
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 
@@ -209,7 +207,7 @@ def test_the_trace_holds_the_sequencers_signals(tmp_path: Path) -> None:
 
 
 def test_behind_its_serial_line_it_rests_where_the_whole_sensor_does() -> None:
-    core = AdaptiveMachine(TINY, lux=50.0)
+    core = SteadySequencer(TINY, lux=50.0)
     bus = line_of(core).system
     address = {entry.name: entry.address for entry in core.registers.design.registers}
     bus.write(address["adaptive_search"], 3)

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.adaptive import Timing, actual_exposures, disturbed, frames_of
 from rtl_model.imagers.adaptive.codes import changed_bits, gray, gray_bits, johnson, ring
-from rtl_model.imagers.adaptive.plain import PlainSequencer
+from rtl_model.imagers.adaptive.sequencer import actual_exposures, disturbed, frames_of
 from rtl_model.imagers.adaptive.signals import signal_list, signals_of
+from rtl_model.imagers.adaptive.timing import Timing
+from tests.rtl_model.imagers.clocked_adaptive import CounterSequencer
 
 SMALL = Timing(rows=6, columns=6, line=28, frame=176, cycle=4, turn=8)
 USUAL = Timing.of(256, 256)
@@ -39,7 +40,7 @@ def test_every_edge_is_that_of_the_sequencer_clock_by_clock(exposures: list[int]
     assert [c for c, _, _ in coming] == sorted(c for c, _, _ in coming)
     values = {s.name: s.before for s in signal_list(SMALL)}
     resets, samples, at = [], [], 0
-    for tick in PlainSequencer(SMALL, exposures).run():
+    for tick in CounterSequencer(SMALL, exposures).run():
         while at < len(coming) and coming[at][0] <= tick.clock:
             values[coming[at][1]] = coming[at][2]
             at += 1
@@ -57,7 +58,7 @@ def test_every_edge_is_that_of_the_sequencer_clock_by_clock(exposures: list[int]
 def test_counters_step_one_bit_and_in_work_phases_only(exposures: list[int]) -> None:
     before = None
     stepped: set[str] = set()
-    for tick in PlainSequencer(SMALL, exposures).run():
+    for tick in CounterSequencer(SMALL, exposures).run():
         if before is not None:
             for name, code in tick.codes.items():
                 bits = changed_bits(before.codes[name], code)

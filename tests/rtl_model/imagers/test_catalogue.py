@@ -11,12 +11,14 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
-from rtl_model.host import Board, Cause, LineFault, Uartbone, imager_map, read_csr, recognised
-from rtl_model.imagers import IMAGERS, ImagerBus, design, line_of, machine
-from rtl_model.imagers.catalogue import by_number
+from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised
+from rtl_model.host.csr import imager_map
+from rtl_model.imagers import ImagerBus, bus_target, design
+from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.catalogue import IMAGERS, by_number
 from rtl_model.imagers.document import document
-from rtl_model.imagers.emccd import window_table
-from rtl_model.registers import faults
+from rtl_model.imagers.emccd.timing import window_table
+from rtl_model.registers.checks import faults
 from rtl_model.virtual import VirtualBoard
 from tests.rtl_model.host.conftest import ModelPort
 
@@ -35,7 +37,7 @@ def test_the_documents_are_made_of_the_tables():
 @pytest.mark.parametrize("name", IMAGERS)
 def test_every_table_is_sound(name):
     made = design(name)
-    assert (made.name, made.number) == (name, IMAGERS[name])
+    assert (made.name, made.number) == (name, IMAGERS[name].number)
     assert by_number(made.number) == name
     assert faults(made.registers, made.memories, made.values) == []
     assert {type(entry.reset) for entry in made.own} == {int}
@@ -45,7 +47,7 @@ def test_every_table_is_sound(name):
 def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
     """Every register that is only read, at random clocks; and again after a reset."""
     rng = random.Random(4)
-    bus, whole = ImagerBus(machine(name)), None
+    bus, whole = ImagerBus(bus_target(name)), None
     own = [entry for entry in design(name).own if entry.mode == "ro" and not entry.read_effect]
     hz = design(name).clock_hz
     clock, seen = 0, set()
@@ -53,21 +55,21 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
         clock += rng.choice((1, 2, 50, hz // 1000, hz // 50, hz // 10))
         bus.advance(clock)
         if part % 6 == 5:
-            whole = ImagerBus(machine(name))
+            whole = ImagerBus(bus_target(name))
             whole.advance(clock)
-            values = [whole.machine.registers.read(entry.name) for entry in own]
-            assert values == [bus.machine.registers.read(entry.name) for entry in own], clock
+            values = [whole.target.registers.read(entry.name) for entry in own]
+            assert values == [bus.target.registers.read(entry.name) for entry in own], clock
             seen.add(tuple(values))
     assert len(seen) > 1
     reset = next(entry.address for entry in design(name).registers if entry.name == "ctrl_reset")
     bus.write(reset, 1)
-    fresh = ImagerBus(machine(name))
+    fresh = ImagerBus(bus_target(name))
     for step in (1, hz // 7, hz // 3):
         bus.advance(bus.clock + step)
         fresh.advance(fresh.clock + step)
         for entry in own:
             if not entry.name.endswith("_clock"):  # an instant since power-on
-                assert bus.machine.registers.read(entry.name) == fresh.machine.registers.read(
+                assert bus.target.registers.read(entry.name) == fresh.target.registers.read(
                     entry.name
                 ), entry.name
 
@@ -75,7 +77,7 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
 @pytest.mark.parametrize("name", IMAGERS)
 def test_the_host_knows_it_by_its_first_register(name, tmp_path):
     made = design(name)
-    port = ModelPort(made.geometry, bridge=line_of(machine(name)))
+    port = ModelPort(made.geometry, bridge=line_of(bus_target(name)))
     bone = Uartbone(port, baud=made.baud)
     known = recognised(bone)
     assert known == imager_map(name)
@@ -114,7 +116,7 @@ def test_the_spike_board_is_still_itself():
 
 
 def test_no_such_imager_is_one_line():
-    for ask in (design, machine, imager_map):
+    for ask in (design, bus_target, imager_map):
         with pytest.raises(InputError, match="one of adaptive-exposure, ebaps, emccd"):
             ask("vidicon")
     assert by_number(0) is None

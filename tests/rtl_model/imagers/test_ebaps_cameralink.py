@@ -10,13 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import InputError
-from rtl_model.imagers.ebaps import (
+from rtl_model.imagers.ebaps.cameralink import (
     CHANNELS,
+    DVAL,
+    FVAL,
+    LVAL,
     PAIRS,
     PORTS,
+    SPARE,
     WORD_BITS,
     LinkTiming,
-    Timing,
     deserialise,
     frame_words,
     pixels_of,
@@ -24,7 +27,7 @@ from rtl_model.imagers.ebaps import (
     serialise,
     words_of,
 )
-from rtl_model.imagers.ebaps.cameralink import DVAL, FVAL, LVAL, SPARE
+from rtl_model.imagers.ebaps.timing import Timing
 
 SMALL = LinkTiming(columns=9, rows=5, clock_hz=3001, rate=30)
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from rtl_model.imagers.ebaps import (
+from rtl_model.imagers.ebaps.darks import (
     TRUNCATION,
     TRUNCATION_VARIANCE,
     clipped_mean,
@@ -20,7 +20,8 @@ from rtl_model.imagers.ebaps import (
     subtract,
 )
 from sensor.imagers import Exposed
-from sensor.imagers.ebaps import EbapsPixels, Silicon
+from sensor.imagers.ebaps import EbapsPixels
+from sensor.imagers.ebaps.silicon import Silicon
 
 SHAPE = (128, 160)
 N = SHAPE[0] * SHAPE[1]

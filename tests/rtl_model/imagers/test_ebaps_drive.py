@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtl_model.imagers.ebaps import (
-    DEFAULT_EXPOSURE,
+from rtl_model.imagers.ebaps.drive import (
     DRIVES,
-    STEP,
+    HCLK_ROWS,
+    LAG,
+    READING,
     Drive,
-    Ebaps,
-    ExposureRule,
-    Timing,
     drive_records,
-    late_resets,
-    row_times,
+    merged,
 )
-from rtl_model.imagers.ebaps.drive import HCLK_ROWS, LAG, READING, merged
+from rtl_model.imagers.ebaps.exposure import DEFAULT_EXPOSURE, STEP, ExposureRule
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.resets import late_resets, row_times
+from rtl_model.imagers.ebaps.timing import Timing
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
 from tests.rtl_model.imagers.naive_ebaps_drive import dense, disturbed, exposed_rows, intervals

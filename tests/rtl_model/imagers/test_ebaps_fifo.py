@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.ebaps import AsyncFifo, Packer, Unpacker, gray, ungray
-from rtl_model.imagers.ebaps.fifo import Coin, edges_of
+from rtl_model.imagers.ebaps.fifo import AsyncFifo, Coin, Packer, Unpacker, edges_of, gray, ungray
 
 MHZ = 1_000_000
 

@@ -9,17 +9,13 @@ import pytest
 
 from cosim.errors import InputError
 from cosim.frames import Frame
-from rtl_model.imagers import line_of
-from rtl_model.imagers.ebaps import (
-    DESIGN,
-    LIVE,
-    Ebaps,
-    PlainMemory,
-    Timing,
-    machine,
-    region_bytes,
-)
-from rtl_model.registers import faults
+from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.ebaps.bus_target import bus_target
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.regions import LIVE, PlainMemory, region_bytes
+from rtl_model.imagers.ebaps.registers import DESIGN
+from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.ebaps import Chart, EbapsPixels, wanted_exposure
 
@@ -226,7 +222,7 @@ class TestRegisters:
 
     def test_the_sequencer_alone_settles(self) -> None:
         """Without pixels, behind the bus: the loop climbs to 19.584 ms, the first point inside."""
-        alone = machine()
+        alone = bus_target()
         bus = line_of(alone)
         assert bus is not None
         alone.advance(40_000_000)

@@ -11,8 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers import ebaps
-from rtl_model.imagers.ebaps import ExposureRule, Linear, Timing, follow, settle
+from rtl_model.imagers.ebaps.exposure import ACCUMULATOR_BITS, ExposureRule, Linear, follow
+from rtl_model.imagers.ebaps.extremes import (
+    accumulated,
+    dark_then_light,
+    light_steps,
+    shipped_loop,
+    swinging,
+)
+from rtl_model.imagers.ebaps.settling import (
+    last_hunting,
+    resting,
+    settle,
+    settling_exposure,
+    settling_share,
+    spans,
+)
+from rtl_model.imagers.ebaps.timing import Timing
 from tests.rtl_model.imagers import naive_ebaps as naive
 
 RULE = ExposureRule()
@@ -29,7 +44,7 @@ def test_the_printed_numbers() -> None:
     assert (RULE.low, RULE.high, RULE.step, RULE.shortest) == (24_000, 25_600, 640_000, 1_000_000)
     assert RULE.longest == 32_768_000
     assert follow(RULE, lambda frame, exposure: 24_000, 1) == [16_384_000]
-    assert ebaps.ACCUMULATOR_BITS == math.ceil(math.log2(1280 * 1024 * 65_535)) == 37
+    assert ACCUMULATOR_BITS == math.ceil(math.log2(1280 * 1024 * 65_535)) == 37
 
 
 @pytest.mark.parametrize(
@@ -57,11 +72,11 @@ def test_it_clips_at_both_ends() -> None:
 
 
 def test_the_exposures_from_which_it_rests() -> None:
-    assert ebaps.settling_exposure(RULE) == 9_600_000
-    assert ebaps.settling_exposure(RULE, 24_800) == 9_920_000
-    assert ebaps.settling_exposure(RULE, steps=2) == 19_200_000
+    assert settling_exposure(RULE) == 9_600_000
+    assert settling_exposure(RULE, 24_800) == 9_920_000
+    assert settling_exposure(RULE, steps=2) == 19_200_000
     # From the default exposure's grid, the last gap ends a little earlier.
-    assert ebaps.last_hunting(RULE) == 9_672_000
+    assert last_hunting(RULE) == 9_672_000
 
 
 @settings(max_examples=100, deadline=None)
@@ -77,7 +92,7 @@ def test_simulation_ends_where_analysis_says(wanted: int, zero: int, start: int)
     assert set(last) == {said.low, said.high}
     inside = [RULE.side(light.mean(e), 1) == 0 for e in last]
     assert all(inside) if said.kind == "rest" else not any(inside)
-    if ebaps.spans(RULE, light):
+    if spans(RULE, light):
         assert said.kind != "hunt"
     if said.kind == "hunt":  # between a frame too dark and one too bright, a step apart, for ever
         assert said.high - said.low == RULE.step
@@ -87,14 +102,14 @@ def test_simulation_ends_where_analysis_says(wanted: int, zero: int, start: int)
 def test_it_rests_wherever_the_window_spans_a_step() -> None:
     for wanted in range(9_920_000, 32_768_000, 97_003):
         light = Linear.wanting(wanted, RULE)
-        assert ebaps.spans(RULE, light)
+        assert spans(RULE, light)
         assert settle(RULE, light).kind == "rest", wanted
 
 
 @pytest.mark.parametrize(("first", "last", "about"), [(1, 3, 0.25), (3, 6, 0.41), (9.95, 32, 1.0)])
 def test_the_share_that_settles(first: float, last: float, about: float) -> None:
     a, b = int(first * 1e6), int(last * 1e6)
-    exact = float(ebaps.settling_share(RULE, a, b))
+    exact = float(settling_share(RULE, a, b))
     assert exact == pytest.approx(about, abs=0.02)
     n = 400
     wanted = [a + (2 * k + 1) * (b - a) // (2 * n) for k in range(n)]
@@ -102,7 +117,7 @@ def test_the_share_that_settles(first: float, last: float, about: float) -> None
     kinds = [settle(RULE, Linear.wanting(w, RULE)).kind == "rest" for w in wanted]
     assert rested == kinds[::10]
     # A midpoint rule misses at most one sample an edge of an interval.
-    edges = 2 * sum(a <= p * 1.04 and p * 0.96 <= b for p, _ in ebaps.resting(RULE)) + 2
+    edges = 2 * sum(a <= p * 1.04 and p * 0.96 <= b for p, _ in resting(RULE)) + 2
     assert abs(sum(kinds) / n - exact) <= edges / n
 
 
@@ -113,7 +128,7 @@ def test_acting_on_every_frame_needs_as_many_steps_as_frames_of_delay() -> None:
         last = set(ends(EVERY, light))
         ideal = set(ends(EVERY, light, latency=1))
         assert len(ideal) == 1 and RULE.side(light.mean(min(ideal)), 1) == 0
-        if ebaps.spans(RULE, light, steps=2):
+        if spans(RULE, light, steps=2):
             assert len(last) == 1 and RULE.side(light.mean(min(last)), 1) == 0
         hunted += len(last) > 1
     assert hunted > 5  # so waiting is worth its frames
@@ -126,9 +141,9 @@ def test_no_step_and_a_window_turned_around_do_no_harm() -> None:
     assert settle(replace(RULE, step=0), Linear(Fraction(0))).kind == "end"
 
 
-@pytest.mark.parametrize("check", [ebaps.light_steps, ebaps.dark_then_light, ebaps.swinging])
+@pytest.mark.parametrize("check", [light_steps, dark_then_light, swinging])
 def test_extremes_hold_and_refuse_the_naive(check: object) -> None:
-    assert check(ebaps.shipped_loop) == 0  # type: ignore[operator]
+    assert check(shipped_loop) == 0  # type: ignore[operator]
     assert check(naive.unclipped) > 0  # type: ignore[operator]
     assert check(naive.proportional) > 0  # type: ignore[operator]
 
@@ -137,9 +152,9 @@ def test_the_sum_of_a_frame() -> None:
     def shipped(frame: np.ndarray) -> int:
         return int(frame.sum(dtype=np.int64))
 
-    assert ebaps.accumulated(shipped) == 0
-    assert ebaps.accumulated(naive.float32_sum) > 0
-    assert ebaps.accumulated(naive.sum_of_32_bits) > 0
+    assert accumulated(shipped) == 0
+    assert accumulated(naive.float32_sum) > 0
+    assert accumulated(naive.sum_of_32_bits) > 0
 
 
 class TestTiming:

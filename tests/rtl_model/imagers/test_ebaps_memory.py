@@ -8,30 +8,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import InputError
-from rtl_model.imagers.ebaps import (
+from rtl_model.imagers.ebaps.axi import (
     BURST_BEATS,
-    REGIONS,
-    AsyncFifo,
     AxiRules,
     Beat,
     Burst,
-    BurstMemory,
-    Clocks,
-    Ddr,
-    DdrPort,
-    Ebaps,
-    PlainMemory,
     ReadMaster,
     Signals,
     burst_address,
-    burst_clocks,
     bursts_of,
+    region_offset,
+)
+from rtl_model.imagers.ebaps.burst_memory import BurstMemory
+from rtl_model.imagers.ebaps.crossing import (
+    Clocks,
+    burst_clocks,
     frame_bytes_per_second,
     memory_load,
-    region_bytes,
-    region_offset,
     transfer,
 )
+from rtl_model.imagers.ebaps.ddr import Ddr, DdrPort
+from rtl_model.imagers.ebaps.fifo import AsyncFifo
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.regions import REGIONS, PlainMemory, region_bytes
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
 

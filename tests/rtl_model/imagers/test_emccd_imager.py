@@ -8,20 +8,15 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from rtl_model.host import Board, Uartbone, imager_map
-from rtl_model.imagers import line_of
-from rtl_model.imagers.emccd import (
-    DESIGN,
-    PARAMETERS,
-    Cooler,
-    Emccd,
-    EmccdMachine,
-    Settings,
-    Timing,
-    frame_clocks,
-    run_cooling,
-)
-from rtl_model.registers import faults
+from rtl_model.host import Board, Uartbone
+from rtl_model.host.csr import imager_map
+from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.emccd.bus_target import EmccdSequencer
+from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
+from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.registers import DESIGN, PARAMETERS
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_clocks
+from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.emccd import HighVoltage
 from tests.rtl_model.host.conftest import ModelPort
@@ -90,7 +85,7 @@ def test_a_parameter_written_in_a_frame_changes_nothing_before_the_next_cycle(se
     when it began, so the one that ran was not touched; before and after, times follow from it."""
     rng = random.Random(seed)
     cycles = []
-    machine = EmccdMachine(SMALL, (), cycles.append)
+    machine = EmccdSequencer(SMALL, (), cycles.append)
     writes = sorted(
         (rng.randrange(20_000), rng.choice(PARAMETERS[:4]), rng.randrange(1, 12))
         for _ in range(150)
@@ -154,14 +149,14 @@ def test_over_the_line_the_last_byte_decides(late):
     """The word is strobed a clock after its last byte came whole: at the very edge at which the
     next cycle begins it is too late, one clock sooner it is not."""
     cycles = []
-    line = line_of(EmccdMachine(SMALL, (), cycles.append), byte_clocks=3)
-    line.system.machine.registers.put("emccd_exposure", 1)
+    line = line_of(EmccdSequencer(SMALL, (), cycles.append), byte_clocks=3)
+    line.system.target.registers.put("emccd_exposure", 1)
     line.wait(1)
     edge = cycles[0].end
     packet = command(0x300, 5)
     first = edge + late - 3 * (len(packet) - 1)  # so that the last byte comes at edge + late
     line.feed(packet[:-1], first)
-    assert line.system.machine.registers.read("emccd_exposure") == 1
+    assert line.system.target.registers.read("emccd_exposure") == 1
     line.feed(packet[-1:], edge + late)
     line.wait(3 * edge)
     assert cycles[0].settings.steps == 1
@@ -172,7 +167,7 @@ def test_over_the_line_the_last_byte_decides(late):
 
 def test_the_host_reads_and_writes_it_like_a_board():
     """`rtl_model.host` over the imager's own csr.csv and table; writes are verified."""
-    machine = EmccdMachine()
+    machine = EmccdSequencer()
     port = ModelPort(DESIGN.geometry, bridge=line_of(machine))
     board = Board(Uartbone(port, baud=DESIGN.baud), imager_map("emccd"))
     assert board.identifier() == "Viform emccd 528x536"

@@ -7,25 +7,23 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import write_trace
-from rtl_model.imagers.emccd import (
+from rtl_model.imagers.emccd.bus_target import EmccdSequencer
+from rtl_model.imagers.emccd.counted import counted
+from rtl_model.imagers.emccd.counters import CounterSequencer
+from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
+from rtl_model.imagers.emccd.timing import (
     EXPOSURE_STEPS,
-    SIGNALS,
     SIZES,
-    Cycle,
-    EmccdMachine,
-    PlainSequencer,
     Settings,
     Timing,
     after_printed,
-    counted,
     exposure_range,
     frame_clocks,
     frame_rate,
     frame_seconds,
-    signal_changes,
     window_table,
 )
+from rtl_model.imagers.trace import write_trace
 
 SMALL = Timing(1_000_000, 12, 7, 2, 10, 3, 4, 2, 3)
 WRITABLE = {
@@ -96,7 +94,7 @@ def test_the_window_table_falls_with_size_and_is_the_machines_own_rate():
     assert rates == sorted(rates)
     for rows, rate in table[2:]:
         begun = []
-        machine = EmccdMachine(begun=begun.append)
+        machine = EmccdSequencer(begun=begun.append)
         machine.registers.write("emccd_first_row", (512 - rows) // 2)
         machine.registers.write("emccd_rows", rows)
         machine.advance(4 * frame_clocks(Timing(), Settings(200, 0, rows)))
@@ -140,8 +138,8 @@ def test_event_by_event_is_clock_by_clock(seed):
     pulses = {rng.randrange(clocks) for _ in range(rng.choice((5, 80)))}
     writes[clocks // 2 + 7] = ("emccd_trigger", 1)
     cycles = []
-    machine = EmccdMachine(timing, pulses, cycles.append)
-    plain = PlainSequencer(timing)
+    machine = EmccdSequencer(timing, pulses, cycles.append)
+    plain = CounterSequencer(timing)
     machine.registers.put("emccd_exposure", 1)
     held = {"steps": 1}
     plain.held = Settings(**held)
@@ -179,7 +177,7 @@ def test_event_by_event_is_clock_by_clock(seed):
 
 def test_a_waiting_camera_takes_the_pulse_at_its_edge_and_loses_the_others():
     cycles = []
-    machine = EmccdMachine(SMALL, [5, 40, 5000, 5001], cycles.append)
+    machine = EmccdSequencer(SMALL, [5, 40, 5000, 5001], cycles.append)
     machine.registers.write("emccd_sync", 1)
     machine.advance(6000)
     assert [cycle.start for cycle in cycles] == [5, 5000]

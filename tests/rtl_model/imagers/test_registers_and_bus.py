@@ -8,8 +8,12 @@ import random
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import HEAD, IMAGER_MAGIC, Design, RegisterFile, line_of, machine
-from rtl_model.registers import REGISTERS, Register, faults
+from rtl_model.imagers import bus_target
+from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, Design
+from rtl_model.registers import REGISTERS, Register
+from rtl_model.registers.checks import faults
 
 OWN = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),
@@ -182,9 +186,9 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
 
 
 def imagers():
-    from rtl_model.imagers.adaptive import AdaptiveExposure
-    from rtl_model.imagers.ebaps import Ebaps
-    from rtl_model.imagers.emccd import Emccd
+    from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+    from rtl_model.imagers.ebaps.imager import Ebaps
+    from rtl_model.imagers.emccd.imager import Emccd
     from sensor.imagers.cmos import AdaptivePixels
     from sensor.imagers.ebaps import EbapsPixels
 
@@ -233,7 +237,7 @@ def entries(imager):
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_the_line_cuts_what_does_not_fit(kind):
     """The same registers over the serial line, where nothing can be refused."""
-    made = machine(kind)
+    made = bus_target(kind)
     own = made.registers.design.own
     wide = next(entry for entry in own if entry.mode == "rw" and entry.width < 32)
     ro = next(entry for entry in own if entry.mode == "ro")

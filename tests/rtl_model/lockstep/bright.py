@@ -1,6 +1,7 @@
 """A program that fills the charges: the random one does so once in some 10^7 pixel-cycles."""
 
-from rtl_model.lockstep import ADDRESS, Chunk, Program, Write
+from rtl_model.lockstep import Program
+from rtl_model.lockstep.program import ADDRESS, Chunk, Write
 
 FRAMES = 20  # of light, then of darkness
 HELD = 16  # quanta of 255 in a full charge of 4095 electrons

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from rtl_model import lockstep
-from rtl_model.verilated import VERILOG, missing
+from rtl_model.verilated import VERILOG
+from rtl_model.verilated.build import missing
 
 
 def models():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rtl_model import lockstep
-from rtl_model.verilated import missing
+from rtl_model.verilated.build import missing
 from tests.rtl_model.lockstep.bright import BRIGHT, FRAMES, HELD
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import pytest
 
 from rtl_model import lockstep
-from rtl_model.verilated import VERILOG, missing
+from rtl_model.verilated import VERILOG
+from rtl_model.verilated.build import missing
 from tests.rtl_model.lockstep.bright import BRIGHT, FRAMES
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")

@@ -13,7 +13,9 @@ from cosim.compute.opencl import Device, open_device
 from cosim.files import RawStream, write_raw
 from cosim.files.raw_layout import FRAME_BYTES, TABLE
 from cosim.spikes.viform import Viform, Words, words_for
-from rtl_model.readout import BIT_RATE, BLOCK_PS, Readout, ScanTiming, Window, plain_readout
+from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
+from rtl_model.readout.timing import BLOCK_PS, ScanTiming
+from rtl_model.readout.window import Window
 
 CLOCK = Clock(40_000)
 
@@ -58,7 +60,7 @@ def test_the_reader_of_the_sensors_files_takes_the_bytes(
 def test_the_kernel_is_bit_true_to_numpy(device: Device, window: Window) -> None:
     words = random_words(35)
     made = Readout(device, window).read(words, 35)
-    np.testing.assert_array_equal(made, plain_readout(words, 35, window))
+    np.testing.assert_array_equal(made, read_in_numpy(words, 35, window))
 
 
 def test_a_window_is_the_same_rows_of_the_whole_frame(device: Device) -> None:

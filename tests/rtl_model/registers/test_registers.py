@@ -10,18 +10,18 @@ from rtl_model.cycle import System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import (
     MEMORIES,
-    PARAMETERS,
     REGISTERS,
     Field,
     Memory,
     Register,
     csr_csv,
-    faults,
     identifier,
     parameters,
     reset_value,
 )
+from rtl_model.registers.checks import faults
 from rtl_model.registers.document import document
+from rtl_model.registers.parameters import PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[3]
 GEOMETRIES = [Geometry(), Geometry(rows=4095, columns=4096, lanes=64), Geometry(rows=1, columns=1)]

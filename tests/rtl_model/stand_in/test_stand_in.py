@@ -10,14 +10,8 @@ from cosim import InputError
 from rtl_model.cycle import Bridge, Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone
-from rtl_model.stand_in import (
-    BoardDisplay,
-    BoardSensor,
-    StandIn,
-    level_for,
-    parse_place,
-    steps_of,
-)
+from rtl_model.stand_in import BoardDisplay, BoardSensor, StandIn, level_for, steps_of
+from rtl_model.stand_in.place import parse_place
 
 SMALL = Geometry(rows=5, columns=40, capture_words=128, sink_words=64, baud=3_000_000)
 

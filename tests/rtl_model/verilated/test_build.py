@@ -10,17 +10,8 @@ import pytest
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.verilated import (
-    KEPT_BYTES,
-    KEPT_DAYS,
-    BuildFailed,
-    VerilatedSystem,
-    build_crc,
-    library,
-    missing,
-    prune,
-)
-from rtl_model.verilated.build import _first_error
+from rtl_model.verilated import BuildFailed, VerilatedSystem, build_crc, library
+from rtl_model.verilated.build import KEPT_BYTES, KEPT_DAYS, _first_error, missing, prune
 from rtl_model.verilated.system import trace_format
 
 TINY = """

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
-from rtl_model.virtual import LINGER_S, Level, VirtualBoard
+from rtl_model.virtual import Level, VirtualBoard
+from rtl_model.virtual.board import LINGER_S
 from rtl_model.virtual.planted import FOREIGN_MAGIC
 from tests.rtl_model.virtual.hosts import (
     LEVELS,

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.virtual import Faults, parse
-from rtl_model.virtual.faults import ByteFault
+from rtl_model.virtual.faults import ByteFault, Faults, parse
 from rtl_model.virtual.line import CUT_S, POWER_UP_S, Bytes, Dead, FaultyLine
 from rtl_model.virtual.noise import BITS, noise
 

@@ -12,19 +12,17 @@ from scipy import stats
 
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import (
-    PAIR_ENERGY,
-    ROSE,
     Chart,
     EbapsPixels,
-    Silicon,
-    Tube,
-    brightness,
-    brightness_constant,
     contrast_to_noise,
     recognisable,
     smallest_bar,
     wanted_exposure,
 )
+from sensor.imagers.ebaps.brightness import brightness, brightness_constant
+from sensor.imagers.ebaps.contrast import ROSE
+from sensor.imagers.ebaps.silicon import Silicon
+from sensor.imagers.ebaps.tube import PAIR_ENERGY, Tube
 
 Z = stats.norm.isf(0.5e-6)
 """Two-sided 1e-6."""

@@ -17,12 +17,12 @@ from sensor.imagers.emccd import (
     HighVoltage,
     chip,
     columns_filled,
-    dark_current,
-    document_gain,
     electrons_to_fill,
-    spill_columns,
     spill_lines,
 )
+from sensor.imagers.emccd.dark import dark_current
+from sensor.imagers.emccd.gain import document_gain
+from sensor.imagers.emccd.wells import spill_columns
 
 SIGMAS = float(stats.norm.isf(0.5e-6))
 EVEN = {"prnu": 0.0, "dsnu": 0.0}

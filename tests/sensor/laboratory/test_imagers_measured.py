@@ -14,8 +14,10 @@ from scipy.stats import norm
 from cosim.light.radiometry import photons_per_lux
 from sensor.imagers.cmos import AdaptivePixels
 from sensor.imagers.ebaps import EbapsPixels
-from sensor.imagers.emccd import EmccdPixels, dark_current, excess_noise_squared
-from sensor.laboratory import Bench, Report, measure_camera
+from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
+from sensor.imagers.emccd.dark import dark_current
+from sensor.laboratory.bench import Bench
+from sensor.laboratory.emva import Report, measure_camera
 
 FAR = float(norm.isf(0.5e-6) / norm.isf(0.005))
 PITCH = 16e-6

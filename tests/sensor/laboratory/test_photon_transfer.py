@@ -12,8 +12,12 @@ from scipy.stats import norm
 
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
-from sensor.imagers import Exposed, negative_binomial, poisson
-from sensor.laboratory import Bench, Estimate, LinearPixels, Report, measure_camera
+from sensor.imagers import Exposed, poisson
+from sensor.imagers.draws import negative_binomial
+from sensor.laboratory.bench import Bench
+from sensor.laboratory.emva import Report, measure_camera
+from sensor.laboratory.estimate import Estimate
+from tests.sensor.laboratory.linear_camera import LinearPixels
 
 SECONDS = 0.01
 DARK_SECONDS = (0.001, 0.1, 0.2)

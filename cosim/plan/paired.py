@@ -1,0 +1,213 @@
+"""The paired trial: several cameras on the same patches, with the same light and random counters.
+
+Rates are taken over windows of cycles and count fractions of spikes. The error of one camera
+against another is an RMS over the pixels of a patch, for each patch and window; the worst counts.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.light.light import Light, PlaneMap
+from cosim.plan.patches import PatchPlane
+from cosim.stage import Block
+
+__all__ = [
+    "CONFIDENCE", "Measured", "Paired", "Span", "TrialCamera", "Values", "Words", "compare",
+    "windows", "worst",
+]  # fmt: skip
+
+CONFIDENCE = 0.999
+"""Level of every interval."""
+Words = npt.NDArray[np.uint32]
+Values = npt.NDArray[np.float64]
+Span = tuple[int, int]
+"""First cycle of a window and its end."""
+
+
+def windows(instants: Sequence[int], window: int, cycles: int) -> list[tuple[int, int]]:
+    """First cycle and end of the window around each instant, moved to lie within the run."""
+    starts = [min(max(at - window // 2, 0), cycles - window) for at in instants]
+    return [(s, s + window) for s in starts]
+
+
+class TrialCamera(Protocol):
+    """A camera on patches.
+
+    Attributes:
+        bits: (pixels,) int64, spikes latched so far.
+    """
+
+    bits: npt.NDArray[np.int64]
+
+    def step(self, light: Light, start: int, cycles: int) -> Words:
+        """Words of so many cycles, (words, pixels); light as `PatchPlane.cut` gives it."""
+        ...
+
+    def phase(self) -> Values:
+        """(pixels,) spikes so far, with the fraction of the next one."""
+        ...
+
+    def state(self) -> dict[str, npt.NDArray[Any]]: ...
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None: ...
+
+
+@dataclass(frozen=True)
+class Measured:
+    """RMS difference of a tile's rates, relative, of the worst tile and window.
+
+    Attributes:
+        low, high: 99.9 % limits; `high` is the largest of all tiles and windows, allowing for
+            their number.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values, Values]:
+    """RMS over pixels of (rates - truth) over max(mean truth, floor), with 99.9 % limits that hold
+    for all of them together: the mean square is taken as normal over pixels.
+
+    rates, truth: (..., pixels). Gives three arrays of shape (...).
+    """
+    from scipy.special import ndtri
+
+    square = (rates - truth) ** 2
+    n = square.shape[-1]
+    base = np.maximum(truth.mean(axis=-1), max(floor, 1e-300))
+    many = max(int(np.prod(square.shape[:-1])), 1)
+    width = -float(ndtri((1 - CONFIDENCE) / 2 / many)) / np.sqrt(n)
+    mean, spread = square.mean(axis=-1), square.std(axis=-1) * width
+    low, high = np.sqrt(np.maximum(mean - spread, 0)) / base, np.sqrt(mean + spread) / base
+    return np.sqrt(mean) / base, low, high
+
+
+def worst(rates: Values, truth: Values, floor: float) -> Measured:
+    """The worst of `compare`."""
+    value, low, high = compare(rates, truth, floor)
+    at = np.unravel_index(int(np.argmax(value)), value.shape)
+    return Measured(float(value[at]), float(low[at]), float(high.max()))
+
+
+class _Recorder:
+    """One camera on the patches, with its phases at the edges of the windows."""
+
+    def __init__(self, camera: TrialCamera, edges: int, pixels: int) -> None:
+        self.camera = camera
+        self.phases = np.zeros((edges, pixels))
+        self.bits = np.zeros((edges, pixels), np.int64)
+        self.seconds, self.cycles = 0.0, 0
+        self.first: tuple[float, int] | None = None
+
+    def step(self, light: Light, start: int, cycles: int) -> Words:
+        """Timed, but for the first call, which may compile."""
+        begin = time.perf_counter()
+        words = self.camera.step(light, start, cycles)
+        spent = time.perf_counter() - begin
+        if self.first is None:
+            self.first = spent, cycles
+        else:
+            self.seconds, self.cycles = self.seconds + spent, self.cycles + cycles
+        return words
+
+    def per_cycle(self) -> float:
+        """Seconds a cycle; of the first call where there was no other, NaN where there was none."""
+        seconds, cycles = (self.seconds, self.cycles) if self.cycles else self.first or (0.0, 0)
+        return seconds / cycles if cycles else math.nan
+
+    def mark(self, edge: int) -> None:
+        self.phases[edge], self.bits[edge] = self.camera.phase(), self.camera.bits
+
+    def rate(self, start: int, stop: int, cycles: int) -> Values:
+        """Spikes a cycle between two edges; a pixel that fired in every cycle has 1, its charge
+        beyond that being lost on the latch."""
+        full = self.bits[stop] - self.bits[start] == cycles
+        return np.where(full, 1.0, (self.phases[stop] - self.phases[start]) / cycles)
+
+
+class Paired:
+    """A stage that passes light on and exposes several cameras to it.
+
+    Args:
+        plane: the patches.
+        cameras: by name.
+        spans: windows that rates are taken over.
+    """
+
+    def __init__(
+        self, plane: PatchPlane, cameras: Mapping[str, TrialCamera], spans: Sequence[Span]
+    ) -> None:
+        self.plane, self.spans = plane, list(spans)
+        self._cut = PlaneMap(plane.cut, None)
+        self._edges = sorted({e for span in spans for e in span})
+        n = plane.numbers.size
+        self._recorders = {
+            name: _Recorder(camera, len(self._edges), n) for name, camera in cameras.items()
+        }
+
+    def step(self, light: Light, block: Block) -> Light:
+        """Exposes the patches to a block of light, which is passed on unchanged."""
+        cut = self._cut(light)
+        at = block.start
+        if at == 0:
+            self._mark(0)
+        for until in [*(e for e in self._edges if at < e < block.stop), block.stop]:
+            for name, recorder in self._recorders.items():
+                self.filmed(name, recorder.step(cut, at, until - at), at, until - at)
+            at = until
+            self._mark(at)
+        return light
+
+    def _mark(self, cycle: int) -> None:
+        if cycle in self._edges:
+            for recorder in self._recorders.values():
+                recorder.mark(self._edges.index(cycle))
+            self.reached(cycle)
+
+    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
+        """Called with what a camera has latched: (words, pixels), from cycle `start` on."""
+
+    def reached(self, cycle: int) -> None:
+        """Called at every edge of a window."""
+
+    def rates(self, name: str, spans: Sequence[Span] | None = None) -> Values:
+        """Spikes a cycle of one camera: (windows, patches, pixels)."""
+        recorder, edges = self._recorders[name], self._edges
+        rates = [
+            recorder.rate(edges.index(a), edges.index(b), b - a) for a, b in spans or self.spans
+        ]
+        return self.plane.split(np.stack(rates))
+
+    def ns(self, name: str) -> float:
+        """Nanoseconds a pixel-cycle that a camera took on the patches, the first call aside where
+        there was another; NaN before it has been called."""
+        return self._recorders[name].per_cycle() * 1e9 / self.plane.numbers.size
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        arrays: dict[str, npt.NDArray[Any]] = {}
+        for name, recorder in self._recorders.items():
+            arrays |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
+            arrays |= {f"{name}:marks": recorder.phases, f"{name}:counts": recorder.bits}
+            arrays |= {f"{name}:took": np.array([recorder.seconds, recorder.cycles])}
+        return arrays
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Continues from a `state`."""
+        for name, recorder in self._recorders.items():
+            own = {
+                k.removeprefix(f"{name}:"): v for k, v in state.items() if k.startswith(f"{name}:")
+            }
+            recorder.phases, recorder.bits = own.pop("marks"), own.pop("counts")
+            seconds, cycles = own.pop("took").tolist()
+            recorder.seconds, recorder.cycles = seconds, int(cycles)
+            recorder.camera.restore(own)

@@ -1,0 +1,76 @@
+"""Patches of a plane: tiles of one size, stacked into one tall plane.
+
+A plan is checked on patches. Pixels keep their numbers, their rows' sampling instants and their
+neighbours' light, so each has the very bits that it has on the whole plane.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.light.light import Plane
+
+__all__ = ["Boxes", "PatchPlane"]
+
+
+class Boxes(Protocol):
+    """A plane of (height, width) pixels in numbered boxes, each of rows y0 to y1 and columns x0 to
+    x1, the ends excluded; `TileGrid` is one."""
+
+    @property
+    def height(self) -> int: ...
+    @property
+    def width(self) -> int: ...
+    def box(self, tile: int) -> tuple[int, int, int, int]: ...
+
+
+class PatchPlane:
+    """Patches of one size, stacked: (patches x rows, columns).
+
+    Args:
+        grid: the plane in boxes.
+        tiles: numbers of the boxes that become patches.
+
+    Raises ValueError for boxes of different sizes.
+    """
+
+    def __init__(self, grid: Boxes, tiles: list[int]) -> None:
+        boxes = [grid.box(tile) for tile in tiles]
+        sizes = {(y1 - y0, x1 - x0) for y0, y1, x0, x1 in boxes}
+        if len(sizes) != 1:
+            raise ValueError(f"patches must be of one size, not {sorted(sizes)}")
+        self.tiles = tiles
+        ((self.rows, self.columns),) = sizes
+        self.shape = (len(tiles) * self.rows, self.columns)
+        y = np.stack([np.arange(b[0] - 1, b[1] + 1) for b in boxes])
+        x = np.stack([np.arange(b[2] - 1, b[3] + 1) for b in boxes])
+        self._y = np.clip(y, 0, grid.height - 1)
+        self._x = np.clip(x, 0, grid.width - 1)
+        self.row = self._y[:, 1:-1].ravel()
+        """Row on the chip of each row here."""
+        rows, columns = self._y[:, 1:-1, None], self._x[:, None, 1:-1]
+        self.numbers = (rows * grid.width + columns).astype(np.uint32).ravel()
+
+    @property
+    def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Rows (patches, rows + 2) and columns (patches, columns + 2) of the plane that `cut`
+        takes."""
+        return self._y, self._x
+
+    def cut(self, plane: Plane) -> Plane:
+        """The patches of a plane with a border of one pixel, stacked. Beyond the plane its border
+        is repeated."""
+        cut = plane[self._y[:, :, None], self._x[:, None, :]]
+        return np.ascontiguousarray(cut.reshape(-1, self.columns + 2))
+
+    def inner(self, plane: Plane) -> Plane:
+        """The patches without the border that `cut` gives them."""
+        cut = plane.reshape(len(self.tiles), self.rows + 2, self.columns + 2)[:, 1:-1, 1:-1]
+        return np.ascontiguousarray(cut.reshape(self.shape))
+
+    def split(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """(..., pixels) values as (..., patches, pixels of a patch)."""
+        return values.reshape(*values.shape[:-1], len(self.tiles), -1)

@@ -1,0 +1,105 @@
+"""The slow motion of all displays side by side, as an MP4 clip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS
+from cosim.files.whole import whole
+from display.observe.slow_motion import SlowMotion
+
+__all__ = ["RATE", "chosen_tiles", "write_display_clip"]
+
+RATE = 25
+"""Frames a second of the clip."""
+TILES = 8
+COLUMNS = 4
+GAP = 6
+"""Pixels between pictures."""
+TEXT = 26
+"""Pixels of the strip with a picture's name."""
+GROUND, INK = 24, 235
+Grey = npt.NDArray[np.uint8]
+
+
+def chosen_tiles(names: list[str], most: int = TILES) -> list[str]:
+    """At most so many of the displays, in their order: of the frame displays the middle ones go."""
+    names = list(names)
+    while len(names) > most:
+        frames = [name for name in names if name.endswith(" Hz")]
+        if len(frames) < 2:
+            return names[:most]
+        names.remove(frames[len(frames) // 2])
+    return names
+
+
+def _label(width: int, text: str) -> Grey:
+    strip = np.full((TEXT, width), GROUND, np.uint8)
+    size = 0.5
+    while size > 0.3 and cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 6:
+        size -= 0.05
+    place = (4, TEXT - 9)
+    cv2.putText(strip, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, INK, 1, cv2.LINE_AA)
+    return strip
+
+
+def _sized(picture: Grey, height: int, width: int) -> Grey:
+    """A picture in a tile of this size, whole and undistorted."""
+    if picture.shape == (height, width):
+        return picture
+    scale = min(height / picture.shape[0], width / picture.shape[1])
+    high, wide = (max(1, round(n * scale)) for n in picture.shape)
+    tile = np.full((height, width), GROUND, np.uint8)
+    how = cv2.INTER_NEAREST if scale >= 1 else cv2.INTER_AREA
+    y, x = (height - high) // 2, (width - wide) // 2
+    tile[y : y + high, x : x + wide] = cv2.resize(picture, (wide, high), interpolation=how)
+    return tile
+
+
+def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
+    """Named pictures in rows; both sides even, as H.264 in yuv420p needs."""
+    high, wide = pictures[0].shape[0] + TEXT, pictures[0].shape[1]
+    columns = min(COLUMNS, len(pictures))
+    rows = -(-len(pictures) // columns)
+    height, width = rows * (high + GAP) + GAP, columns * (wide + GAP) + GAP
+    sheet = np.full((height + height % 2, width + width % 2), GROUND, np.uint8)
+    for n, (picture, label) in enumerate(zip(pictures, labels, strict=True)):
+        y, x = GAP + n // columns * (high + GAP), GAP + n % columns * (wide + GAP)
+        sheet[y : y + TEXT, x : x + wide] = label
+        sheet[y + TEXT : y + high, x : x + wide] = picture
+    return sheet
+
+
+def write_display_clip(
+    path: Path, frames: Mapping[str, Grey], titles: Mapping[str, str], motion: SlowMotion
+) -> None:
+    """An MP4 (H.264, yuv420p) that browsers play. frames: by display, (frames, h, w) through the
+    sRGB curve. titles: what each is called."""
+    import av
+
+    height, width = motion.shape
+    times = max(1, 200 // max(height, width))  # small pictures are enlarged, pixels stay pixels
+    height, width = height * times, width * times
+    labels = {name: _label(width, title) for name, title in titles.items()}
+    with whole(path) as part, av.open(str(part), "w", format="mp4") as container:
+        video: Any = container.add_stream("libx264", rate=RATE)
+        video.pix_fmt = "yuv420p"
+        video.options = {"crf": "21", "preset": "superfast", "movflags": "+faststart"}
+        for n in range(motion.count):
+            ms = (motion.begin + n * motion.exposure + motion.exposure // 2) * 1e3 / PS
+            pictures = [_sized(frames[name][n], height, width) for name in frames]
+            stamps = [
+                labels[name] if k else _label(width, f"{titles[name]}, {ms:.1f} ms")
+                for k, name in enumerate(frames)
+            ]
+            sheet = _sheet(pictures, stamps)
+            if n == 0:
+                video.height, video.width = sheet.shape
+            container.mux(video.encode(av.VideoFrame.from_ndarray(sheet, format="gray")))
+        container.mux(video.encode(None))

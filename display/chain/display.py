@@ -1,0 +1,201 @@
+"""The display in the chain of a run: panel, renderer, observers and reference displays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Clock
+from display.chain.panel_stage import PanelStage
+from display.chain.pursuit import Pursuit
+from display.chain.tap import LightTap
+from display.observe.observers import eye_time
+from display.observe.slow_motion import SlowMotion
+from display.observe.temporal import STAGES
+from display.observe.views import Observer
+from display.panels.fit import fit_words
+from display.panels.panel import SpikePanel
+from display.probes.camera import ProbeCamera
+from display.probes.metrics import Probes, probe_display
+from display.references.stage import TRUTH, ReferenceStage
+from display.render.factory import make_renderer
+from display.section import DisplaySection
+from display.setting import DisplaySetting
+
+__all__ = ["SPIKE", "DisplayChain", "make_display_chain", "short_run_notes"]
+
+SPIKE = "spike"
+"""Name of the spike-continuous display among the displays."""
+MOTION = 1.0
+"""Pixels that light may move on a pursuing eye's retina within a span of planes. With 0.5 the
+PSNR of the scenario `glass` is the same to 0.1 dB."""
+FRAMES = 160
+"""Frames of the slow motion, at most."""
+TILE = 400
+"""Pixels of the longer side of a display's picture in the slow motion, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class DisplayChain:
+    """The display's stages in a run.
+
+    Attributes:
+        section: the display as the scenario describes it.
+        setting: the panel, and how finely time is resolved.
+        observers: by name, in pixels of the scene.
+        pursuit: what the pursuing eye follows.
+        motion: exposures of the slow motion.
+        points: pixels of interest, (row, column, label); `tap` records their light.
+        panel_stage: renders the stream.
+        references: reference displays and the true light, after the scene.
+        tap: records the light of `points`.
+    """
+
+    section: DisplaySection
+    setting: DisplaySetting
+    observers: dict[str, Observer]
+    pursuit: Pursuit
+    motion: SlowMotion
+    points: list[tuple[int, int, str]]
+    panel_stage: PanelStage
+    references: ReferenceStage
+    tap: LightTap
+
+    @property
+    def panel(self) -> SpikePanel:
+        return self.setting.panel
+
+    def stages(self, stages: dict[str, Any]) -> dict[str, Any]:
+        """The stages of a run with those of the display: references after the scene, panel last."""
+        out: dict[str, Any] = {}
+        for name, stage in stages.items():
+            out[name] = stage
+            if name == "scene":
+                out |= {"tap": self.tap, "references": self.references}
+        return out | {"display": self.panel_stage}
+
+    def images(self) -> dict[str, dict[str, npt.NDArray[np.float32]]]:
+        """By display and observer: (images, height, width), white = 1; after the last block."""
+        images = {
+            name: {observer: self._on_panel(views) for observer, views in by_observer.items()}
+            for name, by_observer in self.references.images().items()
+        }
+        return {TRUTH: images.pop(TRUTH), SPIKE: self.panel_stage.images} | images
+
+    def _on_panel(self, images: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Images in pixels of the scene, mapped to the panel's pixels as the stream's words are."""
+        scene, panel = images.shape[1:], self.panel.shape
+        if scene == panel:
+            return images
+        fitted = fit_words(self.section.fit, scene, panel)(images.view(np.uint32))
+        return fitted.view(np.float32)
+
+    def frames(self) -> dict[str, npt.NDArray[np.uint8]]:
+        """The slow motion by display; after the last block."""
+        films = dict(self.references.films)
+        if self.panel_stage.film is not None:
+            films = {TRUTH: films.pop(TRUTH), SPIKE: self.panel_stage.film} | films
+        return {name: film.frames for name, film in films.items()}
+
+    def identity(self) -> str:
+        """Text that names what a checkpoint of the display depends on beyond the scenario."""
+        return f"{self.panel_stage.renderer.name} {self.setting}"
+
+    def probes(self, camera: ProbeCamera) -> Probes:
+        """Latency, blur and flicker of all displays, with this camera before the panel."""
+        return probe_display(
+            camera, self.panel, self.section.reference_panels(), camera.seed,
+            per_degree=self.section.distance, pst_lm=True,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Releases the renderer."""
+        self.panel_stage.close()
+
+
+def _motion(clock: Clock, cycles: int, every: int, shape: tuple[int, int]) -> SlowMotion:
+    """The slow motion of a run, `every` cycles to an exposure. The cycles that do not fill an
+    exposure are left out at the start, where a panel is dark in any case."""
+    first = cycles % every
+    exposure = (clock.edge(cycles) - clock.edge(first)) // (cycles // every)
+    return SlowMotion(
+        shape, clock.edge(first), clock.edge(cycles), exposure, -(-max(shape) // TILE)
+    )
+
+
+def short_run_notes(luminance: float, seconds: float) -> list[str]:
+    """A note if the run is shorter than the eye's response (two standard deviations on either
+    side)."""
+    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
+    if seconds >= whole:
+        return []
+    return [
+        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye takes together: what eyes "
+        "see is the light there was"
+    ]
+
+
+def _with_spans(setting: DisplaySetting, velocity: float, every: int) -> DisplaySetting:
+    """The setting with spans short enough for the pursuing eye (`MOTION`), and for the slow
+    motion, with `every` planes to an exposure."""
+    batch, step = setting.batch, abs(velocity) / setting.panel.clock.hz
+    while batch > 1 and (batch * step > MOTION or 2 * batch > every):
+        batch //= 2
+    return replace(setting, batch=batch)
+
+
+def make_display_chain(
+    section: DisplaySection,
+    scene: tuple[int, int],
+    white: float,
+    cycles: int,
+    instants: Sequence[int],
+    planned: DisplaySetting,
+    pursuit: Pursuit,
+    points: list[tuple[int, int, str]],
+) -> DisplayChain:
+    """The display of a run.
+
+    Args:
+        section: the display as the scenario describes it.
+        scene: (height, width) of the scene and of the stream.
+        white: illuminance of the scene's white, lux.
+        cycles: of the run.
+        instants: cycles around which images are taken.
+        planned: the panel as it is simulated.
+        pursuit: what the pursuing eye follows, in pixels of the scene.
+        points: pixels of interest, (row, column, label).
+
+    Raises InputError if it cannot be rendered: no OpenGL, or too little memory.
+    """
+    clock, panel = planned.panel.clock, planned.panel.shape
+    at, end = [clock.middle(n) for n in instants], clock.edge(cycles)
+
+    def observers(velocity: float) -> dict[str, Observer]:
+        names = ("eye", "pursuit", section.observer)
+        every_one = section.observers(at, end, velocity)
+        return {name: observer for name, observer in every_one.items() if name in names}
+
+    # A panel that shows the whole picture in other pixels has it move at another speed.
+    ratio = panel[1] / scene[1] if section.fit == "nearest" else 1.0
+    on_panel = pursuit.velocity * ratio
+    every = -(-cycles // FRAMES)
+    setting = _with_spans(planned, on_panel, every)
+    panel_stage = PanelStage(
+        setting, observers(on_panel), _motion(clock, cycles, every, panel), cycles,
+        lambda images: make_renderer(section.renderer, setting.panel, setting.batch, images),
+        None if panel == scene else fit_words(section.fit, scene, panel),
+    )  # fmt: skip
+    on_scene, motion = observers(pursuit.velocity), _motion(clock, cycles, every, scene)
+    references = ReferenceStage(
+        section.reference_panels(), on_scene, scene, white, clock, cycles, motion
+    )
+    tap = LightTap([(row, column) for row, column, _ in points], clock, white)
+    return DisplayChain(
+        section, setting, on_scene, pursuit, motion, points, panel_stage, references, tap
+    )

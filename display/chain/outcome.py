@@ -1,0 +1,98 @@
+"""The outcome of a run's display: observer images, their fidelity, and its metrics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.png import write_linear_png
+from cosim.run.result import Latency, Metric
+from display.chain.display import SPIKE, DisplayChain
+from display.panels.panel import metric_key
+from display.probes.latency import PARTS
+from display.probes.metrics import GREY, Probes, display_metrics
+from display.quality.fidelity import Fidelity, ImagesByObserver, display_fidelity
+from display.references.stage import TRUTH
+
+__all__ = ["SPIKE", "TRUTH", "DisplayOutcome", "chain_fidelity", "write_observer_images"]
+
+
+@dataclass(frozen=True, eq=False)
+class DisplayOutcome:
+    """A run's display after the last block.
+
+    Attributes:
+        chain: the display's stages.
+        images: by display ("truth", "spike", "60 Hz", ...) and observer.
+        fidelity: of every display to every observer, as `chain_fidelity` computes it.
+        frames: the slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
+        total_light: emitted light over the spikes shown, packets; None without a spike.
+        probes: latency, blur and flicker.
+    """
+
+    chain: DisplayChain
+    images: ImagesByObserver
+    fidelity: list[Fidelity]
+    frames: dict[str, npt.NDArray[np.uint8]]
+    total_light: float | None
+    probes: Probes
+
+    @classmethod
+    def of(cls, chain: DisplayChain, fidelity: list[Fidelity], probes: Probes) -> DisplayOutcome:
+        emitted, spikes = chain.panel_stage.emitted, chain.panel_stage.spikes
+        total = emitted / spikes if emitted is not None and spikes else None
+        return cls(chain, chain.images(), fidelity, chain.frames(), total, probes)
+
+    @property
+    def displays(self) -> list[str]:
+        """All displays but the truth, the spike display first."""
+        return [name for name in self.images if name != TRUTH]
+
+    def title(self, display: str) -> str:
+        """Name of a display for a reader."""
+        if display == TRUTH:
+            return "clear glass"
+        return f"spikes, {self.chain.panel.drive}" if display == SPIKE else display
+
+    def fidelity_of(self, display: str, observer: str) -> Fidelity:
+        return next(f for f in self.fidelity if (f.display, f.observer) == (display, observer))
+
+    def metrics(self) -> dict[str, Metric]:
+        """The metrics of `result.json`."""
+        out: dict[str, Metric] = {}
+        for fidelity in self.fidelity:
+            out |= fidelity.metrics()
+        total = Metric(self.total_light, "emitted/expected")
+        return display_metrics(self.probes) | out | {"total_light": total}
+
+    def latency(self) -> list[Latency]:
+        """Photon to photon by stage: mid grey out of the dark with the panel's own drive, from 5 to
+        95 % of pixels."""
+        return [
+            Latency(stage, part.low, part.median, part.high)
+            for row in self.probes.latency
+            if (row.display, row.drive) == ("spike", self.probes.drive)
+            and (row.rate, row.way) == (GREY, "rise")
+            for stage, part in zip(PARTS, row.parts, strict=True)
+            if np.isfinite(part.median)
+        ]
+
+
+def chain_fidelity(chain: DisplayChain) -> list[Fidelity]:
+    """Fidelity of every display to every observer; after the last block."""
+    return display_fidelity(chain.images(), list(chain.observers))
+
+
+def write_observer_images(folder: Path, outcome: DisplayOutcome) -> list[str]:
+    """Writes the images of the middle instant: images/eye-60hz.png, images/pursuit-truth.png, ...;
+    linear, white = 255. Returns their names."""
+    (folder / "images").mkdir(exist_ok=True)
+    names = []
+    for display, by_observer in outcome.images.items():
+        for observer, images in by_observer.items():
+            names.append(f"images/{observer}-{metric_key(display)}.png")
+            write_linear_png(folder / names[-1], images[len(images) // 2])
+    return names

@@ -1,0 +1,194 @@
+"""The panel as the last stage of a run: a renderer and the observers of its light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block
+from cosim.spikes.viform import WORD, Viform, Words
+from display.observe.slow_motion import Film, SlowMotion
+from display.observe.views import Observer, Views, panel_views
+from display.render.factory import DRAW, AnyRenderer
+from display.setting import DisplaySetting
+
+__all__ = ["PanelStage"]
+
+State = dict[str, npt.NDArray[Any]]
+
+
+class PanelStage:
+    """Shows a stream on a panel.
+
+    An exposure of the slow motion uses an image of the renderer while light falls on it; later
+    exposures use the same image again.
+
+    Args:
+        setting: the panel, and how finely time is resolved.
+        observers: by name.
+        motion: exposures of the slow motion, None for none.
+        cycles: of the run.
+        renderer: makes a renderer with so many images. It is called here, so that a panel that
+            cannot be rendered is refused before anything is written.
+        mapping: words of the stream to words of the panel, None if both are of one size.
+
+    Attributes:
+        film: the slow motion, complete after the last block; None for none.
+        fired: spikes of the stream so far.
+        spikes: spikes shown on the panel so far.
+        images: by observer, (images, height, width), white = 1; complete after the last block.
+        emitted: light of all planes and pixels, packets; None before the last block.
+    """
+
+    def __init__(
+        self,
+        setting: DisplaySetting,
+        observers: Mapping[str, Observer],
+        motion: SlowMotion | None,
+        cycles: int,
+        renderer: Callable[[int], AnyRenderer],
+        mapping: Callable[[Words], Words] | None = None,
+    ) -> None:
+        self._batch, self._observers = setting.batch, dict(observers)
+        self._panel = setting.simulated_panel
+        self._cycles, self._mapping = cycles, mapping
+        self.film = None if motion is None else Film(motion)
+        self._exposures = max(
+            (len(self._exposed(n, min(DRAW, cycles - n))) for n in range(0, cycles, DRAW)),
+            default=0,
+        )  # that light falls on at once
+        self._light = sum(o.images for o in self._observers.values())
+        # The image of all light; those of the slow motion follow.
+        self.renderer = renderer(self._light + 1 + self._exposures)
+        self._closed = False
+        self._waiting: list[Words] = []  # words that are not rendered yet
+        self._first = self._planes = 0  # of what waits
+        self.fired = self.spikes = 0
+        self.images: dict[str, npt.NDArray[np.float32]] = {}
+        self.emitted: float | None = None
+
+    def step(self, given: Viform, block: Block) -> Viform:
+        """Takes one block; draws when there are enough, or at the run's end."""
+        words = given.words
+        self.fired += int(np.bitwise_count(words).sum(dtype=np.int64))
+        if self._mapping is not None:
+            words = self._mapping(words)
+        self._waiting.append(words)
+        self._planes += block.cycles
+        last = block.stop == self._cycles
+        # A word that is not full cannot be continued by the next block's.
+        if last or self._planes + block.cycles > DRAW or self._planes % WORD:
+            self._draw()
+        if last:
+            self._end()
+        return given
+
+    def _draw(self) -> None:
+        words = self._waiting[0] if len(self._waiting) == 1 else np.concatenate(self._waiting)
+        first, planes = self._first, self._planes
+        self._waiting, self._first, self._planes = [], first + planes, 0
+        if self._mapping is None:
+            self.spikes = self.fired
+        else:
+            self.spikes += int(np.bitwise_count(words).sum(dtype=np.int64))
+        self.renderer.step(words, planes, self._views(first, planes))
+        if self.film is not None:
+            self._finish_exposures(self.film, self._first)
+
+    def _finish_exposures(self, film: Film, plane: int) -> None:
+        """Takes the exposures that no light of `plane` or a later one falls on."""
+        motion = film.motion
+        until = self._panel.start(plane) if plane < self._cycles else None
+        while film.done < motion.count:
+            over = motion.begin + (film.done + 1) * motion.exposure
+            if until is not None and over > until:
+                break
+            dark = over <= self._panel.start(0)  # no light has fallen on it
+            image = (
+                np.zeros(self._panel.shape) if dark else self.renderer.take(self._place(film.done))
+            )
+            film.keep(film.done, image)
+            film.done += 1
+
+    def _exposed(self, first: int, planes: int) -> range:
+        """Exposures of the slow motion on which light of these planes falls."""
+        if self.film is None:
+            return range(0)
+        stop = self._panel.start(first + planes) + round(self._panel.row_delay)
+        return range(*self.film.motion.touched(self._panel.start(first), stop))
+
+    def _place(self, exposure: int) -> int:
+        """The renderer's image of an exposure: another than its neighbours'."""
+        return self._light + 1 + exposure % self._exposures
+
+    def _views(self, first: int, planes: int) -> Views:
+        """A row for each image: those of the observers, the sum of all light, the slow motion's."""
+
+        def views_of(observer: Observer) -> Views:
+            return panel_views(observer, self._panel, first, planes, self._batch)
+
+        spans = -(-planes // self._batch)
+        none = np.zeros((1, spans))
+        parts = [views_of(observer) for observer in self._observers.values()]
+        parts.append(Views(none + 1, none, none, none, none, none))
+        if self.film is not None and self._exposures:
+            rows = {f.name: np.zeros((self._exposures, spans)) for f in fields(Views)}
+            exposed = self._exposed(first, planes)
+            if exposed:
+                views = views_of(self.film.motion.camera(exposed.start, exposed.stop))
+                at = [exposure % self._exposures for exposure in exposed]
+                for name, values in rows.items():
+                    values[at] = getattr(views, name)
+            parts.append(Views(**rows))
+        return Views.joined(parts)
+
+    def _end(self) -> None:
+        """Takes every image and releases the renderer."""
+        first = 0
+        for name, observer in self._observers.items():
+            taken = [self.renderer.take(first + n) for n in range(observer.images)]
+            self.images[name] = np.stack(taken).astype(np.float32)
+            first += observer.images
+        self.emitted = float(self.renderer.take(self._light).sum(dtype=np.float64))
+        self.close()
+
+    def close(self) -> None:
+        """Releases the renderer."""
+        if not self._closed:
+            self.renderer.close()
+        self._closed = True
+
+    def state(self) -> State:
+        """Everything the next block depends on; after the last block, its results."""
+        state = {"counts": np.array([self._first, self._planes, self.fired, self.spikes])}
+        if self._waiting:
+            state["waiting"] = np.concatenate(self._waiting)
+        if self.film is not None:
+            state |= {f"film/{name}": value for name, value in self.film.state().items()}
+        if self.emitted is None:
+            state |= {f"renderer/{name}": value for name, value in self.renderer.state().items()}
+        else:
+            state["emitted"] = np.array(self.emitted)
+            state |= {f"image/{name}": value for name, value in self.images.items()}
+        return state
+
+    def restore(self, state: State) -> None:
+        """Go on from a `state`."""
+        self._first, self._planes, self.fired, self.spikes = (int(n) for n in state["counts"])
+        self._waiting = [state["waiting"]] if "waiting" in state else []
+        if self.film is not None:
+            self.film.restore(_below(state, "film/"))
+        if "emitted" in state:
+            self.emitted = float(state["emitted"])
+            self.images = _below(state, "image/")
+            self.close()
+        else:
+            self.renderer.restore(_below(state, "renderer/"))
+
+
+def _below(state: State, prefix: str) -> State:
+    return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}

@@ -1,0 +1,119 @@
+"""Waveforms of single pixels: light of the scene, recorded in a run, and of each display."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Clock, Light, Piece, SpikeStream
+from cosim.spikes.viform import WORD
+from display.panels.panel import FramePanel, Projector, SpikePanel
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow
+from display.render.golden import GoldenRenderer
+
+__all__ = ["LightTap", "panel_waves", "spike_waves"]
+
+Values = npt.NDArray[np.float64]
+Instants = npt.NDArray[np.int64]
+Place = tuple[int, int]
+
+
+class LightTap:
+    """A stage after the scene that records the light of a few pixels.
+
+    Args:
+        places: (row, column) of each pixel.
+        clock: of the run.
+        white: light that is 1.
+    """
+
+    def __init__(self, places: Sequence[Place], clock: Clock, white: float) -> None:
+        self._rows, self._columns = (np.array([p[k] for p in places], np.intp) for k in (0, 1))
+        self._clock, self._white = clock, np.float32(white)
+        self._starts: list[int] = []
+        self._stop = 0
+        self._firsts: list[npt.NDArray[np.float32]] = []
+        self._lasts: list[npt.NDArray[np.float32]] = []
+
+    def _at(self, plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return plane[self._rows, self._columns] / self._white
+
+    def step(self, given: Light, block: Block) -> Light:
+        """Records the pieces that begin in the block, and passes the light on."""
+        for piece in given.pieces:
+            if piece.stop > self._stop and piece.start < self._clock.edge(block.stop):
+                self._starts.append(piece.start)
+                self._firsts.append(self._at(piece.first))
+                self._lasts.append(self._at(piece.last))
+                self._stop = piece.stop
+        return given
+
+    def light(self) -> Light:
+        """The recorded light, (1, places), white = 1."""
+        stops = [*self._starts[1:], self._stop]
+        return Light(tuple(
+            Piece(start, stop, first[None], last[None])
+            for start, stop, first, last in zip(
+                self._starts, stops, self._firsts, self._lasts, strict=True
+            )
+        ))  # fmt: skip
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {
+            "starts": np.array([*self._starts, self._stop], np.int64),
+            "levels": np.array([self._firsts, self._lasts], np.float32),
+        }
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        *self._starts, self._stop = (int(n) for n in state["starts"])
+        self._firsts, self._lasts = (list(levels) for levels in state["levels"])
+
+
+def panel_waves(panel: FramePanel | Projector, light: Light, at: Instants) -> Values:
+    """(samples, places) light of a panel at instants `at` (ps, rising), white = 1."""
+    shape = light.shape
+    show = (
+        FrameShow(panel, shape, 1.0) if isinstance(panel, FramePanel)
+        else ProjectorShow(panel, shape, 1.0)
+    )  # fmt: skip
+    wave = np.zeros((len(at), shape[1]))
+    for emitted in show.step(light, min(int(at[-1]) + 1, light.pieces[-1].stop)):
+        for span in emitted.spans:
+            some = slice(*np.searchsorted(at, (span.start, span.stop)))
+            gain = np.ones(len(at[some]))
+            if span.gain is not None:
+                gain = span.gain(at[some], at[some] + 1)
+            wave[some] += gain[:, None] * emitted.planes[span.plane][0]
+    return wave
+
+
+def spike_waves(
+    stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], stop: int
+) -> tuple[Values, Values]:
+    """Light of a spike display's pixels plane by plane, without row timing.
+
+    Args:
+        stream: what is shown.
+        panel: what shows it.
+        places: (row, column) of each pixel.
+        stop: end, ps.
+
+    Returns instants (ps) at which planes 0 to n begin, (n + 1,), and light, (n, places), white = 1.
+    """
+    rows, columns = ([p[k] for p in places] for k in (0, 1))
+    small = replace(panel, shape=(1, len(places)), row_scan=0.0)
+    renderer, parts, chunk = GoldenRenderer(small, 1, 0), [], 16
+    cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
+    for n in range(0, cycles, WORD * chunk):
+        words = stream.read_words(n // WORD, n // WORD + chunk)[:, rows, columns][:, None]
+        renderer.step(words, min(cycles - n, WORD * len(words)), None)
+        parts.append(renderer.light[:, 0])
+    starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)
+    return starts, np.concatenate(parts) / panel.white_rate

@@ -1,0 +1,166 @@
+"""Images that an observer makes of light told as planes over spans of time.
+
+A span of constant light that moves on the retina is split until it moves a quarter of a pixel in a
+part; the parts' bilinear shifts add up to a small kernel per image, so that a hold of 60 Hz that
+smears over 67 pixels is one pass of 68 taps along the rows and not 267 shifted pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from display.observe.views import Observer
+
+__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span"]
+
+Plane = npt.NDArray[np.float32]
+Values = npt.NDArray[np.float64]
+Instants = npt.NDArray[np.int64]
+Gain = Callable[[Instants, Instants], Values]
+"""Mean gain over [start, stop) of each of many times."""
+MOTION_STEP = 0.25
+"""Pixels that light may move on the retina within a part of a span; it is seen where it is in the
+middle of the part."""
+NEGLIGIBLE = 1e-9
+"""Weight of a span in an image below which it is left out."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Light of plane `plane` from `start` to `stop` (ps), times `gain`, in at least `parts`."""
+
+    plane: int
+    start: int
+    stop: int
+    gain: Gain | None = None
+    parts: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LightPlanes:
+    """planes: (n, H, W) float32, or uint8 of 0 and 1; relative to white; what made them may write
+    over them when it is asked for the next. spans: when they shine."""
+
+    planes: npt.NDArray[Any]
+    spans: list[Span]
+
+    def smaller(self, by: int) -> LightPlanes:
+        """The same with the means over `by` x `by` pixels, whole ones, as pixels."""
+        if by == 1:
+            return self
+        from display.observe.row_kernels import by_rows, shrink  # brings numba with it
+
+        n, height, width = self.planes.shape
+        if not 1 <= by <= min(height, width):
+            raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
+        small = np.empty((n, height // by, width // by), np.float32)
+        by_rows(shrink, height // by, self.planes, by, small)
+        return LightPlanes(small, self.spans)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Parts of all spans of one `LightPlanes`: their plane (n,), and weight, shift down and along
+    (images, n) each."""
+
+    plane: npt.NDArray[np.int64]
+    weight: Values
+    down: Values
+    along: Values
+
+
+def _split(span: Span, observer: Observer) -> Instants:
+    """Edges of a span's parts."""
+    ends = np.array([span.start, span.stop], np.int64)
+    travel = max(float(np.abs(np.diff(s, axis=1)).max()) for s in observer.shifts(ends))
+    parts = max(span.parts, math.ceil(travel / MOTION_STEP - 1e-9))
+    parts = max(min(parts, span.stop - span.start), 1)
+    part = (span.stop - span.start) * np.arange(parts + 1) / parts
+    return span.start + np.rint(part).astype(np.int64)
+
+
+def _parts(spans: list[Span], observer: Observer) -> _Parts:
+    edges = [_split(span, observer) for span in spans]
+    start = np.concatenate([e[:-1] for e in edges])
+    stop = np.concatenate([e[1:] for e in edges])
+    weight = observer.weights(start, stop)
+    if any(span.gain is not None for span in spans):
+        weight = weight * np.concatenate([
+            np.ones(len(e) - 1) if span.gain is None else span.gain(e[:-1], e[1:])
+            for span, e in zip(spans, edges, strict=True)
+        ])  # fmt: skip
+    plane = np.repeat([span.plane for span in spans], [len(e) - 1 for e in edges])
+    return _Parts(plane, weight, *observer.shifts((start + stop) // 2))
+
+
+def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any], ...]]:
+    """Of each image: planes, whole-pixel shifts down and along, and weights, one of each a tap."""
+    height, width = shape
+    taps = []
+    for weight, y, x in zip(parts.weight, parts.down, parts.along, strict=True):
+        seen = (weight != 0) & (np.abs(y) < height) & (np.abs(x) < width)
+        plane, w, y, x = parts.plane[seen], weight[seen], y[seen], x[seen]
+        row, column = np.floor(y), np.floor(x)
+        fy, fx = y - row, x - column
+        share = [w * b * a for b in (1 - fy, fy) for a in (1 - fx, fx)]
+        places = np.stack([
+            np.tile(plane, 4),
+            np.concatenate([row + b for b in (0, 0, 1, 1)]).astype(np.int64),
+            np.concatenate([column + a for a in (0, 1, 0, 1)]).astype(np.int64),
+        ])  # fmt: skip
+        every = np.concatenate(share)
+        kept = every != 0
+        if not kept.any() or np.abs(w).sum() < NEGLIGIBLE:
+            taps.append((*np.zeros((3, 0), np.int64), np.zeros(0)))
+            continue
+        # One number for a place, so that equal ones are found at once.
+        span = np.array([2 * height + 4, 2 * width + 4])
+        number = (places[0] * span[0] + places[1] + height + 1) * span[1] + places[2] + width + 1
+        _, first, which = np.unique(number[kept], return_index=True, return_inverse=True)
+        taps.append((*places[:, kept][:, first], np.bincount(which, every[kept])))
+    return taps
+
+
+class ObserverImages:
+    """An observer's images so far, (images, H, W) float32, white = 1."""
+
+    def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
+        self.observer = observer
+        self.shape = shape
+        self.images = np.zeros((observer.images, *shape), np.float32)
+
+    def add(self, lit: LightPlanes) -> None:
+        """Looks at what shines: weights and bilinear shifts as `Observer` says."""
+        if lit.planes.shape[1:] != self.shape:
+            raise ValueError(f"planes must be of {self.shape} pixels, not {lit.planes.shape[1:]}")
+        if not lit.spans:
+            return
+        taps = _taps(_parts(lit.spans, self.observer), self.shape)
+        counts = [len(weight) for *_, weight in taps]
+        if not any(counts):
+            return
+        from display.observe.row_kernels import by_rows, look  # brings numba with it
+
+        plane, down, along = (np.concatenate([t[k] for t in taps]) for k in range(3))
+        weight = np.concatenate([t[3] for t in taps]).astype(np.float32)
+        lines, line = np.unique(np.stack([plane, down]), axis=1, return_inverse=True)
+        lines = np.ascontiguousarray(lines)
+        begin = np.concatenate([[0], np.cumsum(counts)])
+        pad = int(np.abs(along).max())
+        place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
+        given = (lit.planes, pad, lines[0], lines[1], begin, place, weight, self.images)
+        by_rows(look, self.shape[0], *given)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """The images."""
+        return {"images": self.images.copy()}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self.images = np.ascontiguousarray(state["images"], np.float32)

@@ -1,0 +1,258 @@
+"""How far a moving edge is smeared on the retina of an eye that follows it.
+
+An edge moves along the rows at `SPEED`; the eye moves with it and takes all light alike for
+`EXPOSURE`, in which 60 Hz and its multiples have whole frames. What lands at retina place u is the
+mean over that time of the light at u + v t, of rows averaged. The areas of the sensor's and the
+panel's pixels are in the profile: together they alone give an edge of about 1.1 pixels (0.28 ms).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.probes.camera import ProbeCamera
+from display.probes.light import edge_light, settling_cycles
+from display.probes.waveform import every_drive
+from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
+from display.references.projector import spread_errors
+
+__all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
+
+Values = npt.NDArray[np.float64]
+SPEED: Final = 4000.0
+"""Pixels a second."""
+EXPOSURE: Final = 0.05
+"""Seconds that the eye takes together: 3 frames at 60 Hz."""
+SPIKES: Final = 3000
+"""That a place of the profile is to be made of, which is 2 % of it,"""
+ROWS: Final = 8, 32
+"""within so many rows."""
+REACH: Final = 3.5
+"""Mean intervals that the profile reaches behind the edge: two pass before held light settles."""
+WIDEST: Final = 1024
+"""Columns that are filmed."""
+MARGIN: Final = 10.0
+"""Pixels that it reaches on either side in any case."""
+FINE: Final = 0.05
+"""Pixels, of a profile's samples for bright light."""
+PARTS: Final = 4
+"""Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
+PHASES: Final = 4
+"""Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
+SAMPLES: Final = 20
+"""Of a frame's light, at least, and of its flash."""
+SETTLED: Final = 20.0
+"""Time constants after which a pixel has settled."""
+MOST: Final = 5 * 10**7
+"""Samples of light that are laid out at once; a panel slow enough to need more has no figure."""
+PROJECTED: Final = 32
+"""Rows of the projector, whose errors begin differently."""
+
+
+@dataclass(frozen=True)
+class Blur:
+    """A row of the table. display, drive: see `Latency`. ahead, behind: the light in front of the
+    edge and after it, spikes a cycle. width: BEW, pixels. bet, ebet: seconds; NaN where the light
+    does not settle within what was filmed (held light never goes dark). cmr: CMR-like, %."""
+
+    display: str
+    drive: str
+    ahead: float
+    behind: float
+    width: float
+    bet: float
+    ebet: float
+    cmr: float
+
+    @classmethod
+    def of(cls, display: str, drive: str, edge: tuple[float, float], width: float) -> Blur:
+        time = bet(width, SPEED)
+        clear = cmr_like(ebet(time)) if time > 0 else math.nan
+        return cls(display, drive, *edge, width, time, ebet(time), clear)
+
+
+def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Values:
+    """What an eye that moves at SPEED takes together: mean over `times` of light at at + v t.
+
+    light: (instants, columns), mean over square pixels, column j being [j, j + 1). times:
+    (instants,) s. at: (n,) pixels, places on the retina, which must stay within the columns. side:
+    of the square in a pixel's middle that emits all of its light.
+    """
+    reach = at.min() + SPEED * times.min(), at.max() + SPEED * times.max()
+    if reach[0] < 0 or reach[1] >= light.shape[1]:
+        raise ValueError(f"places must stay within {light.shape[1]} columns, not {reach}")
+    total = np.zeros(len(at))
+    for first in range(0, len(times), 512):  # sums of sums keep their digits
+        part = slice(first, first + 512)
+        total += _gathered(np.ascontiguousarray(light[part]), times[part], at, side)
+    return total / len(times)
+
+
+@njit(cache=True, nogil=True)
+def _gathered(light, times, at, side):  # type: ignore[no-untyped-def]
+    """(places,), the sum of what each place of the retina meets at these instants."""
+    total = np.zeros(len(at))
+    for n in range(len(times)):
+        row, moved = light[n], SPEED * times[n]
+        for k in range(len(at)):
+            place = at[k] + moved
+            column = int(place)
+            if side >= 1:
+                total[k] += row[column]
+            elif abs(place - column - 0.5) < side / 2:
+                total[k] += row[column] / side
+    return total
+
+
+def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:
+    """BEW of a profile whose left is `behind` the edge; NaN where it does not settle."""
+    end = max(len(x) // 8, 1)
+    low = 0.0 if edge[1] == 0 else float(profile[:end].mean())
+    high = 0.0 if edge[0] == 0 else float(profile[-end:].mean())
+    try:
+        return blur_edge_width(x, profile, low, high)
+    except ValueError:
+        return math.nan
+
+
+def _places(interval: float, slow: float) -> Values:
+    """Places of a profile relative to the edge, pixels. interval: pixels that the edge moves in a
+    mean interval of the brighter light; the profile has two hundred places to it. slow: that it
+    moves while the emitter settles."""
+    step = max(FINE, interval / 200)
+    return np.arange(-MARGIN - REACH * interval - slow, MARGIN + interval, step)
+
+
+def spike_blur(
+    camera: ProbeCamera, panel: SpikePanel, edge: tuple[float, float], seed: int
+) -> list[Blur]:
+    """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
+    `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
+    hz = panel.clock.hz
+    dimmest = min(rate for rate in edge if rate > 0)
+    x = _places(SPEED / hz / min(dimmest, 1.0), SPEED / hz * settling_cycles(panel))
+    # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
+    begin = math.ceil(-x[0]) + 1
+    width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
+    if width > WIDEST:
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
+    cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
+    wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
+    rows = min(max(wanted, ROWS[0]), ROWS[1], camera.height)
+    ahead, behind = (camera.lux(rate) for rate in edge)
+    light = edge_light((rows, width), ahead, behind, SPEED, camera.clock, cycles + 2)
+    stream = camera.film(light, cycles, (camera.height, width), seed, (0, rows))
+    columns = np.broadcast_to(np.arange(width), (rows, width))
+    first = math.ceil(begin / SPEED * hz)
+    planes = np.arange(first, first + round(EXPOSURE * hz))
+    side = math.sqrt(panel.fill)
+    count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
+    found = []
+    for drive, light_of in every_drive(stream, panel, group=columns).items():
+        light_shown = light_of[planes]
+        lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
+        parts = (np.arange(count) + 0.5) / count * lit
+        times = ((planes[:, None] + parts) / hz).ravel()
+        profile = retina(np.repeat(light_shown, count, axis=0), times, x, side)
+        found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
+    return found
+
+
+def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns: Values) -> Values:
+    """(instants, columns) light of frames fed the true edge, as a share of the pixel's own."""
+    rate, ahead, behind = panel.rate.hz, *edge
+    shown = times - panel.latency
+    frame = np.floor(shown * rate + 1e-9).astype(np.int64)
+    settling = math.ceil(SETTLED * panel.response * rate)
+    numbers = np.arange(frame[0] - settling, frame[-1] + 1)
+
+    def target(k: int) -> Values:
+        return ahead + (behind - ahead) * np.clip(SPEED * k / rate - columns, 0, 1)
+
+    out = np.empty((len(times), len(columns)))
+    level = target(int(numbers[0]) - 1)
+    for k in numbers:
+        inside = frame == k
+        age = shown[inside] - k / rate
+        goal = target(int(k))
+        left = np.exp(-age / panel.response) if panel.response > 0 else np.zeros(len(age))
+        on = (age * rate < panel.persistence) / panel.persistence
+        out[inside] = (goal + (level - goal) * left[:, None]) * on[:, None]
+        whole = math.exp(-1 / rate / panel.response) if panel.response > 0 else 0.0
+        level = goal + (level - goal) * whole
+    return out
+
+
+def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns: Values) -> Values:
+    """(instants, columns) the same of binary planes, averaged over rows."""
+    rate = panel.rate.hz
+    shown = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
+    error = spread_errors(np.arange(PROJECTED)[:, None], columns)
+    out = np.empty((len(times), len(columns)))
+    for k in range(int(shown[-1]) + 1):
+        goal = edge[0] + (edge[1] - edge[0]) * np.clip(SPEED * k / rate - columns, 0, 1)
+        error += goal
+        lit = error >= 0.5
+        error -= lit
+        out[shown == k] = lit.mean(axis=0)
+    return out
+
+
+def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> float:
+    """BEW of an edge between two levels of such a panel, pixels."""
+    travel, late = SPEED / panel.rate.hz, panel.latency * SPEED
+    if isinstance(panel, Projector):  # a dim pixel waits for its plane
+        slow = travel / min(level for level in edge if level > 0)
+    else:
+        slow = 5 * panel.response * SPEED
+    x = np.arange(
+        -MARGIN - late - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
+    )
+    # The eye looks at whole frames, from the beginning of one on.
+    rate, persistence = panel.rate.hz, getattr(panel, "persistence", 1.0)
+    frames = max(1, math.ceil(EXPOSURE * rate - 1e-9))
+    start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * rate) / rate + panel.latency
+    each = max(
+        SAMPLES,
+        math.ceil(SAMPLES / persistence),
+        math.ceil(travel / max(0.1, (travel + slow) / 400)),
+    )
+    if isinstance(panel, Projector):
+        each = math.ceil(travel / 0.1)
+    count, wide = frames * each, math.ceil(SPEED * (start + frames / rate) + x[-1]) + 3
+    if count * wide > MOST:
+        return math.nan
+    columns = np.arange(wide, dtype=np.float64)
+    times = start + (np.arange(count) + 0.5) / (each * rate)
+    if isinstance(panel, Projector):
+        return _measured(x, retina(_planes(panel, edge, times, columns), times, x), edge)
+    total = np.zeros(len(x))
+    for part in np.arange(PHASES) / PHASES:
+        light = _frames(panel, edge, times, columns - part)
+        total += retina(light, times, x + part)
+    return _measured(x, total / PHASES, edge)
+
+
+def frame_blur(
+    panel: FramePanel | Projector, white_rate: float, edges: Sequence[tuple[float, float]]
+) -> list[Blur]:
+    """A panel of frames fed the true light. white_rate: the light that it shows as white.
+
+    Frames are linear in light, so all edges between two levels have one profile.
+    """
+    if not isinstance(panel, Projector):
+        width = _frame_width(panel, (0.0, 1.0))
+        return [Blur.of(panel.name, "", edge, width) for edge in edges]
+    found = []
+    for edge in edges:
+        share = min(edge[0] / white_rate, 1.0), min(edge[1] / white_rate, 1.0)
+        found.append(Blur.of(panel.name, "", edge, _frame_width(panel, share)))
+    return found

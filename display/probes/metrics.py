@@ -1,0 +1,150 @@
+"""The probes of a display as one table, and as the figures of result.json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from cosim.run.result import Metric
+from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
+from display.probes.blur import Blur, frame_blur, spike_blur
+from display.probes.camera import ProbeCamera
+from display.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
+from display.probes.latency import Latency, frame_latency, spike_latency
+from display.quality.blur import mprt
+
+__all__ = ["EDGES", "RATES", "Probes", "display_metrics", "probe_display"]
+
+SPARSE: Final = 0.0015
+DIM: Final = 0.018
+GREY: Final = 0.18
+WHITE: Final = 0.6
+BRIGHT: Final = 1.5
+RATES: Final = (SPARSE, DIM, GREY, WHITE, BRIGHT)
+"""Light that displays are probed with, spikes a cycle: 0.15 % density, dim, mid grey, white, and
+half as much again as a pixel can tell."""
+EDGES: Final = ((0.0, SPARSE), (0.0, DIM), (0.0, GREY), (GREY, 0.0), (GREY, WHITE), (0.0, BRIGHT))
+"""(ahead of a moving edge, behind it)."""
+GREYS: Final = ((0.0, GREY), (GREY, 0.0), (GREY, WHITE))
+"""Those of them that MPRT is the mean of."""
+PST_CLOCK: Final = 100e3
+"""Hz: more than a minute of a faster clock would be long to film."""
+NAMES: Final = {
+    SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Probes:
+    """What was measured. drive: the panel's own. pst_lm: of a patch of mid grey with that drive;
+    None where it was not asked for."""
+
+    drive: str
+    latency: tuple[Latency, ...]
+    blur: tuple[Blur, ...]
+    flicker: tuple[Flicker, ...]
+    pst_lm: float | None
+
+
+def probe_display(
+    camera: ProbeCamera,
+    panel: SpikePanel,
+    references: Sequence[FramePanel | Projector],
+    seed: int,
+    *,
+    rates: Sequence[float] = RATES,
+    edges: Sequence[tuple[float, float]] = EDGES,
+    per_degree: float = 60.0,
+    pst_lm: bool = False,
+) -> Probes:
+    """Films edges and steady light, and shows them with every drive of the panel. Reference panels
+    are fed the true light.
+
+    Args:
+        camera: films the test light.
+        panel: shows it.
+        references: frame displays and projectors.
+        seed: of the probes' noise.
+        rates, edges: some of `RATES` and `EDGES`; metrics are of these only.
+        per_degree: pixels to a degree of the eye's view.
+        pst_lm: whether to measure PstLM as well, which takes as long as all else; it is left out
+            at clocks above `PST_CLOCK`.
+    """
+    white = panel.white_rate
+    latency = spike_latency(camera, panel, rates, seed)
+    blur = [row for edge in edges for row in spike_blur(camera, panel, edge, seed)]
+    flicker = spike_flicker(camera, panel, rates, per_degree, seed)
+    for other in references:
+        latency += frame_latency(other, white, rates)
+        blur += frame_blur(other, white, edges)
+        flicker += frame_flicker(other, white, panel.luminance, rates, per_degree)
+    pst_lm = pst_lm and panel.clock.hz <= PST_CLOCK
+    pst = spike_pst_lm(camera, panel, GREY, panel.drive, seed) if pst_lm else None
+    return Probes(panel.drive, tuple(latency), tuple(blur), tuple(flicker), pst)
+
+
+def _known(value: float, unit: str) -> Metric:
+    return Metric(value if math.isfinite(value) else None, unit)
+
+
+def display_metrics(probes: Probes) -> dict[str, Metric]:
+    """By name; null where there is no such figure, as of held light that never goes dark.
+
+    `latency_LIGHT_us` is the median of drive impulse, dark to light, with `_hold` and `_causal` the
+    others', and `_fall` light to dark. LIGHT is sparse (0.15 % density), dim, grey, white, bright.
+    `ebet_ms_spike`, `flicker_*_spike` and `pst_lm_spike` are of the panel's own drive at mid grey,
+    `ebet_ms_DISPLAY` of mid grey out of the dark. `mprt_ms_*` is the mean of BET (10 to 90 %) over
+    `GREYS`.
+    """
+    made: dict[str, Metric] = {}
+    for delay in probes.latency:
+        name = f"latency_{NAMES[delay.rate]}{'_fall' if delay.way == 'fall' else ''}_us"
+        if delay.display != "spike":
+            if delay.rate == GREY:
+                made[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
+            continue
+        name += "" if delay.drive == "impulse" else f"_{delay.drive}"
+        made[name] = _known(delay.total.median, "us")
+    for edge in probes.blur:
+        if (edge.ahead, edge.behind) == (0.0, GREY):
+            if edge.display != "spike":
+                made[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                continue
+            made[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
+            if edge.drive == probes.drive:
+                made["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
+        elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
+            made[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
+    for kind in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
+        display, drive = kind
+        times = [
+            edge.bet for edge in probes.blur
+            if (edge.display, edge.drive) == kind and (edge.ahead, edge.behind) in GREYS
+        ]  # fmt: skip
+        if times:
+            made[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
+    for steady in probes.flicker:
+        if steady.display != "spike":
+            continue
+        if steady.area == "pixel":
+            if steady.rate == SPARSE:
+                name = f"flicker_svm_{steady.drive}_sparse_pixel"
+                made[name] = _known(steady.figures.svm, "1")
+            continue
+        for name, value, unit in (
+            ("percent", steady.figures.percent, "%"), ("index", steady.figures.index, "1"),
+            ("svm", steady.figures.svm, "1"), ("visibility", steady.figures.visibility, "1"),
+        ):  # fmt: skip
+            if steady.rate == GREY and steady.drive == probes.drive:
+                made[f"flicker_{name}_spike"] = _known(value, unit)
+            if steady.rate == SPARSE:
+                made[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
+    if probes.pst_lm is not None:
+        made["pst_lm_spike"] = _known(probes.pst_lm, "1")
+    held = made.get("ebet_ms_120hz")
+    own = made.get("ebet_ms_spike")
+    if held and own and held.value and own.value:
+        made["blur_120hz_over_spike"] = Metric(held.value / own.value, "1")
+    return made

@@ -1,0 +1,183 @@
+"""What a spike-continuous panel makes of spikes, pixel by pixel in time: compiled.
+
+The same drives and the same emitter as `display.GoldenRenderer`, to which a test holds it; only the
+order is another: a pixel's planes one after another, so that long waveforms of few pixels and the
+sum over a patch cost little.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim import Viform
+from display.panels.emitter import gone_in, relax
+from display.panels.panel import DRIVES, SpikePanel
+
+__all__ = ["every_drive", "panel_light"]
+
+_LINE: Final = 4096
+"""Planes of a pixel that are laid out at a time."""
+_SHORT: Final = 8
+"""Planes that are laid out at once: grey fires more often."""
+_AGES: Final = 1024
+"""Planes since a spike whose inverse is looked up."""
+_LONG: Final = 10**8
+"""Pixel-planes from which on two threads share the pixels."""
+_DE_BRUIJN: Final = np.uint32(0x077CB531)
+_PLACES: Final = np.array(
+    [0, 1, 28, 2, 29, 14, 24, 3, 30, 22, 20, 15, 25, 17, 4, 8,
+     31, 27, 13, 23, 21, 19, 16, 7, 26, 12, 18, 6, 11, 5, 10, 9]
+)  # fmt: skip
+"""Of the one bit in a word: where it is, by the top five bits of its product with a de Bruijn
+sequence (Leiserson, Prokop and Randall, 1998)."""
+Values = npt.NDArray[np.float64]
+_CODE: Final[dict[str, int]] = {name: n for n, name in enumerate(DRIVES)}
+
+
+@njit(cache=True, nogil=True)
+def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
+    """The first plane from n on in which the pixel spikes, or stop."""
+    while n < stop:
+        word = words[pixel, n >> 5] >> np.uint32(n & 31)
+        if word:
+            lowest = word & (~word + np.uint32(1))
+            return min(n + _PLACES[np.uint32(lowest * _DE_BRUIJN) >> np.uint32(27)], stop)
+        n = (n | 31) + 1
+    return stop
+
+
+@njit(cache=True, nogil=True)
+def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
+    """Adds the sum of each span of the line to row. Every sum runs in order; four go side by side,
+    since one alone waits for each of its additions."""
+    spans = count // span
+    four = spans // 4 * 4
+    for n in range(0, four, 4):
+        k = n * span
+        a = b = c = d = 0.0
+        for at in range(k, k + span):
+            a += line[at]
+            b += line[at + span]
+            c += line[at + 2 * span]
+            d += line[at + 3 * span]
+        row[n] += a
+        row[n + 1] += b
+        row[n + 2] += c
+        row[n + 3] += d
+    for n in range(four, spans):
+        a = 0.0
+        for at in range(n * span, (n + 1) * span):
+            a += line[at]
+        row[n] += a
+
+
+@njit(cache=True, nogil=True)
+def _show(  # type: ignore[no-untyped-def]
+    words, cycles, drive, pulse, rise, decay, span, group, light,
+):  # fmt: skip
+    """Adds the light of each plane of each pixel to light[group[pixel], plane // span].
+
+    words: (pixels, words), so that a pixel's lie side by side.
+    rise, decay: the time constants in planes, 0 for none. A pixel's drive is laid out from spike to
+    spike in a line that stays in the cache.
+    """
+    share = pulse if drive == 0 else 1.0
+    reach = max(_LINE // span, 1) * span
+    line = np.empty(reach + _SHORT)
+    younger = 1.0 / np.arange(1, _AGES + _SHORT + 1)  # held light of this age is no brighter
+    slow = rise > 0 or decay > 0
+    up, down = gone_in(share, rise), gone_in(share, decay)
+    up_after, down_after = gone_in(1.0 - share, rise), gone_in(1.0 - share, decay)
+    for pixel in range(words.shape[0]):
+        row = light[group[pixel]]
+        tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
+        for first in range(0, cycles, reach):
+            stop = min(first + reach, cycles)
+            n = first
+            while n < stop:
+                m = _next_spike(words, pixel, n, stop)
+                at, done = n - first, 0
+                if age < _AGES:
+                    # So many whatever comes: the next spike's planes are laid over what is too
+                    # much, and a loop of known length is much faster than a short one.
+                    for k in range(_SHORT):
+                        line[at + k] = min(x, younger[age + k]) if drive == 2 else x
+                    done = _SHORT
+                for k in range(done, m - n):
+                    line[at + k] = min(x, 1.0 / (age + 1 + k)) if drive == 2 else x
+                age += m - n
+                if m < stop:
+                    age += 1
+                    if seen:
+                        tau = age
+                        x = 1.0 / tau if drive > 0 else 0.0
+                    line[m - first] = 1.0 if drive == 0 else x
+                    age, seen = 0, True
+                n = m + 1
+            if slow:
+                for k in range(stop - first):
+                    total, level = relax(line[k] / share, share, level, up, down)
+                    if share < 1.0:
+                        after, level = relax(0.0, 1.0 - share, level, up_after, down_after)
+                        total += after
+                    line[k] = total
+            slot = first // span
+            if span == 1:
+                for k in range(stop - first):
+                    row[slot + k] += line[k]
+            else:
+                _add_sums(line, stop - first, span, row[slot:])
+
+
+def panel_light(
+    stream: Viform,
+    panel: SpikePanel,
+    drive: str,
+    span: int = 1,
+    group: npt.NDArray[np.int64] | None = None,
+) -> Values:
+    """Light of a panel with this drive, packets Q a cycle, mean over each span and group.
+
+    stream: from where the panel was dark. span: planes that are taken together; those beyond the
+    last whole span are left out. group: (height, width) int, which pixels are taken together (0 to
+    the largest); every pixel alone unless given. Gives (cycles // span, groups).
+    """
+    height, width = stream.shape
+    groups = np.arange(height * width) if group is None else group.ravel()
+    if groups.size != height * width:
+        raise ValueError(f"groups must be of {height} x {width} pixels, not {groups.size}")
+    cycles = stream.cycles // span * span
+    words = np.ascontiguousarray(stream.words.reshape(len(stream.words), -1).T)
+    hz = panel.clock.hz
+
+    def some(pixels: slice) -> Values:
+        light = np.zeros((int(groups.max()) + 1, cycles // span))
+        _show(
+            words[pixels], cycles, _CODE[drive], panel.pulse, panel.rise * hz, panel.decay * hz,
+            span, groups[pixels], light,
+        )  # fmt: skip
+        return light
+
+    if cycles * groups.size < _LONG:
+        light = some(slice(None))
+    else:
+        half = groups.size // 2
+        with ThreadPoolExecutor() as pool:
+            light, more = pool.map(some, (slice(half), slice(half, None)))
+        light += more
+    light /= (span * np.bincount(groups))[:, None]
+    return light.T
+
+
+def every_drive(
+    stream: Viform, panel: SpikePanel, span: int = 1, group: npt.NDArray[np.int64] | None = None
+) -> dict[str, Values]:
+    """`panel_light` of each drive by its name, side by side on the processor's cores."""
+    with ThreadPoolExecutor() as pool:
+        made = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
+        return dict(zip(DRIVES, made, strict=True))

@@ -1,0 +1,114 @@
+"""Reference displays and the true light, as a stage between scene and lens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Clock, Light
+from display.observe.integration import ObserverImages
+from display.observe.slow_motion import Film, SlowMotion
+from display.observe.views import Observer
+from display.panels.panel import FramePanel, Projector
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow
+from display.references.truth import TruthShow
+
+__all__ = ["LONGEST", "TRUTH", "ReferenceStage"]
+
+TRUTH = "truth"
+"""Name of the true light among the displays."""
+LONGEST = 16
+"""Cycles of light that are weighted by one mean, at most."""
+Images = npt.NDArray[np.float32]
+
+
+class ReferenceStage:
+    """Shows the scene's light on reference panels to observers, and passes it on unchanged.
+
+    Args:
+        panels: reference panels; equal ones are one.
+        observers: by name.
+        shape: (height, width) of the light.
+        white: the scene's illuminance, lux, at which reflectance 1 is white.
+        clock, cycles: of the run.
+        motion: exposures of the slow motion of each display, None for none.
+
+    Attributes:
+        films: slow motion by panel, and of the truth.
+    """
+
+    def __init__(
+        self,
+        panels: Sequence[FramePanel | Projector],
+        observers: Mapping[str, Observer],
+        shape: tuple[int, int],
+        white: float,
+        clock: Clock,
+        cycles: int,
+        motion: SlowMotion | None = None,
+    ) -> None:
+        self._clock, end = clock, clock.edge(cycles)
+        self._shows: dict[str, TruthShow | FrameShow | ProjectorShow] = {
+            TRUTH: TruthShow(white, clock.edge(LONGEST), end)
+        }
+        for panel in panels:
+            self._shows[panel.name] = (
+                FrameShow(panel, shape, white)
+                if isinstance(panel, FramePanel)
+                else ProjectorShow(panel, shape, white)
+            )
+        self._images = {
+            name: {who: ObserverImages(observer, shape) for who, observer in observers.items()}
+            for name in self._shows
+        }
+        self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
+
+    def step(self, light: Light, block: Block) -> Light:
+        """Shows the block's own time; the light may reach further."""
+        until = self._clock.edge(block.stop)
+        for name, show in self._shows.items():
+            film = self.films.get(name)
+            for emitted in show.step(light, until):
+                for images in self._images[name].values():
+                    images.add(emitted)
+                if film is not None:
+                    film.add(emitted)
+            if film is not None:
+                film.close(until)
+        return light
+
+    def images(self) -> dict[str, dict[str, Images]]:
+        """By panel (and "truth") and observer, (images, H, W) float32, white = 1."""
+        return {
+            name: {observer: images.images for observer, images in by_observer.items()}
+            for name, by_observer in self._images.items()
+        }
+
+    def _parts(self) -> dict[str, Any]:
+        """Everything with a state, by its key."""
+        parts: dict[str, Any] = {f"{name}/show": show for name, show in self._shows.items()}
+        for name, by_observer in self._images.items():
+            parts |= {f"{name}/images/{who}": images for who, images in by_observer.items()}
+        return parts | {f"{name}/film": film for name, film in self.films.items()}
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {
+            f"{key}/{name}": value
+            for key, part in self._parts().items()
+            for name, value in part.state().items()
+        }
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        for key, part in self._parts().items():
+            inside = {
+                name.removeprefix(f"{key}/"): value
+                for name, value in state.items()
+                if name.startswith(f"{key}/")
+            }
+            part.restore(inside)

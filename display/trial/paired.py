@@ -1,0 +1,184 @@
+"""The paired trial with displays: cameras' words on displays of patches, compared as radiance.
+
+Radiance is relative to the panel's white, as the chosen observer integrates it around each of its
+instants. The truth is the reference camera's words on the display with every effect. For a moving
+eye a patch continues periodically at its edges (`display/trial/pixels.py`): the trial measures what
+timing changes between the pixels of a tile, and not what an edge between two tiles would add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Light
+from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, Words, compare, worst
+from cosim.plan.patches import PatchPlane
+from cosim.spikes.viform import pack_planes, unpack_planes
+from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.setting import DisplaySetting
+from display.trial.pixels import PatchDisplay
+
+__all__ = ["TRUTH", "DisplayPatches", "DisplayTrial", "TrialDisplay", "partial_displays"]
+
+TRUTH = "truth"
+"""Name of the display with every effect."""
+_NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}
+PREFIX = "display/"
+SPAN = "planes within "
+
+
+@dataclass(frozen=True)
+class TrialDisplay:
+    """A display whose plan is checked.
+
+    Attributes:
+        full: with every effect.
+        run: as planned.
+        cycles: of the run.
+    """
+
+    full: DisplaySetting
+    run: DisplaySetting
+    cycles: int
+
+    @property
+    def observer_name(self) -> str:
+        return _NAMES.get(type(self.full.observer), "the observer")
+
+
+def _joined(parts: list[tuple[Words, int]]) -> Words:
+    """Words of consecutive (words, cycles)."""
+    if len(parts) == 1:
+        return parts[0][0]
+    planes = [unpack_planes(words[:, None, :], 0, cycles) for words, cycles in parts]
+    return pack_planes(np.concatenate(planes))[:, 0]
+
+
+class DisplayPatches:
+    """Displays on patches.
+
+    Args:
+        plane: the patches.
+        settings: by name, each with the name of the camera whose words the display shows.
+        floor: least rate that an error is relative to, spikes a cycle.
+    """
+
+    def __init__(
+        self, plane: PatchPlane, settings: dict[str, tuple[str, DisplaySetting]], floor: float
+    ) -> None:
+        self._plane = plane
+        self._of = {name: camera for name, (camera, _) in settings.items()}
+        self._displays = {
+            name: PatchDisplay(setting, plane.rows, plane.columns, plane.row)
+            for name, (_, setting) in settings.items()
+        }
+        self._waiting: dict[str, list[tuple[Words, int]]] = {}
+        self._floor = floor / next(iter(settings.values()))[1].panel.white_rate
+
+    def take(self, camera: str, words: Words, cycles: int) -> None:
+        """Takes the next words of a camera, (words, pixels); `show` shows them."""
+        if camera in self._of.values():
+            self._waiting.setdefault(camera, []).append((words, cycles))
+
+    def show(self, block: Block) -> None:
+        """Shows the words of a whole block: spans of planes begin with it, as in the run."""
+        joined = {camera: _joined(parts) for camera, parts in self._waiting.items()}
+        self._waiting.clear()
+        for name, display in self._displays.items():
+            display.step(joined[self._of[name]], block.start, block.cycles)
+
+    def images(self, name: str) -> Values:
+        """(images, patches, pixels)."""
+        return self._plane.split(self._displays[name].images)
+
+    def limit(self, name: str, truth: str) -> Values:
+        """Upper limit of the change from one display to another, (images, patches)."""
+        return compare(self.images(name), self.images(truth), self._floor)[2]
+
+    def error(self, name: str, truth: str = TRUTH) -> Measured:
+        """The largest error of a display, over images and patches."""
+        return worst(self.images(name), self.images(truth), self._floor)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {
+            f"{name}/{key}": value
+            for name, display in self._displays.items()
+            for key, value in display.state().items()
+        }
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        for name, display in self._displays.items():
+            display.restore({
+                key.removeprefix(f"{name}/"): value
+                for key, value in state.items() if key.startswith(f"{name}/")
+            })  # fmt: skip
+
+
+class DisplayTrial(Paired):
+    """Cameras on patches, and displays that show their words.
+
+    Args:
+        plane, cameras, spans: see `Paired`.
+        displays: None for a trial of cameras only.
+    """
+
+    def __init__(
+        self,
+        plane: PatchPlane,
+        cameras: Mapping[str, TrialCamera],
+        spans: Sequence[Span],
+        displays: DisplayPatches | None,
+    ) -> None:
+        super().__init__(plane, cameras, spans)
+        self.displays = displays
+
+    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
+        if self.displays is not None:
+            self.displays.take(name, words, cycles)
+
+    def step(self, light: Light, block: Block) -> Light:
+        """Exposes the patches to a block of light and shows the words; passes the light on."""
+        out = super().step(light, block)
+        if self.displays is not None:
+            self.displays.show(block)
+        return out
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        if self.displays is None:
+            return super().state()
+        return super().state() | {f"{PREFIX}{k}": v for k, v in self.displays.state().items()}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        mine = {k: v for k, v in state.items() if k.startswith(PREFIX)}
+        super().restore({k: v for k, v in state.items() if k not in mine})
+        if self.displays is not None:
+            self.displays.restore({k.removeprefix(PREFIX): v for k, v in mine.items()})
+
+
+def partial_displays(
+    display: TrialDisplay, names: Sequence[str]
+) -> dict[str, tuple[str, DisplaySetting]]:
+    """The display without each of these effects, with the name of the display to compare it with.
+
+    Names of other effects are ignored. Coarser spans are compared with the next finer ones.
+    """
+    partial: dict[str, tuple[str, DisplaySetting]] = {}
+    own = [effect.name for effect in display.full.kept if effect.name in names]
+    spans: list[str] = []
+    for name in own:
+        if name.startswith(SPAN):
+            before = f"without {spans[-1]}" if spans else TRUTH
+            spans.append(name)
+            partial[name] = before, display.full.without(spans)
+        else:
+            partial[name] = TRUTH, display.full.without([name])
+    return partial

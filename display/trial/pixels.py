@@ -1,0 +1,168 @@
+"""The light of a panel's pixels and of patches of it, compiled; tests hold it to `GoldenRenderer`.
+
+A patch is a piece of the panel, 16 x 16 pixels of it, whose surroundings are not known. An eye
+that keeps still needs none. For one that moves the patch goes on round its edges: light that leaves
+it on one side comes in at the other. So all of the patch's light is seen, with the differences
+between its neighbours (and one false one across its edge, within its range of light); what a patch
+cannot show is an edge that lies between two of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim.spikes.viform import WORD
+from display.observe.views import Views
+from display.panels.emitter import gone_in, relax
+from display.panels.panel import DRIVES, SpikePanel
+from display.render.golden import FOREVER
+from display.setting import DisplaySetting
+
+__all__ = ["PanelPixels", "PatchDisplay"]
+
+Values = npt.NDArray[np.float64]
+Words = npt.NDArray[np.uint32]
+
+
+@njit(cache=True)
+def _show(  # type: ignore[no-untyped-def]
+    words, cycles, batch, drive, pulse, rise, decay, tau, age, seen, level, out
+):
+    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels). rise, decay:
+    time constants in planes."""
+    instant = rise == 0.0 and decay == 0.0
+    up, down = gone_in(pulse, rise), gone_in(pulse, decay)
+    up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
+    for pixel in range(words.shape[1]):
+        t, a, s, y = tau[pixel], age[pixel], seen[pixel], level[pixel]
+        for n in range(cycles):
+            fired = (words[n // WORD, pixel] >> np.uint32(n % WORD)) & np.uint32(1)
+            if s and a != FOREVER:
+                a += np.uint32(1)
+            if fired:
+                if s:
+                    t = a
+                a = np.uint32(0)
+                s = True
+            if drive == 0:
+                x = float(fired)
+            elif t == 0:
+                x = 0.0
+            elif drive == 1:
+                x = 1.0 / float(t)
+            else:
+                x = 1.0 / float(max(t, a))
+            if instant:
+                y = x if pulse == 1.0 else 0.0
+                light = x
+            else:
+                light, y = relax(x / pulse, pulse, y, up, down)
+                if pulse < 1.0:
+                    more, y = relax(0.0, 1.0 - pulse, y, up_after, down_after)
+                    light += more
+            out[n // batch, pixel] += light
+        tau[pixel], age[pixel], seen[pixel], level[pixel] = t, a, s, y
+
+
+class PanelPixels:
+    """So many pixels of a panel. State as `GoldenRenderer` has it, (pixels,) each."""
+
+    def __init__(self, panel: SpikePanel, pixels: int) -> None:
+        self.panel = panel
+        self.tau, self.age = (np.zeros(pixels, np.uint32) for _ in range(2))
+        self.seen = np.zeros(pixels, np.bool_)
+        self.level = np.zeros(pixels)
+
+    def light(self, words: Words, cycles: int, batch: int) -> Values:
+        """(spans, pixels) packets Q of the next `cycles` planes. words: (words, pixels)."""
+        panel, hz = self.panel, self.panel.clock.hz
+        pulse = panel.pulse if panel.drive == "impulse" else 1.0
+        out = np.zeros((-(-cycles // batch), words.shape[1]))
+        _show(
+            np.ascontiguousarray(words), cycles, batch, DRIVES.index(panel.drive), pulse,
+            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.seen, self.level, out,
+        )  # fmt: skip
+        return out
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {n: getattr(self, n).copy() for n in ("tau", "age", "seen", "level")}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        for name, value in state.items():
+            setattr(self, name, value.copy())
+
+
+@njit(cache=True)
+def _look_around(light, weight, slope, dy, dx, dy_slope, dx_slope, row, rows, image):  # type: ignore[no-untyped-def]
+    """Adds a moving eye's image of every patch, each `rows` lines of the plane, to `image` (lines,
+    columns); light: (spans, lines, columns); row: (lines,) place on the panel, 0 to 1."""
+    spans, lines, columns = light.shape
+    for s in range(spans):
+        if weight[s] == 0.0 and slope[s] == 0.0:
+            continue
+        for line in range(lines):
+            w = weight[s] + slope[s] * row[line]
+            first = line // rows * rows
+            y, x = dy[s] + dy_slope[s] * row[line], dx[s] + dx_slope[s] * row[line]
+            y0, x0 = math.floor(y), math.floor(x)
+            fy, fx = y - y0, x - x0
+            up = first + (line - first + int(y0)) % rows
+            down = first + (line - first + int(y0) + 1) % rows
+            left = int(x0) % columns
+            for c in range(columns):
+                a, b = (c + left) % columns, (c + left + 1) % columns
+                one = (1 - fx) * light[s, up, a] + fx * light[s, up, b]
+                two = (1 - fx) * light[s, down, a] + fx * light[s, down, b] if fy else 0.0
+                image[line, c] += w * ((1 - fy) * one + fy * two)
+
+
+class PatchDisplay:
+    """A display on patches, and what its observer has seen of them.
+
+    setting: as it is simulated. rows, columns: of a patch. row: (lines,) the panel's row of each
+    line of all patches, stacked.
+    """
+
+    def __init__(
+        self, setting: DisplaySetting, rows: int, columns: int, row: npt.NDArray[np.integer[Any]]
+    ) -> None:
+        self.setting, self._rows, self._columns = setting, rows, columns
+        self._row = np.asarray(row, np.float64) / setting.panel.shape[0]
+        self._pixels = PanelPixels(setting.panel, len(self._row) * columns)
+        self.images = np.zeros((setting.observer.images, len(self._row) * columns))
+        """(images, pixels) so far; white of the panel gives 1."""
+
+    def step(self, words: Words, first: int, cycles: int) -> None:
+        """Shows planes `first` to `first + cycles`. words: (words, pixels)."""
+        light = self._pixels.light(words, cycles, self.setting.batch)
+        self._look(light, self.setting.views(first, cycles))
+
+    def _look(self, light: Values, views: Views) -> None:
+        moves = any(a.any() for a in (views.dy, views.dx, views.dy_slope, views.dx_slope))
+        if not moves:
+            row = np.repeat(self._row, self._columns)
+            self.images += views.weight @ light + (views.slope @ light) * row
+            return
+        shape = len(self._row), self._columns
+        for n, image in enumerate(self.images):
+            _look_around(
+                light.reshape(-1, *shape), views.weight[n], views.slope[n], views.dy[n],
+                views.dx[n], views.dy_slope[n], views.dx_slope[n], self._row, self._rows,
+                image.reshape(shape),
+            )  # fmt: skip
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next block depends on."""
+        return {"images": self.images.copy(), **self._pixels.state()}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self.images = state["images"].copy()
+        self._pixels.restore({k: v for k, v in state.items() if k != "images"})

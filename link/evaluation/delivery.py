@@ -1,0 +1,58 @@
+"""What the receiver delivers: the verdict, and the file if it came as it was sent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from cosim.files.whole import whole
+from cosim.run.result import dumps
+from link.receiving import Received
+from link.setting import Payload
+from link.setup.setup import LinkSetup
+from link.verdict import Cause, Verdict
+
+__all__ = ["judge_delivery", "write_delivery"]
+
+RECEIVED: Final = "received"
+"""Folder of the received file, in a run's folder."""
+VERDICT: Final = "verdict.json"
+"""The verdict, in a run's folder."""
+
+
+def judge_delivery(setup: LinkSetup, received: Received) -> tuple[Verdict, bool]:
+    """The verdict, and whether the file came as it was sent."""
+    delivered = received.delivered
+    if delivered is not None:
+        if delivered == (setup.payload.data, setup.payload.name):
+            return received.verdict, True
+        text = "the receiver took other bytes for the file: nothing is handed out"
+        return Verdict(Cause.NOISY, text), False
+    if setup.shortened:
+        text = f"{received.verdict.told}; {setup.shortened_message()}"
+        return Verdict(received.verdict.cause, text), False
+    if not setup.sent.sent_whole and received.verdict.cause in (Cause.TRUNCATED, Cause.NOISY):
+        text = (
+            f"the run's duration has room for {setup.sent.symbols} symbols, which do not hold the "
+            f"file's {len(setup.payload.data):,} bytes; lengthen duration or leave it out"
+        )
+        return Verdict(Cause.TOO_LARGE, text), False
+    return received.verdict, False
+
+
+def write_delivery(
+    folder: Path, payload: Payload, delivered: bool, verdict: dict[str, Any]
+) -> list[str]:
+    """Writes the document of the verdict, and the file if it was delivered; their names."""
+    names = [VERDICT]
+    place = folder / RECEIVED / payload.name
+    for old in (folder / RECEIVED).glob("*"):
+        old.unlink()
+    if delivered:
+        (folder / RECEIVED).mkdir(exist_ok=True)
+        with whole(place) as part:
+            part.write_bytes(payload.data)
+        names.append(f"{RECEIVED}/{payload.name}")
+    with whole(folder / VERDICT) as part:
+        part.write_text(dumps(verdict) + "\n", encoding="utf-8")
+    return names

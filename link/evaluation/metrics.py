@@ -1,0 +1,84 @@
+"""The metrics of a link's run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.run.result import Metric
+from link.evaluation.record import LinkEvaluation
+from link.receiving import Received
+from link.setup.setup import LinkSetup
+from link.trial.check import LinkCheck
+
+__all__ = ["link_metrics"]
+
+
+def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
+    """Metrics by name. camera_s: wall time of air and camera, s."""
+    setup, received, theory, rates = link.setup, link.received, link.theory, link.rates
+    listened = _frames_listened(setup, received)
+    lost = max(listened - received.frames_right, 0)
+    low, high = theory.interval or (None, None)
+    repair, fill = setup.sent.outbox.frames_beyond(setup.sent.groups)
+    delays, eye, full_ns = link.delays, link.eye, link.check.full_ns
+    full_s = None if full_ns is None else full_ns * 1e-9 * setup.pixel_cycles
+    return {
+        "raw_bps": Metric(rates.raw, "bit/s"),
+        "coded_bps": Metric(rates.coded, "bit/s"),
+        "goodput_bps": Metric(rates.goodput, "bit/s"),
+        "capacity_bps": Metric(link.capacity, "bit/s"),
+        "ber": Metric(link.errors.rate, "1"),
+        "ber_low": Metric(low, "1"),
+        "ber_high": Metric(high, "1"),
+        "ber_theory": Metric(theory.closed, "1"),
+        "ber_theory_low": Metric(theory.closed_interval and theory.closed_interval[0], "1"),
+        "ber_theory_high": Metric(theory.closed_interval and theory.closed_interval[1], "1"),
+        "ber_soft": Metric(theory.soft, "1"),
+        "bits_compared": Metric(link.errors.bits, "bits"),
+        "fer": Metric(lost / listened if listened else None, "1"),
+        "frames_sent": Metric(setup.sent.outbox.frames_by(setup.sent.groups), "frames"),
+        "frames_received": Metric(received.frames_right, "frames"),
+        "frames_lost": Metric(lost, "frames"),
+        "frames_needed": Metric(received.frames_needed, "frames"),
+        "frames_repair": Metric(repair, "frames"),
+        "frames_fill": Metric(fill, "frames"),
+        "eye_height": Metric(None if eye is None else eye.height, "1"),
+        "eye_width": Metric(None if eye is None else eye.width, "ticks"),
+        "latency_us": Metric(float(np.median(delays)) / 1e6 if delays.size else None, "us"),
+        "file_bytes": Metric(len(setup.payload.data), "bytes"),
+        "cell": Metric(setup.mode.cell, "panel pixels"),
+        "ticks": Metric(setup.mode.ticks, "panel planes"),
+        "parity": Metric(setup.mode.parity, "bytes"),
+        "f_number": Metric(setup.setting.optics.f_number, "1"),
+        "goodput_error": Metric(link.check.goodput if link.delivered else None, "1"),
+        "full_physics": Metric(full_s, "s"),
+        **_check_metrics(link.check),
+        "camera": Metric(camera_s, "s"),
+    }
+
+
+def _frames_listened(setup: LinkSetup, received: Received) -> int:
+    """Frames that were sent while the receiver listened.
+
+    It stops as soon as the file is complete; frames after that are not lost.
+    """
+    groups = setup.sent.groups
+    if received.whole and received.instants:
+        groups = min(groups, max(instant.group for instant in received.instants) + 1)
+    return setup.sent.outbox.frames_by(groups)
+
+
+def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
+    """How many bits the error is measured on, and how many were decided differently."""
+    paired = check.paired
+    near = None if paired is None else paired.near
+    return {
+        "check_bits": Metric(None if paired is None else paired.bits, "bits"),
+        "check_otherwise": Metric(
+            None if paired is None else paired.more + paired.fewer, "bits"
+        ),
+        "check_otherwise_high": Metric(None if paired is None else paired.otherwise, "1"),
+        "check_counted_high": Metric(None if paired is None else paired.counted[2], "half-widths"),
+        "check_near": Metric(None if near is None else near.count, "bits"),
+        "check_near_otherwise": Metric(None if near is None else near.more + near.fewer, "bits"),
+    }  # fmt: skip

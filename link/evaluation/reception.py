@@ -1,0 +1,23 @@
+"""The receiver at a run's recording: it knows nothing but the spikes."""
+
+from __future__ import annotations
+
+from cosim import BLOCK, SpikeStream, Viform
+from cosim.run.progress import Progress
+from cosim.spikes.viform import WORD, words_for
+from cosim.stage import blocks
+from link.receiving import Received, Receiver
+from link.section import ModemSection
+
+__all__ = ["receive_stream"]
+
+
+def receive_stream(stream: SpikeStream, modem: ModemSection, progress: Progress) -> Received:
+    """What the receiver makes of a recording. modem: settings of the receiver."""
+    receiver = Receiver(stream.shape, detector=modem.detector, interleave=modem.interleave)
+    progress.start("receiver", stream.cycles)
+    for block in blocks(stream.cycles, BLOCK):
+        words = stream.read_words(block.start // WORD, words_for(block.stop))
+        receiver.step(Viform(words, block.cycles, stream.clock, block.start), block)
+        progress.advance(block.stop)
+    return receiver.finish()

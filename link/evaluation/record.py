@@ -1,0 +1,139 @@
+"""The evaluation of a run: what came of a transmission, as metrics and report read it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.run.result import Latency
+from link.evaluation.errors import Errors
+from link.evaluation.eye import Eye
+from link.evaluation.rates import Rates
+from link.layout import Layout
+from link.mode import Mode
+from link.prediction.reach import CellScene, Reach
+from link.receiving import Received
+from link.section import LinkScenario
+from link.setting import LinkSetting
+from link.setup.setup import LinkSetup
+from link.trial.check import LinkCheck
+from link.trial.planned import PlannedLink
+from link.verdict import Verdict
+
+__all__ = ["LinkEvaluation", "SoftValues", "Theory"]
+
+
+@dataclass(frozen=True, eq=False)
+class SoftValues:
+    """A sample of soft values with what was sent.
+
+    Attributes:
+        soft: (n,) ln P(spikes | on) - ln P(spikes | off).
+        on: (n,) bits that were sent.
+    """
+
+    soft: npt.NDArray[np.float32]
+    on: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """Predictions of the raw bit error rate, and the interval of the measured one.
+
+    Attributes:
+        soft: what the soft values themselves promise, the mean of 1/(1 + e^|L|) over all of them.
+        closed: estimate from geometry, light and threshold; None if no closed form has what stood
+            in the way, or if it underflows.
+        interval: of the measured rate, 99.9 %.
+        closed_interval: 99.9 % limits of what `cell_errors` draws; None for the coarse estimate of
+            `predict_errors`, which stands without a hard reset, or if nothing was received.
+    """
+
+    soft: float | None
+    closed: float | None
+    interval: tuple[float, float] | None
+    closed_interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LinkEvaluation:
+    """A run that was received and compared with what was sent.
+
+    Attributes:
+        link: setup and plan.
+        check: of the plan, in units of the run's own bits.
+        verdict: cause of failure.
+        delivered: whether the bytes received are those that were sent.
+        received: what the receiver says.
+        errors, theory, rates: of the transmission.
+        eye, soft: None if the receiver has read no symbol in the mode that was sent.
+        image: (H, W) spikes a cycle of every camera pixel, mean over the time of the light.
+        outline: (4, 2) camera (x, y) of the panel's corners as the receiver found them, or None.
+        truth: the same as they are.
+        delays: (groups,) from the light of a verified group to its verification, ps.
+        latency: of the stages.
+        scene: light of the cells.
+        reach: predicted rate over distance.
+        capacity: bit/s, None if the panel is not wholly in view.
+    """
+
+    link: PlannedLink
+    check: LinkCheck
+    verdict: Verdict
+    delivered: bool
+    received: Received
+    errors: Errors
+    theory: Theory
+    rates: Rates
+    eye: Eye | None
+    soft: SoftValues | None
+    image: npt.NDArray[np.float32]
+    outline: npt.NDArray[np.float64] | None
+    truth: npt.NDArray[np.float64]
+    delays: npt.NDArray[np.int64]
+    latency: list[Latency]
+    scene: CellScene
+    reach: list[Reach]
+    capacity: float | None
+
+    @property
+    def setup(self) -> LinkSetup:
+        return self.link.setup
+
+    @property
+    def scenario(self) -> LinkScenario:
+        return self.setup.scenario
+
+    @property
+    def setting(self) -> LinkSetting:
+        return self.setup.setting
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that was sent in."""
+        return self.setup.mode
+
+    @property
+    def layout(self) -> Layout:
+        return self.setup.sent.layout
+
+    @property
+    def left_out(self) -> list[dict[str, Any]]:
+        """Rows of `result.json` for the effects that were left out."""
+        return self.link.plan.documents(self.check.measured)
+
+    @property
+    def verdict_line(self) -> str:
+        return f"{self.verdict.cause.value}: {self.verdict.told}"
+
+    def verdict_document(self) -> dict[str, Any]:
+        """What verdict.json says."""
+        return {
+            "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
+            "told": self.verdict.told, "delivered": self.delivered,
+            "file": self.setup.payload.name, "bytes": len(self.setup.payload.data),
+            "mode": asdict(self.mode),
+        }  # fmt: skip

@@ -1,0 +1,187 @@
+"""The machine of a link: a file goes from a panel through the air to a camera and its receiver."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from cosim.config.toml import to_toml
+from cosim.files import Recorder, ZarrStream
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Metric, Throughput, viform_version
+from link.evaluation.delivery import write_delivery
+from link.evaluation.judge import evaluate_link
+from link.evaluation.metrics import link_metrics
+from link.evaluation.reception import receive_stream
+from link.report.page import link_page
+from link.sending import Transmission
+from link.setup.setup import LinkSetup
+from link.trial.planned import PlannedLink, check_plan, plan_link
+
+__all__ = ["LinkMachine", "PanelLoop"]
+
+
+class PanelLoop(Protocol):
+    """A board that shows the panel's planes and sends them back."""
+
+    def send(self, sent: Transmission, progress: Progress) -> None:
+        """Sends all planes, in order."""
+        ...
+
+    def metrics(self) -> dict[str, Metric]: ...
+
+    @property
+    def fault(self) -> str | None:
+        """Why the run has failed; None if all bits came back as they were sent."""
+        ...
+
+    def close(self) -> None: ...
+
+
+@dataclass
+class LinkChain(BlockChain):
+    """Air, sensor and recorder, after the planes have gone through the board.
+
+    Attributes:
+        before: wall time of the stages before the chain, s; its result begins with them.
+        sent: what the panel shows.
+        loop: board that the planes go through, None without one.
+    """
+
+    before: dict[str, float] = field(default_factory=dict)
+    sent: Transmission | None = None
+    loop: PanelLoop | None = None
+
+    def run(self, progress: Progress) -> dict[str, float]:
+        before = dict(self.before)
+        if self.loop is not None and self.sent is not None:
+            begin = time.perf_counter()
+            self.loop.send(self.sent, progress)
+            before["loop"] = time.perf_counter() - begin
+        return before | super().run(progress)
+
+
+class LinkMachine:
+    """See `Machine`. The check of the plan is its trial.
+
+    Args:
+        name: short name of the scenario.
+        setup: the link, checked.
+        loop: board that the planes go through, None without one.
+    """
+
+    unit = "cycles"
+
+    def __init__(self, name: str, setup: LinkSetup, loop: PanelLoop | None = None) -> None:
+        self._name, self._setup, self._loop = name, setup, loop
+        self._link: PlannedLink = plan_link(setup)
+
+    @property
+    def toml(self) -> str:
+        return to_toml(self._setup.scenario)
+
+    @property
+    def notes(self) -> list[str]:
+        return self._setup.notes()
+
+    @property
+    def device(self) -> str:
+        return self._setup.device_name
+
+    @property
+    def length(self) -> int:
+        return self._setup.cycles
+
+    @property
+    def bits(self) -> int:
+        return self._setup.pixel_cycles
+
+    def trial(self, progress: Progress) -> list[Finding]:
+        self._link, findings = check_plan(self._link, progress)
+        return findings
+
+    def keep(self, effects: Sequence[str]) -> LinkMachine:
+        self._link = self._link.keep(effects)
+        return self
+
+    def chain(self, folder: Path) -> LinkChain:
+        setup, chip = self._setup, self._setup.setting.camera.chip
+        air = self._link.make_air()
+        sensor = self._link.make_camera(air.late)
+        clock = setup.setting.camera.clock
+        recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock)
+        return LinkChain(
+            f"{self._name}: {setup.cycles} cycles of {chip.width} x {chip.height}",
+            {"air": air, "sensor": sensor, "recorder": recorder}, setup.cycles, self._identity(),
+            folder, before=setup.seconds, sent=setup.sent, loop=self._loop,
+        )  # fmt: skip
+
+    def _identity(self) -> str:
+        """Text that depends on the scenario, the mode, the plan, the file and the version."""
+        setup, plan = self._setup, self._link.plan
+        text = to_toml(setup.scenario.model_copy(update={"title": ""})) + viform_version()
+        text += f"{setup.mode} {plan.tier} {sorted(plan.left_out)}"
+        text += hashlib.sha256(setup.payload.data).hexdigest()
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        """None: the plan was checked before the recording."""
+        return []
+
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        setup, plan, seconds = self._setup, self._link.plan, recording.seconds
+        stream = ZarrStream(recording.folder / STREAM)
+        begin = time.perf_counter()
+        received = receive_stream(stream, setup.scenario.link.modem, progress)
+        seconds["receiver"] = time.perf_counter() - begin
+        link = evaluate_link(self._link, stream, received)
+        outcome = "degraded" if self._link.beyond else "ok"
+        fault = None if self._loop is None else self._loop.fault
+        faults = [] if fault is None else [fault]
+        files = write_delivery(
+            recording.folder, setup.payload, link.delivered, link.verdict_document()
+        )
+        progress.start("report", 2)  # in the place of the receiver's
+        return Outcome(
+            outcome="failed" if faults or not link.delivered else outcome,
+            simulated_s=setup.cycles / setup.setting.camera.clock.hz,
+            error=link.check.error,
+            kept=plan.kept,
+            left_out=link.left_out,
+            metrics={
+                **link_metrics(link, seconds["air"] + seconds["sensor"]),
+                **({} if self._loop is None else self._loop.metrics()),
+            },
+            latency=link.latency,
+            throughput=self._throughput(recording),
+            files=[STREAM, *files],
+            notes=[*self._link.beyond, link.verdict_line, *faults],
+            verdict=[link.verdict_line, *(faults if link.delivered else [])],
+            views=link,
+        )
+
+    def _throughput(self, recording: Recording) -> list[Throughput]:
+        if recording.resumed:
+            return []
+        setup, seconds = self._setup, recording.seconds
+        written = recording.chain.stages["recorder"].bytes_written * 8
+        received = len(setup.payload.data) * 8 / max(seconds["receiver"], 1e-9)
+        return [
+            Throughput("air", setup.sent.planes / seconds["air"], "planes/s"),
+            Throughput("sensor", setup.pixel_cycles / seconds["sensor"], "pixel-cycles/s"),
+            Throughput("recorder", written / seconds["recorder"], "bit/s"),
+            Throughput("receiver", received, "bit/s"),
+        ]
+
+    def page(self, run: Run) -> Page:
+        return link_page(run.outcome.views, run)
+
+    def close(self) -> None:
+        if self._loop is not None:
+            self._loop.close()

@@ -1,0 +1,1 @@
+"""What closed forms predict of a link: light, errors of cells, reach and capacity."""

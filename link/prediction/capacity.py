@@ -1,0 +1,159 @@
+"""The capacity of a link: what its light, pixels and ticks could carry, and what it does carry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import Layout
+from link.mode import Mode
+from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
+from link.theory.information import fsc_information_rate
+
+__all__ = ["CapacityInput", "capacity_bps", "capacity_document", "pixel_bound"]
+
+WORD: Final = 255
+LARGEST: Final = 1000.0
+"""Thresholds above it are scaled down to it, and means with them, where single electrons are
+followed."""
+
+
+@dataclass(frozen=True)
+class CapacityInput:
+    """What the capacity of a link depends on.
+
+    Attributes:
+        on, off: mean electrons a tick of a pixel in the middle of cells that are on and off.
+        threshold: of a spike, electrons.
+        reset: rule of the pixels.
+        hz: ticks a second.
+        sensor: pixels of the camera.
+        on_panel: those on the image of the panel.
+        cell_pixels: camera pixels that see one cell alone, at least 1.
+    """
+
+    on: float
+    off: float
+    threshold: float
+    reset: Reset
+    hz: float
+    sensor: int
+    on_panel: float
+    cell_pixels: int
+
+
+def pixel_bound(link: CapacityInput) -> float:
+    """Bits a tick that no modulation of one pixel's light can exceed: the one bit of a latch, or
+    the capacity of light of this peak and background if that is less."""
+    peak = max(link.on - link.off, 1e-300)
+    return min(1.0, float(poisson_capacity(link.off / peak)) * peak)
+
+
+def capacity_bps(link: CapacityInput) -> float:
+    """Bits a second of all camera pixels on the panel's image, each at its `pixel_bound`."""
+    return link.on_panel * link.hz * pixel_bound(link)
+
+
+def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
+    """Capacity of a pixel in a tick, and of a cell in a symbol, bits."""
+    on, off, q = link.on, link.off, link.threshold
+    peak, scale = max(on - off, 1e-300), max(link.threshold / LARGEST, 1.0)
+    whole = max(round(q / scale), 1)
+    ticks = 12_800 if whole <= 200 else 1_600
+    rate = fsc_information_rate(
+        link.reset, whole, on / scale, off / scale, ticks=ticks, seed=seed
+    )  # fmt: skip
+    off_law, on_law = count_laws(q, on, off, link.reset, mode.ticks, mode.code.run_limit)
+    cell, share = count_capacity(
+        _sum_law(off_law, link.cell_pixels), _sum_law(on_law, link.cell_pixels)
+    )
+    return {
+        "poisson": {
+            "value": float(poisson_capacity(off / peak)) * peak, "unit": "bit/tick",
+            "what": "light of this peak and background, switched at any speed, every electron seen",
+        },
+        "one_bit": {"value": 1.0, "unit": "bit/tick", "what": "a latch says one bit a tick"},
+        "slot": {
+            "value": float(one_bit_capacity(q, on, off)), "unit": "bit/tick",
+            "what": "a pixel that begins every tick empty, at its best share of ON",
+        },
+        "memory": {
+            "value": rate.rate, "ci": [rate.low, rate.high], "unit": "bit/tick",
+            "ticks": rate.ticks, "threshold": whole,
+            "what": f"random bits through a pixel with {link.reset} reset, Arnold and Loeliger, "
+            "99 % limits",
+        },
+        "cell": {
+            "value": cell, "share_on": share, "looks": link.cell_pixels * mode.ticks,
+            "unit": "bit/symbol",
+            "what": "the count of spikes of a cell's pixels in a symbol's ticks, at its best share "
+            "of ON, pixels independent",
+        },
+    }  # fmt: skip
+
+
+def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
+    """The law of the sum of so many independent counts."""
+    total = np.ones(1)
+    for _ in range(count):
+        total = np.convolve(total, law)
+    return total
+
+
+def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[str, Any]:
+    """The document of `viform link capacity --json`.
+
+    `capacity_bps` is that of `capacity_bps`. `budget` goes from every pixel of the sensor at one
+    bit a tick to the coded rate: each row has its factor, the rate that is left after it, and its
+    share of the whole loss in logarithms.
+    """
+    layout = Layout(mode)
+    pixel = _pixel(link, mode, seed)
+    per_tick = pixel_bound(link)
+    rows, columns = layout.shape
+    cells, free = rows * columns, int(layout.free.sum())
+    line = mode.code.bits / layout.group
+    factors = [
+        ("view", "camera pixels that see the panel", link.on_panel / link.sensor),
+        ("light", "bits that a tick's electrons can carry, at most 1", per_tick),
+        ("cell", f"camera pixels to a cell of {mode.cell} x {mode.cell} panel pixels",
+         cells / link.on_panel),
+        ("ticks", "ticks to a symbol", 1 / mode.ticks),
+        ("tags", "cells under the four tags", free / cells),
+        ("pilots", "cells that are pilots", layout.cells / free),
+        ("line code", f"{mode.code.bits} bits in {layout.group} symbols", line),
+        ("Reed-Solomon", f"{WORD - mode.parity} of {WORD} bytes", (WORD - mode.parity) / WORD),
+    ]  # fmt: skip
+    rate = link.sensor * link.hz
+    lost = sum(math.log(f) for _, _, f in factors if 0 < f < 1)
+    budget: list[dict[str, Any]] = [
+        {"name": "sensor", "what": "every pixel, one bit a tick", "factor": 1.0, "bps": rate,
+         "share_of_loss": 0.0},
+    ]  # fmt: skip
+    for name, what, factor in factors:
+        rate *= factor
+        cost = math.log(factor) / lost if 0 < factor < 1 and lost else 0.0
+        budget.append(
+            {"name": name, "what": what, "factor": factor, "bps": rate, "share_of_loss": cost}
+        )
+    raw = layout.cells * link.hz / mode.ticks
+    capacity = capacity_bps(link)
+    return {
+        "capacity_bps": capacity,
+        "cells_bps": layout.cells * link.hz / mode.ticks * pixel["cell"]["value"],
+        "raw_bps": raw, "coded_bps": raw * line * (WORD - mode.parity) / WORD,
+        "share": raw * line * (WORD - mode.parity) / WORD / capacity if capacity else None,
+        "pixel": pixel, "budget": budget,
+        "given": {
+            "on": link.on, "off": link.off, "threshold": link.threshold, "reset": link.reset,
+            "hz": link.hz, "sensor": link.sensor, "seen": link.on_panel, "looks": link.cell_pixels,
+        },
+        "mode": {
+            "width": mode.width, "height": mode.height, "cell": mode.cell, "ticks": mode.ticks,
+            "line": mode.line, "parity": mode.parity,
+        },
+    }  # fmt: skip

@@ -1,0 +1,44 @@
+"""What the capacity of a link depends on, from its scenario."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from link.mode import Mode
+from link.prediction.capacity import CapacityInput
+from link.prediction.light import cell_scene
+from link.prediction.reach import CellScene
+from link.section import LinkScenario
+from link.setting import LinkSetting, link_setting
+
+__all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
+
+DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 32}
+"""Parts of a mode that are assumed where the scenario leaves them to the pilots of a run."""
+
+
+def scenario_input(scenario: LinkScenario) -> tuple[CapacityInput, Mode, list[str]]:
+    """The input of a scenario, its mode, and the parts of the mode that are `DEFAULT_MODE`. Raises
+    InputError."""
+    setting = link_setting(scenario)
+    modem, panel = scenario.link.modem, scenario.link.panel
+    assumed = [name for name in DEFAULT_MODE if getattr(modem, name) == "auto"]
+    parts = {
+        name: default if name in assumed else getattr(modem, name)
+        for name, default in DEFAULT_MODE.items()
+    }
+    mode = Mode(panel.width, panel.height, **parts)
+    return capacity_input(setting, cell_scene(setting), mode), mode, assumed
+
+
+def capacity_input(setting: LinkSetting, scene: CellScene, mode: Mode) -> CapacityInput:
+    """The input of a link that is set up. scene: light of its cells."""
+    camera, panel = setting.camera, setting.optics
+    sensor = camera.chip.width * camera.chip.height
+    on_panel = panel.width * panel.height * setting.scale**2 * (1 - setting.aim.occluded)
+    whole = max(1, int(mode.cell * setting.scale))
+    return CapacityInput(
+        (scene.on + scene.background) * scene.threshold, scene.background * scene.threshold,
+        scene.threshold, camera.reset, camera.clock.hz, sensor, min(on_panel, sensor),
+        whole * whole,
+    )  # fmt: skip

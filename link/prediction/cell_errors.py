@@ -1,0 +1,290 @@
+"""The raw bit error rate of the joint decision, by the exact law of spikes under drawn light.
+
+A cell's light falls on some pixels together with that of the cells beside it. Given all of their
+bits, the pixels of a sensor with hard reset spike independently of each other with a law in closed
+form (`link.theory.hard_patterns`), and so has the sum of their log-likelihood ratios. What is left
+are the places of cells between the pixels, on an even grid, and the bits of the cells beside and
+before, which are drawn: a semi-analytic estimate (Jeruchim, IEEE J. Sel. Areas Commun. 2:153,
+1984), which counts no errors, so that few draws see rare ones. The ratios are those that the joint
+detector learns: of single ticks by share of the light, the cell's bit and the one before, and the
+pixel's two spikes before, over all bits of other cells. The bits before and after are taken as
+known.
+
+In it: shot and threshold noise, blur, crosstalk, where the cells lie between the pixels, the light
+of the cells beside, which all pixels and ticks of a symbol share, charge that is kept, ticks that
+two symbols share, the line code's runs, the phase of every row. Not in it: what a receiver knows
+wrong (place, phase, laws learned from few symbols), fixed pattern, scintillation, rotated cells.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.air.kernel import Psf, kernel_table, taps
+from link.mode import Mode
+from link.prediction.reach import CellScene, edge_share, longest_run
+from link.theory import hard_patterns
+
+__all__ = ["CellErrors", "CellSight", "Mixed", "cell_errors"]
+
+_HISTORY: Final = 4
+"""Symbols before the one decided that charge may be left from."""
+_CONTEXT: Final = 2
+_STEP, _BINS = 0.75, 512
+"""Of the grid of log-likelihood ratios."""
+_PHASES: Final = 32
+"""Sub-pixel places of the weights' table."""
+_MOST: Final = 16
+"""Pixels of a cell that are looked at: those with the largest shares."""
+_AGAINST: Final = 0.8
+"""Chance of a cell beside to show the other bit, in half of the draws."""
+_BATCHES: Final = 16
+"""That the interval comes from."""
+_PRIOR: Final = 1.0
+"""Drawn pixels that the mean over contexts counts for in one context's chance."""
+_ROUNDS: Final = 12
+"""Of draws, at most."""
+_T: Final = 4.073
+"""Student's quantile of 99.9 %, two-sided, with 15 degrees of freedom."""
+Values = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class CellSight:
+    """scene: light and threshold; its blur and phase are not looked at. affine: (2, 2) camera
+    pixels a panel pixel, in x and y. psf: of everything. blur: standard deviation that the detector
+    takes it for, camera pixels. phases: ticks by which symbols are late, of rows and symbols that
+    stand for all."""
+
+    scene: CellScene
+    affine: Values
+    psf: Psf
+    blur: float
+    phases: Values
+
+    @cached_property
+    def table(self) -> npt.NDArray[np.float32]:
+        """Weights of panel pixels by place, of `kernel_table`."""
+        count = taps(self.affine, self.psf)
+        return kernel_table(self.affine, self.psf, count, _PHASES)
+
+
+@dataclass(frozen=True)
+class Mixed(Psf):
+    """A lens, and a sensor whose pixels give a share of their light to each side."""
+
+    to_each_side: float = 0.0
+
+    def mtf(self, fx: Values, fy: Values) -> Values:
+        a = self.to_each_side
+        x, y = (1 - 2 * a + 2 * a * np.cos(2 * np.pi * f) for f in (fx, fy))
+        return np.asarray(super().mtf(fx, fy) * x * y)
+
+
+@dataclass(frozen=True)
+class CellErrors:
+    """rate: estimate of the raw bit error rate. low, high: 99.9 % limits of what was drawn, low at
+    least 0. promise: mean of 1 / (1 + e^|L|), what the soft values would say of it."""
+
+    rate: float
+    low: float
+    high: float
+    promise: float
+
+
+def _bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Flags:
+    """Random bits whose runs along the last axis are at most `longest`."""
+    out = rng.random(shape) < 0.5
+    run = np.ones(shape[:-1], np.int64)
+    for n in range(1, shape[-1]):
+        same = out[..., n] == out[..., n - 1]
+        out[..., n] ^= same & (run >= longest)
+        run = np.where(out[..., n] == out[..., n - 1], run + 1, 1)
+    return out
+
+
+def _set_against(rng: np.random.Generator, bits: Flags, around: int) -> Values:
+    """Turns the eight cells beside over, more often than not to the other bit than the cell's own,
+    in half of the draws, in place, since that is what makes errors; the draws' weights."""
+    count = len(bits)
+    beside = bits[:, around - 1 : around + 2, around - 1 : around + 2].reshape(count, 9, -1)
+    beside = np.delete(beside, 4, axis=1)
+    chance = np.where(np.arange(count) % 2, _AGAINST, 0.5)[:, None]
+    against = rng.random((count, 8)) < chance
+    own = bits[:, around, around, -2]
+    turned = (beside[:, :, -2] != own[:, None]) != against
+    flip = np.zeros((count, 9), np.bool_)
+    flip[:, [0, 1, 2, 3, 5, 6, 7, 8]] = turned
+    part = bits[:, around - 1 : around + 2, around - 1 : around + 2]
+    part ^= flip.reshape(count, 3, 3, 1)
+    n = against.sum(axis=1)
+    weight = 2 / (1 + (2 * _AGAINST) ** n * (2 - 2 * _AGAINST) ** (8 - n))
+    return np.asarray(weight / weight.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """patterns: (cells, pixels, 2^window) law of the spikes. own, before, after: (cells,) bits.
+    share: (pixels,) class. weight: (cells,), 1 in the mean."""
+
+    patterns: Values
+    weight: Values
+    own: Flags
+    before: Flags
+    after: Flags
+    share: npt.NDArray[np.intp]
+
+
+def _light(
+    sight: CellSight, cell: int, points: Values, bits: Flags, around: int
+) -> Values:  # fmt: skip
+    """Share of light that is on at camera pixels, (cells, pixels, symbols). points: (cells, pixels,
+    2) camera (x, y) from the cell's middle. bits: (cells, rows, columns, symbols) about it."""
+    table = sight.table
+    phases, count = table.shape[1:3]
+    panel = points @ np.linalg.inv(sight.affine).T + (cell - 1) / 2
+    whole = np.floor(panel).astype(np.intp)
+    part = ((panel - whole) * phases).astype(np.intp)
+    weights = table[part[..., 1], part[..., 0]]  # (cells, pixels, count, count)
+    step = np.arange(count) - (count // 2 - 1)
+    at = (whole[..., None] + step) // cell + around
+    at = np.clip(at, 0, 2 * around)
+    n = np.arange(len(bits))[:, None, None, None]
+    lit = bits[n, at[..., 1, :, None], at[..., 0, None, :]]
+    return np.einsum("npyx,npyxs->nps", weights, lit, dtype=np.float64)
+
+
+def _draw(
+    sight: CellSight, mode: Mode, place: tuple[int, int], count: int, rng: np.random.Generator
+) -> _Drawn:
+    """Cells at one of the detector's places."""
+    scene = sight.scene
+    from link.detect.geometry import LEAST, PLACES, SHARES
+
+    side, longest, ticks = mode.cell * scene.pixel, longest_run(mode), mode.ticks
+    reach = math.ceil(side / 2 + 1)
+    around = max(math.ceil((1.5 + 3 * sight.blur) / side), 1)
+    pixels = np.arange(-reach, reach + 1.0)
+    half = side / 2
+    middle = [(p + 0.5) / PLACES - 0.5 for p in place]
+    named = [
+        edge_share(pixels - m + half, sight.blur) - edge_share(pixels - m - half, sight.blur)
+        for m in middle
+    ]
+    known = (named[0][:, None] * named[1]).ravel()
+    order = np.argsort(-known)[: min(max(int((known >= LEAST).sum()), 1), _MOST)]
+    y, x = np.divmod(order, pixels.size)
+    exact = np.stack([m + (rng.random(count) - 0.5) / PLACES for m in middle[::-1]], axis=1)
+    points = np.stack([pixels[x], pixels[y]], axis=1) - exact[:, None]
+    symbols = _HISTORY + 3
+    bits = _bits(rng, (count, 2 * around + 1, 2 * around + 1, symbols), longest)
+    weight = _set_against(rng, bits, around)
+    light = _light(sight, mode.cell, points, bits, around)
+    # symbol 0 only lends its end to the first tick; the last one only its first tick is seen of
+    late = rng.choice(sight.phases, count)[:, None]
+    means = np.empty((count, order.size, (_HISTORY + 1) * ticks + 1))
+    for n in range(1, symbols):
+        first = (n - 1) * ticks
+        means[..., first] = late * light[..., n - 1] + (1 - late) * light[..., n]
+        if n < symbols - 1:
+            means[..., first + 1 : first + ticks] = light[..., n, None]
+    patterns = hard_patterns(
+        scene.background + scene.on * means, _CONTEXT + ticks + 1, scene.threshold, scene.noise
+    )
+    mine = bits[:, around, around]
+    share = np.minimum((known[order] * SHARES).astype(np.intp), SHARES - 1)
+    return _Drawn(patterns, weight, mine[:, -2], mine[:, -3], mine[:, -1], share)
+
+
+def _tables(drawn: list[_Drawn], ticks: int) -> Values:
+    """ln P(spike) as the detector learns it: (ticks, shares, before, own, contexts, spike)."""
+    from link.detect.geometry import SHARES
+    from link.detect.tables import LEAST_CHANCE
+
+    seen = np.arange(1 << (_CONTEXT + ticks + 1))
+    met = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
+    for each in drawn:
+        for before in (False, True):
+            for own in (False, True):
+                these = (each.before == before) & (each.own == own)
+                law = np.einsum("n,nps->ps", each.weight[these], each.patterns[these])
+                for j in range(ticks):
+                    at = 2 * ((seen >> j) & 3) + ((seen >> (j + _CONTEXT)) & 1)
+                    for k, s in enumerate(each.share):
+                        met[j, s, int(before), int(own)] += np.bincount(
+                            at, law[k], 2 << _CONTEXT
+                        ).reshape(-1, 2)
+    every = met.sum(axis=-2, keepdims=True)  # what a context hardly met is taken to be like
+    prior = (every[..., 1] + 1e-9 / 2) / (every.sum(-1) + 1e-9)
+    chance = (met[..., 1] + _PRIOR * prior) / (met.sum(-1) + _PRIOR)
+    chance = np.clip(chance, LEAST_CHANCE, 1 - LEAST_CHANCE)
+    return np.log(np.stack([1 - chance, chance], axis=-1))
+
+
+def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
+    """P(decided wrong) and the soft values' promise of every cell drawn."""
+    seen = np.arange(1 << (_CONTEXT + ticks + 1))
+    ratio = np.zeros((2, 2, each.share.size, seen.size))  # by before and after
+    for j in range(ticks + 1):
+        context, spike = (seen >> j) & 3, (seen >> (j + _CONTEXT)) & 1
+        for before in range(2):
+            for after in range(2):
+                for k, s in enumerate(each.share):
+                    if j < ticks:
+                        on, off = tables[j, s, before, 1], tables[j, s, before, 0]
+                    else:  # the next symbol begins
+                        on, off = tables[0, s, 1, after], tables[0, s, 0, after]
+                    ratio[before, after, k] += (on - off)[context, spike]
+    most = (_BINS // 2 - 1) // each.share.size  # no sum goes round
+    bins = np.clip(np.rint(ratio / _STEP), -most, most)
+    value = np.fft.ifftshift(np.arange(_BINS) - _BINS // 2) * _STEP
+    # Of the sum's characteristic function: chance below 0, half of that at 0, and doubt.
+    below = np.fft.rfft((value < 0) + 0.5 * (value == 0))
+    above = np.fft.rfft((value > 0) + 0.5 * (value == 0))
+    doubt = np.fft.rfft(1 / (1 + np.exp(np.abs(value))))
+    twice = np.full(below.size, 2.0 / _BINS)
+    twice[[0, -1]] /= 2
+    wave = -2j * np.pi / _BINS * np.arange(below.size)
+    wrong, promise = np.empty(each.own.size), np.empty(each.own.size)
+    for before in range(2):
+        for after in range(2):
+            turn = np.exp(bins[before, after, ..., None] * wave)
+            these = np.flatnonzero((each.before == before) & (each.after == after))
+            spectrum = np.ones((these.size, below.size), np.complex128)
+            for k in range(each.share.size):
+                law = each.patterns[these, k]
+                spectrum *= law @ turn[k].real + 1j * (law @ turn[k].imag)
+            said = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
+            wrong[these] = np.where(each.own[these], said[:, 1], said[:, 0])
+            promise[these] = said[:, 2]
+    return np.maximum(wrong, 0.0) * each.weight, promise * each.weight
+
+
+def cell_errors(sight: CellSight, mode: Mode, draws: int = 8_192, seed: int = 1) -> CellErrors:
+    """draws: cells with the bits around them, fewer where symbols are long; so many again, at most
+    `_ROUNDS` times, while the limits are further from the rate than 0."""
+    from link.detect.geometry import PLACES
+
+    rng = np.random.Generator(np.random.Philox(key=seed))
+    places = [(y, x) for y in range(PLACES) for x in range(PLACES)]
+    each = max(draws * 32 // len(places) >> (_CONTEXT + mode.ticks + 1), _BATCHES)
+    tables, batches, promises = None, [], []
+    for _ in range(_ROUNDS):
+        drawn = [_draw(sight, mode, place, each, rng) for place in places]
+        tables = _tables(drawn, mode.ticks) if tables is None else tables
+        both = [_wrong(d, tables, mode.ticks) for d in drawn]
+        wrong = np.stack([w for w, _ in both])
+        batches += [float(b.mean()) for b in np.array_split(wrong, _BATCHES, axis=1)]
+        promises += [float(p.mean()) for _, p in both]
+        rate = float(np.mean(batches))
+        half = _T * float(np.std(batches, ddof=1)) / math.sqrt(len(batches))
+        if half <= rate:
+            break
+    return CellErrors(rate, max(rate - half, 0.0), rate + half, float(np.mean(promises)))

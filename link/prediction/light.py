@@ -1,0 +1,77 @@
+"""How much light a run's cells bring, and what shines in any case: the air's closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from link.air import image_of, lens_psf, levels
+from link.air.geometry import affine_at, lengths
+from link.air.sun import sun_glare
+from link.prediction.cell_errors import CellSight, Mixed
+from link.prediction.reach import CellScene
+from link.setting import LinkSetting
+from link.timing import Timing
+from sensor.device.crosstalk import side_share
+
+__all__ = ["cell_scene", "cell_sight", "transmission"]
+
+_AIRY = 0.42
+"""Standard deviation of the Gaussian that fits an Airy core, wavelengths over the aperture (Zhang,
+Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007)."""
+
+_ROWS = 33
+"""Of the panel's image, and as many symbols, that stand for all."""
+
+
+def _blur(setting: LinkSetting) -> float:
+    """Standard deviation of everything that blurs an edge, camera pixels: the lens, diffraction,
+    defocus (a disc of radius q has q / 2 along an axis), vibration over the run."""
+    optics = setting.optics
+    made = lengths(optics, setting.air.distance)
+    working = optics.f_number * made.extension
+    airy = _AIRY * optics.wavelength_nm * 1e-9 * working / optics.camera_pitch
+    return math.hypot(optics.blur, airy, made.disc / 2, setting.aim.vibration)
+
+
+def cell_scene(setting: LinkSetting) -> CellScene:
+    """At the run's distance; half of the panel is on at any time."""
+    optics, air, camera = setting.optics, setting.air, setting.camera
+    here = levels(optics, air)
+    covered = min(
+        optics.width * optics.height * setting.scale**2 / (camera.chip.width * camera.chip.height),
+        1.0,
+    )
+    mean = covered * (here.panel / 2 + here.face) + (1 - covered) * here.around + here.fog
+    stray = (
+        here.off * (1 - air.glare)
+        + air.glare * mean
+        + sun_glare(optics, air, setting.aim, (camera.chip.height, camera.chip.width))
+    )
+    per_lux = camera.electrons_per_lux / (camera.clock.hz * camera.threshold)
+    return CellScene(
+        setting.scale, _blur(setting), here.panel * per_lux, stray * per_lux, camera.threshold,
+        camera.threshold_noise, camera.reset, setting.phase,
+    )  # fmt: skip
+
+
+def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
+    """What `cell_errors` reads of a run of so many symbols. timing: the true one."""
+    optics, chip = setting.optics, setting.camera.chip
+    home = image_of(optics, setting.aim, setting.air, (chip.height, chip.width))
+    psf = lens_psf(optics, setting.air.distance)
+    mixed = Mixed(psf.sigma, psf.disc, psf.cutoff, side_share(setting.camera.crosstalk))
+    half = optics.height * setting.scale / 2
+    rows = chip.height / 2 + setting.aim.offset[1] + np.linspace(-half, half, _ROWS)
+    begins = timing.start(np.linspace(0, symbols, _ROWS).astype(int)[:, None], rows)
+    return CellSight(
+        cell_scene(setting), affine_at(home, (optics.width - 1) / 2, (optics.height - 1) / 2),
+        mixed, math.hypot(psf.sigma, psf.disc / 2), (begins % 1.0).ravel(),
+    )  # fmt: skip
+
+
+def transmission(setting: LinkSetting, distance: float) -> float:
+    """What the air leaves of the panel's light, at another distance."""
+    return levels(setting.optics, replace(setting.air, distance=distance)).dimmed

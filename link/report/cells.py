@@ -1,0 +1,122 @@
+"""The section on which cells fail."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.parts import plot
+from link.evaluation.record import LinkEvaluation
+from link.report.signal_figures import cells_figure
+
+__all__ = ["cells_section"]
+
+
+def cells_section(link: LinkEvaluation, figures: Path) -> str:
+    path = figures / "cells.png"
+    quality = link.received.cell_quality
+    if quality is None:
+        return "<h2>Cells</h2><p>No cell was read.</p>"
+    cells_figure(np.asarray(quality, np.float64), link.errors.by_cell, link.errors.symbols, path)
+    facts = "".join(f"<li>{html.escape(each)}</li>" for each in _facts(link))
+    return (
+        "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
+        "of the panel's cells and the camera's pixels: where an edge falls into the middle of a "
+        f"pixel, that pixel sees two cells at once.</p><ul>{facts}</ul>"
+        + plot(path, "map of cells")
+    )  # fmt: skip
+
+
+def _facts(link: LinkEvaluation) -> list[str]:
+    """Where cells fail, from the map of errors."""
+    wrong, facts = link.errors.by_cell, []
+    carries = wrong >= 0
+    if not link.errors.symbols or not carries.any():
+        return ["No symbol was compared."]
+    share = np.where(carries, wrong, 0) / link.errors.symbols
+    mean = share[carries].mean()
+    facts.append(f"A cell is wrong in {mean:.2g} of its symbols on average, the worst in "
+                f"{share.max():.2g}.")  # fmt: skip
+    beside = np.zeros_like(carries)
+    beside[:, 1:] |= ~carries[:, :-1]
+    beside[:, :-1] |= ~carries[:, 1:]
+    beside[1:] |= ~carries[:-1]
+    beside[:-1] |= ~carries[1:]
+    edge = np.zeros_like(carries)
+    edge[[0, -1]] = True
+    edge[:, [0, -1]] = True
+    facts += _against_grid(link, carries)
+    for name, mask in (
+        ("at the panel's edge, where half of the neighbourhood is dark", edge),
+        ("beside tags and pilots", beside & ~edge),
+    ):
+        mine = mask & carries
+        if mine.any():
+            facts.append(f"Cells {name}: {share[mine].mean():.2g}.")
+    rows, columns = carries.shape
+    quarter = [
+        share[rows * i // 3 : rows * (i + 1) // 3, columns * j // 3 : columns * (j + 1) // 3]
+        for i in range(3) for j in range(3)
+    ]  # fmt: skip
+    ninth = [float(part.mean()) for part in quarter]
+    facts.append(f"Of nine parts of the panel the best has {min(ninth):.2g}, the worst "
+                f"{max(ninth):.2g}: what differs between them is the grids' beat, the rows' timing "
+                "and turbulence.")  # fmt: skip
+    return facts
+
+
+def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[str]:
+    """Where errors lie against how sure cells are, and against the grid of camera pixels."""
+    wrong = link.errors.by_cell[carries]
+    if not wrong.sum():
+        return []
+    sure = np.asarray(link.received.cell_quality, np.float64)[carries]
+    by_sure = _fifths(np.argsort(sure, kind="stable"), wrong)
+    facts = [
+        f"The fifth of cells with the lowest mean |soft value| has {by_sure[0]:.0%} of the errors, "
+        f"the fifth with the highest {by_sure[4]:.0%}"
+        + (
+            ": it is not where cells are least sure on average that decisions fail."
+            if by_sure[0] < by_sure[4] else "."
+        )
+    ]  # fmt: skip
+    off = _grid_offsets(link, carries)
+    if off is not None:
+        by_grid = _fifths(np.argsort(off, kind="stable"), wrong)
+        near = by_grid[0] > by_grid[4]
+        facts.append(
+            "The fifth whose edges lie nearest to borders of camera pixels has "
+            f"{by_grid[0]:.0%} of them, the fifth farthest from them {by_grid[4]:.0%}: "
+            + (
+                "a cell on whole pixels of its own has the fewest that look at it."
+                if near
+                else "pixels that see two cells at once tell them apart less well."
+            )
+        )
+    return facts
+
+
+def _grid_offsets(
+    link: LinkEvaluation, carries: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64] | None:
+    """How far the edges of each data cell lie from the nearest border of camera pixels, camera
+    pixels, the worse of both axes; None where the panel was not found."""
+    registration = link.received.registration
+    if registration is None or link.received.mode != link.mode:
+        return None
+    row, column = np.nonzero(carries)
+    side = link.mode.cell
+    off = []
+    for right in (0, 1):
+        x, y = registration.camera((column + right) * side - 0.5, (row + right) * side - 0.5)
+        off += [np.abs(z + 0.5 - np.round(z + 0.5)) for z in (x, y)]
+    return np.asarray(np.max(off, axis=0), np.float64)
+
+
+def _fifths(order: npt.NDArray[np.intp], wrong: npt.NDArray[np.int64]) -> list[float]:
+    """Share of all errors in each fifth of the cells, as they are ordered."""
+    parts = np.array_split(wrong[order], 5)
+    return [float(part.sum() / wrong.sum()) for part in parts]

@@ -1,0 +1,123 @@
+"""Figures of a link's signal: the eye, soft values, maps of cells, and the camera's view."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.figures import INK, LINE, MARK
+from link.evaluation.eye import RARE, Eye
+from link.evaluation.record import LinkEvaluation, SoftValues
+from link.report.figures import BLUE, figure_at
+
+__all__ = ["cells_figure", "eye_figure", "soft_figure", "view_figure"]
+
+_DOTTED = 0.02
+"""Share of cells with errors up to which each is drawn as a dot."""
+_HOT = "autumn_r"
+
+
+def eye_figure(eye: Eye, path: Path) -> None:
+    """Density of traces over two symbols, with the instant of sampling and the eye's opening."""
+    from matplotlib.colors import LogNorm
+
+    with figure_at(path, 8.2, 3.8) as (figure, ax):
+        reach, share = float(eye.x[-1]), eye.density / eye.traces
+        drawn = ax.imshow(
+            np.where(share > 0, share, np.nan), origin="lower", extent=(-reach, reach, 0, 1),
+            aspect="auto", cmap="Blues", norm=LogNorm(1 / eye.traces, 1), interpolation="nearest",
+        )  # fmt: skip
+        figure.colorbar(drawn, ax=ax, label="share of traces", pad=0.01)
+        most = f"{1 - RARE:.0%}"
+        ax.plot(eye.x, eye.low, color=MARK, linewidth=1.2, label=f"{most} of what was on lie above")
+        ax.plot(eye.x, eye.high, color=INK, linewidth=1.2, label=f"{most} of what was off below")
+        left, right = eye.sampled
+        ax.axvspan(
+            left - reach / 400, right + reach / 400, color=MARK, alpha=0.35, linewidth=0,
+            label="sampled here",
+        )  # fmt: skip
+        ax.set_xlabel("middle of the window, ticks after the symbol's middle")
+        ax.set_ylabel("spikes a pixel and tick")
+        figure.legend(fontsize=8.5, loc="outside upper center", ncols=3, frameon=False)
+
+
+def soft_figure(values: SoftValues, path: Path) -> None:
+    """How soft values of cells that were on and off spread."""
+    with figure_at(path, 8.2, 3.0) as (_, ax):
+        top = float(np.quantile(np.abs(values.soft), 0.999)) * 1.1 + 1e-3
+        edges = np.linspace(-top, top, 121)
+        soft = np.clip(values.soft, edges[0], edges[-1])
+        for on, colour, name in ((False, BLUE, "off was sent"), (True, MARK, "on was sent")):
+            mine = soft[values.on == on]
+            count, _ = np.histogram(mine, edges)
+            ax.stairs(
+                count / max(mine.size, 1), edges, fill=True, color=colour, alpha=0.45, linewidth=0,
+                label=name,
+            )  # fmt: skip
+            ax.stairs(count / max(mine.size, 1), edges, color=colour, linewidth=1)
+        ax.axvline(0, color=INK, linewidth=0.8)
+        ax.set_yscale("log")
+        ax.set_ylim(0.5 / max(values.soft.size / 2, 1), 1)
+        ax.set_xlabel("soft value of a symbol, ln P(spikes | on) - ln P(spikes | off)")
+        ax.set_ylabel("share of symbols")
+        ax.legend(frameon=False, fontsize=9, loc="upper center", ncols=2)
+
+
+def cells_figure(
+    quality: npt.NDArray[np.float64], errors: npt.NDArray[np.int64], symbols: int, path: Path
+) -> None:
+    """Two maps of cells: how sure their decisions were, and how often they were wrong. Few wrong
+    cells are drawn as dots, larger than they are, so that each is seen. errors: -1 where a cell
+    carries no data."""
+    tall = min(max(4.6 * errors.shape[0] / errors.shape[1], 2.0), 9.0) + 0.3
+    with figure_at(path, 11, tall, columns=2, plain=False) as (figure, (left, right)):
+        carries = errors >= 0
+        sure = np.where(carries, quality, np.nan)
+        high = float(np.nanquantile(sure, 0.99)) if carries.any() else 1.0
+        drawn = left.imshow(
+            sure, cmap="viridis", vmin=0, vmax=max(high, 1e-6), interpolation="nearest"
+        )
+        left.set_title("how sure decisions are: sure is bright", fontsize=10, color=INK)
+        figure.colorbar(drawn, ax=left, shrink=0.8, label="mean |soft value| (nats)")
+        rate = np.where(carries, errors / max(symbols, 1), np.nan)
+        most = float(np.nanmax(rate)) if carries.any() else 0.0
+        top, title = max(most, 1 / max(symbols, 1)), "how often decisions are wrong"
+        row, column = np.nonzero(np.nan_to_num(rate) > 0)
+        if 0 < row.size <= _DOTTED * carries.sum():
+            pale = np.where(carries, quality / max(high, 1e-6), np.nan)
+            right.imshow(pale, cmap="gray", vmin=-1.2, vmax=1.05, interpolation="nearest")
+            order = np.argsort(rate[row, column])
+            row, column = row[order], column[order]
+            drawn = right.scatter(
+                column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
+            )
+            title = f"{row.size:,} cells with errors, drawn larger than they are"
+        else:
+            drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
+        right.set_title(title, fontsize=10, color=INK)
+        figure.colorbar(drawn, ax=right, shrink=0.8, label="share of symbols decided wrong")
+        for ax in (left, right):
+            ax.set_xticks([])
+            ax.set_yticks([])
+            ax.set_facecolor("#e6e8ec")
+            ax.spines[:].set_color(LINE)
+
+
+def view_figure(link: LinkEvaluation, path: Path) -> None:
+    """What the camera saw on average, with the panel's outline as it is and as it was found."""
+    height, width = link.image.shape
+    with figure_at(path, 5.4, 5.4 * height / width + 0.3, plain=False) as (figure, ax):
+        ax.imshow(link.image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+        for corners, colour, name, style in (
+            (link.truth, BLUE, "the panel as it stands", "-"),
+            (link.outline, MARK, "as the receiver found it", "--"),
+        ):
+            if corners is not None:
+                ring = np.vstack([corners, corners[:1]])
+                ax.plot(ring[:, 0], ring[:, 1], style, color=colour, linewidth=1.5, label=name)
+        ax.set_xlim(-0.5, width - 0.5)
+        ax.set_ylim(height - 0.5, -0.5)
+        figure.legend(fontsize=8.5, loc="outside lower center", ncols=2, frameon=False)
+        ax.axis("off")

@@ -1,1 +1,0 @@
-"""A link made ready, filmed and received."""

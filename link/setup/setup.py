@@ -1,0 +1,157 @@
+"""A link set up from its scenario: checked, its mode chosen, not yet planned."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+from cosim import InputError, seconds_to_ps
+from cosim.compute.opencl import Device, choose_device
+from cosim.run.progress import Progress
+from link.layout import TRAINING, Layout
+from link.mode import Mode
+from link.section import LinkScenario
+from link.sending import Transmission
+from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
+from link.setup.choosing import Choice
+from link.setup.modes import choose_mode, tag_warning
+
+__all__ = ["LinkSetup", "set_up_link"]
+
+_SHORTENED_PLANES = 600
+"""Planes at most where no mode is expected to work: enough for the receiver to find the cause."""
+
+
+@dataclass(frozen=True)
+class LinkSetup:
+    """A link before it is planned.
+
+    Attributes:
+        scenario: as the user gave it.
+        payload: the file.
+        setting: panel, lens, air and camera with every effect.
+        mode, choice: the mode, and how it was chosen; None if it was given.
+        sent: what the panel shows.
+        cycles: of the camera.
+        device: OpenCL device, None for the compiled form on the processor.
+        seconds: wall time of each stage so far, s.
+    """
+
+    scenario: LinkScenario
+    payload: Payload
+    setting: LinkSetting
+    mode: Mode
+    choice: Choice | None
+    sent: Transmission
+    cycles: int
+    device: Device | None
+    seconds: dict[str, float]
+
+    @property
+    def device_name(self) -> str:
+        return "numba on this processor" if self.device is None else self.device.name
+
+    @property
+    def pixel_cycles(self) -> int:
+        """Of the whole run."""
+        chip = self.setting.camera.chip
+        return chip.width * chip.height * self.cycles
+
+    @property
+    def shortened(self) -> bool:
+        """Whether only a part is recorded, because no mode is expected to work."""
+        hopeful = self.choice is None or self.choice.holds or self.scenario.duration is not None
+        return not hopeful and self.sent.groups < self.sent.outbox.groups
+
+    def shortened_message(self) -> str:
+        """Why only a part is recorded, and how long it is."""
+        assert self.choice is not None
+        mine = [
+            row.errors for row in self.choice.rows
+            if row.errors is not None and replace(row.mode, parity=self.mode.parity) == self.mode
+        ]  # fmt: skip
+        wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
+        hz = self.setting.panel.clock.hz
+        whole = self.sent.whole * self.mode.ticks / hz
+        return (
+            f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
+            f"{whole:.3g} s that the file takes are filmed; to film all, "
+            "give link.modem.cell, ticks, line and parity"
+        )
+
+    def notes(self) -> list[str]:
+        """What the user must know before the run."""
+        setting, choice = self.setting, self.choice
+        notes: list[str] = []
+        if setting.chosen_f_number:
+            notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
+        if choice is not None:
+            mode = choice.mode
+            text = (
+                f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} "
+                f"and Reed-Solomon (255, {255 - mode.parity})"
+            )
+            notes.append(
+                f"{text}: chosen from pilots" if choice.holds
+                else f"no mode is foreseen to work; taken, as the surest: {text}"
+            )  # fmt: skip
+        return notes + self.warnings()
+
+    def warnings(self) -> list[str]:
+        """Why the file will not arrive, as far as that is known before the run."""
+        short = [self.shortened_message()] if self.shortened else []
+        small = tag_warning(self.setting, self.mode)
+        return short if small is None else [*short, small]
+
+
+def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
+    """Symbols that the scenario's duration has room for; None without a duration."""
+    if scenario.duration is None:
+        return None
+    clock, panel = setting.camera.clock, setting.panel.clock
+    cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
+    room = clock.edge(cycles - TAIL) - setting.first_light
+    symbols = panel.cycle_at(max(room, 0)) // mode.ticks
+    least = TRAINING + Layout(mode).group
+    if symbols < least:
+        need = (least * mode.ticks + 1) / panel.hz + (LEAD + TAIL + 1) / clock.hz
+        raise InputError(
+            "duration", f"at least {need:.3g} s, the training and a group of symbols",
+            f"{scenario.duration:g} s", "lengthen it, or leave it out",
+        )  # fmt: skip
+    return symbols
+
+
+def set_up_link(scenario: LinkScenario, device: str | None, progress: Progress) -> LinkSetup:
+    """Checks a scenario and chooses its mode. Raises InputError.
+
+    Args:
+        device: part of an OpenCL device's name, "numba", or None for the default one.
+    """
+    payload, setting = payload_of(scenario), link_setting(scenario)
+    opened, seconds = choose_device(device), {}
+    begin = time.perf_counter()
+    mode, choice = choose_mode(scenario, setting, len(payload.data), opened, progress)
+    if choice is not None:
+        seconds["pilots"] = time.perf_counter() - begin
+    modem = scenario.link.modem
+    most = _symbols_in(scenario, setting, mode)
+    if most is None and choice is not None and not choice.holds:
+        least = TRAINING + 2 * Layout(mode).group
+        most = max(_SHORTENED_PLANES // mode.ticks, least)
+    begin = time.perf_counter()
+    try:
+        sent = Transmission(
+            mode, payload.data, payload.name, interleave=modem.interleave,
+            overhead=modem.overhead, most_symbols=most,
+        )  # fmt: skip
+    except ValueError as exc:
+        raise InputError(
+            "link.modem", "a mode that the panel has room for", str(exc),
+            "take smaller cells or a larger panel",
+        ) from exc  # fmt: skip
+    seconds["sender"] = time.perf_counter() - begin
+    clock = setting.camera.clock
+    dark = setting.first_light + setting.panel.clock.edge(sent.planes)
+    cycles = clock.cycle_at(dark) + 1 + TAIL
+    return LinkSetup(scenario, payload, setting, mode, choice, sent, cycles, opened, seconds)

@@ -1,0 +1,43 @@
+"""Where the image of a panel lies and when its symbols begin, from what was set."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS
+from link.air import image_of
+from link.air.geometry import panel_corners
+from link.setting import LinkSetting
+from link.timing import Timing
+from sensor.latched.sampling import row_offsets
+
+__all__ = ["panel_in_view", "true_timing"]
+
+
+def panel_in_view(setting: LinkSetting) -> bool:
+    """Whether the image of the whole panel, tags included, lies on the sensor."""
+    chip = setting.camera.chip
+    home = image_of(setting.optics, setting.aim, setting.air, (chip.height, chip.width))
+    u, v, w = home @ panel_corners(setting.optics).T
+    x, y = u / w, v / w
+    inside = (x > -1) & (x < chip.width) & (y > -1) & (y < chip.height)
+    return bool(inside.all())
+
+
+def true_timing(setting: LinkSetting, late: npt.NDArray[np.int64], ticks: int) -> Timing:
+    """When symbols fall on the camera's ticks.
+
+    Args:
+        late: delay of the light of each camera row, ps.
+        ticks: panel planes of a symbol.
+    """
+    camera, height = setting.camera, setting.camera.chip.height
+    period = PS / camera.clock.hz
+    delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
+    shift = (late - delay) / period  # ticks by which light comes later than a row's own ticks
+    first, slope = np.polynomial.polynomial.polyfit(np.arange(height), shift, 1)
+    return Timing(
+        setting.first_light / period + float(first),
+        ticks * camera.clock.hz / setting.panel.clock.hz, float(slope) * height, height,
+    )  # fmt: skip

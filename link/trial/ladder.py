@@ -1,0 +1,172 @@
+"""Error against run time of a link: every tier at a ladder of tolerances.
+
+The error of a row is that of the bit error rate of its plan against full physics, on patches and on
+the same bits, in half-widths of the interval that the run's bits leave. It is estimated from bits
+that are nearly wrong where there are enough of them (`error_of` says so). The time of a row is that
+of the air and of the camera on the whole plane: the least over blocks after one that is discarded.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from cosim import BLOCK, Block, InputError
+from cosim.plan.ladder import Row, distinct_plans, fit_rows
+from cosim.run.progress import Progress
+from link.air import ber_units
+from link.setup.setup import LinkSetup
+from link.trial.check import KIND, compare
+from link.trial.patches import Decided, LinkPatches, Variant
+from link.trial.plan import LinkPlan, LinkSurvey, half_width, survey_link
+from sensor import CameraSetting, SpikeCamera
+from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.tiers import Tier
+
+__all__ = ["link_ladder"]
+
+TIMED: Final = 2
+"""Blocks of the whole chip that are timed, after one that is not."""
+_FULL: Final = "reference"
+
+
+@dataclass(frozen=True)
+class _Rung:
+    """A plan of the ladder, and the tolerances that give it."""
+
+    tier: Tier
+    tolerances: list[float]
+    plan: LinkPlan
+
+    @property
+    def name(self) -> str:
+        return f"{self.tier} {self.tolerances[0]:g}"
+
+
+def _rungs(setup: LinkSetup, survey: LinkSurvey) -> list[_Rung]:
+    tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
+    return [
+        _Rung(tier, tolerances, plan)
+        for tier in tiers
+        for tolerances, plan in distinct_plans(
+            lambda tolerance, tier=tier: survey.plan(tolerance, setup.device, tier=tier),  # type: ignore[misc]
+            lambda plan: plan.left_out,
+        )
+    ]
+
+
+def _plane_ns(
+    setup: LinkSetup, plans: Sequence[LinkPlan], progress: Progress
+) -> tuple[dict[frozenset[str] | None, float], dict[tuple[Tier, CameraSetting], float]]:
+    """Nanoseconds a pixel-cycle of the whole chip.
+
+    Returns those of the light by the effects of the air that are kept (None: all of them), and
+    those of each distinct camera.
+    """
+    chip = setup.setting.camera.chip
+    airs = {
+        kept: setup.setting.make_air(setup.sent, setup.sent.planes, kept)
+        for kept in dict.fromkeys([None, *(plan.run_air for plan in plans)])
+    }
+    cameras = {
+        key: SpikeCamera(key[1], setup.device, tier=key[0], late=airs[None].late)
+        for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
+    }
+    blocks = min(TIMED + 1, max(setup.cycles // BLOCK, 1))
+    of_air: dict[frozenset[str] | None, list[float]] = {kept: [] for kept in airs}
+    of_camera: dict[tuple[Tier, CameraSetting], list[float]] = {key: [] for key in cameras}
+    each = chip.height * chip.width * BLOCK * 1e-9
+    progress.start(f"{len(cameras)} cameras on the whole chip", blocks)
+    for n in range(blocks):
+        block, lights = Block(n * BLOCK, BLOCK), {}
+        for kept, air in airs.items():
+            begin = time.perf_counter()
+            lights[kept] = air.step(None, block)
+            of_air[kept].append((time.perf_counter() - begin) / each)
+        for key, camera in cameras.items():
+            begin = time.perf_counter()
+            camera.step(lights[None], block)
+            of_camera[key].append((time.perf_counter() - begin) / each)
+        progress.advance(n + 1)
+    return (
+        {kept: min(ns[1:] or ns) for kept, ns in of_air.items()},
+        {key: min(ns[1:] or ns) for key, ns in of_camera.items()},
+    )
+
+
+def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
+    """The document of `viform accuracy --json` for a link. Raises InputError if no bit can be
+    compared."""
+    setting, camera = setup.setting, setup.setting.camera
+    survey = survey_link(setting, setup.mode, setup.sent.symbols, setup.cycles)
+    rungs = _rungs(setup, survey)
+    seed, detector = setup.scenario.seed, setup.scenario.link.modem.detector
+    patches = LinkPatches(setting, setup.sent, seed, detector)
+    if patches.plane is None or not patches.bits:
+        raise InputError(
+            "the link", "one whose panel is in view and sends more than its training",
+            "nothing to compare", "check link.aim and duration",
+        )  # fmt: skip
+    variants = {_FULL: Variant("reference", camera)}
+    variants |= {
+        rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.run_air) for rung in rungs
+    }
+    decided = patches.film(variants, setup.device, progress)
+    of_air, of_camera = _plane_ns(setup, [rung.plan for rung in rungs], progress)
+    full = decided[_FULL]
+    rows, kind = [], KIND
+    for rung in rungs:
+        other, plan = decided[rung.name], rung.plan
+        paired = compare(full.wrong, other.wrong, survey.scene.bits, (full.lead, other.lead))
+        kind = paired.kind
+        ns = of_air[plan.run_air] + of_camera[plan.tier, plan.camera]
+        for at, tolerance in enumerate(rung.tolerances):
+            rows.append(Row(
+                rung.tier, tolerance, paired.value, (paired.low, paired.high),
+                ns * 1e-9 * setup.pixel_cycles, ns, plan.kept, list(plan.left_out),
+                rung.tolerances[0] if at else None,
+            ))  # fmt: skip
+    reference = _reference(setup, survey, patches, full, of_air[None])
+    return _document(setup, survey, patches, full, [*rows, reference], kind)
+
+
+def _reference(
+    setup: LinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
+) -> Row:
+    """The row of full physics: its error is that of its own thresholds, which shifts the charge of
+    a tick against them."""
+    assert patches.plane is not None
+    ns = air_ns + full.camera_ns
+    wrong = reference_error(setup.setting.camera, patches.plane.numbers[:DRAWS])
+    own = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
+    everything = [effect.name for effect in (*survey.of_air, *survey.of_camera)]
+    seconds = ns * 1e-9 * setup.pixel_cycles
+    return Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
+
+
+def _document(
+    setup: LinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, rows: list[Row],
+    kind: str,
+) -> dict[str, Any]:  # fmt: skip
+    assert patches.plane is not None
+    unit, reference = half_width(full.rate, survey.scene.bits), rows[-1]
+    return {
+        "scenario": setup.scenario.title,
+        "error_of": kind,
+        "device": setup.device_name,
+        "reference": {
+            "tier": "reference", "error": reference.error,
+            "ns_per_pixel_cycle": reference.ns_per_pixel_cycle,
+            "run_time_s": reference.run_time_s, "effects": reference.effects,
+            "patches": len(patches.plane.tiles), "pixels": int(patches.plane.numbers.size),
+            "bits": patches.bits, "bit_error_rate": full.rate, "half_width": unit,
+        },
+        "order": fit_rows(rows[:-1]),
+        "floor": {
+            "reference": reference.error,
+            "monte_carlo": half_width(full.rate, patches.bits) / unit,
+        },
+        "rows": [row.document() for row in rows],
+    }  # fmt: skip

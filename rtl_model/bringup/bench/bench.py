@@ -1,0 +1,129 @@
+"""The board under test: its port, its registers, and what the stages have measured of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rtl_model.bringup.bench.deadline import DeadlinePort
+from rtl_model.bringup.bench.monitor import LineMonitor
+from rtl_model.bringup.bench.stage import StageFault
+from rtl_model.bringup.bench.wrong_bits import WrongBits
+from rtl_model.geometry import Geometry
+from rtl_model.host.csr import CsrMap
+from rtl_model.host.uartbone import Uartbone
+from rtl_model.registers import REGISTERS
+
+__all__ = ["Bench", "Burst"]
+
+_CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, eq=False)
+class Burst:
+    """Captured planes and the expected ones.
+
+    Attributes:
+        name: of the test pattern.
+        got, expected: (frames, rows, columns) bool.
+        wrong: the difference; None if there is none.
+    """
+
+    name: str
+    got: npt.NDArray[np.bool_]
+    expected: npt.NDArray[np.bool_]
+    wrong: WrongBits | None
+
+
+@dataclass
+class Bench:
+    """A board under test.
+
+    Attributes:
+        port: to the board; a stage that exceeds its time ends with OutOfTime here.
+        bone: the host's side of the protocol, on that port.
+        csr: registers of the loaded design.
+        simulated: whether there is no real clock behind the port.
+        nominal_baud: baud that the user has set.
+        frames: length of a captured burst.
+        geometry: of the board, once the identity stage has passed; a default before.
+        board: figures of the identity stage, empty before.
+        bursts: captured so far.
+        magic: word at address 0 as the bytes stage has read it, None before.
+        note: receives one line before a step that takes long.
+        monitor: counts of bytes at both ends of the line; None until the board is known to have
+            our counters.
+    """
+
+    port: DeadlinePort
+    bone: Uartbone
+    csr: CsrMap
+    simulated: bool
+    nominal_baud: int
+    frames: int = 8
+    geometry: Geometry = field(default_factory=Geometry)
+    board: dict[str, Any] = field(default_factory=dict)
+    bursts: list[Burst] = field(default_factory=list)
+    magic: int | None = None
+    note: Callable[[str], None] = lambda text: None
+    monitor: LineMonitor | None = None
+
+    def address(self, name: str) -> int:
+        """Byte address of a register."""
+        return self.csr.register(name).address
+
+    def read(self, name: str) -> int:
+        """Reads a register once; a failed read is repeated unless reading changes the register."""
+        return self.bone.read(self.address(name), retry=name not in _CHANGED_BY_READING)[0]
+
+    def read_stable(self, name: str) -> int:
+        """Reads a register that does not change by itself, until two readings agree."""
+        return self.bone.read_twice(self.address(name))[0]
+
+    def read_expecting(self, name: str, expected: int) -> int:
+        """Reads a register that does not change by itself and should hold `expected`.
+
+        If it does not, it is read until two readings agree. An answer that was wrong only once is
+        counted as a fault of the line, not of the register.
+        """
+        first = self.read(name)
+        if first == expected:
+            return first
+        value = self.read_stable(name)
+        if value == expected:
+            self.bone.other_answer(self.address(name), [first], [value])
+        return value
+
+    def repeat(self, check: Callable[[], Result], *kinds: str) -> Result:
+        """Returns what `check` returns; runs it a second time if it fails by one of these kinds.
+
+        A check that passes the second time has met a fault of the line, not of the design; the
+        monitor counts it.
+        """
+        try:
+            return check()
+        except StageFault as fault:
+            if fault.kind not in kinds or self.monitor is None:
+                raise
+            result = check()
+        self.monitor.count_misplaced()
+        return result
+
+    def write(self, name: str, value: int) -> None:
+        """Writes one register."""
+        self.bone.write(self.address(name), value)
+
+    def line_s(self, count: int) -> float:
+        """Duration of `count` bytes on the line at the host's baud, s."""
+        return 10 * count / self.bone.baud
+
+    def ticks_s(self, ticks: int, select: int = 0) -> float:
+        """Duration of `ticks` ticks of the default length by the port's clock, s."""
+        seconds = (ticks << select) * self.geometry.tick_clocks / self.geometry.clock_hz
+        return seconds * self.bone.time_scale

@@ -1,0 +1,127 @@
+"""The board that `--port` or `board.port` names: the port of a real one, or a virtual board that is
+started and runs as long as it is used.
+
+Host, cycle model and simulators are imported in the functions that need them, so that a command's
+help does not wait for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cosim import InputError
+from rtl_model.geometry import Geometry
+
+if TYPE_CHECKING:
+    from rtl_model.host import CsrMap
+    from rtl_model.virtual import Level, VirtualBoard
+
+__all__ = ["VIRTUAL", "Endpoint", "checked_level", "csr_map", "open_endpoint", "virtual_board"]
+
+VIRTUAL = "virtual"
+"""Name of a port that stands for a virtual board."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A serial port with a board behind it.
+
+    Attributes:
+        url: of the port, for `open_port`.
+        baud: of the line.
+        simulated: True for a virtual board, None if it is not known.
+        time_scale: seconds of the host's time to a second of the board's clock.
+    """
+
+    url: str
+    baud: int
+    simulated: bool | None
+    time_scale: float
+
+
+def checked_level(level: str) -> Level:
+    """`level` itself. Raises InputError for an unknown level of simulation."""
+    from rtl_model.virtual import LEVELS
+
+    known = next((name for name in LEVELS if name == level), None)
+    if known is None:
+        raise InputError("--level", "one of " + ", ".join(LEVELS), repr(level), "choose one")
+    return known
+
+
+def virtual_board(
+    *,
+    baud: int,
+    level: str = "bytes",
+    faults: Sequence[str] | None = None,
+    geometry: Geometry | None = None,
+    link: Path | None = None,
+    imager: str | None = None,
+) -> VirtualBoard:
+    """A virtual board that is not started yet.
+
+    Args:
+        baud: of its line.
+        level: of simulation, one of `rtl_model.virtual.LEVELS`.
+        faults: to inject, such as "stuck=3,7".
+        geometry: of the build; by default 32 x 32 at a clock that the simulator keeps up with.
+        link: symbolic link to make for its port.
+        imager: name of a conventional imager to simulate instead.
+
+    Raises InputError for an unknown level or fault and for a baud that the clock does not allow.
+    """
+    from rtl_model.virtual import VirtualBoard, nominal_clock
+
+    known = checked_level(level)
+    size = geometry or Geometry(clock_hz=nominal_clock(known, baud), baud=baud)
+    if size.bit_clocks < 4:
+        must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
+        raise InputError("--baud", must, str(baud), "lower it")
+    return VirtualBoard(size, level=known, faults=faults or (), link=link, imager=imager)
+
+
+@contextmanager
+def open_endpoint(
+    port: str,
+    baud: int,
+    time_scale: float | None,
+    *,
+    level: str = "bytes",
+    faults: Sequence[str] | None = None,
+    geometry: Geometry | None = None,
+) -> Iterator[Endpoint]:
+    """The endpoint of `--port`; a virtual board is started, and stopped at the end of the context.
+
+    Args:
+        port: a device, a URL of pyserial, or `VIRTUAL`.
+        baud: of the line.
+        time_scale: None for 1, or for the measured one of a virtual board.
+        level, faults, geometry: of a virtual board.
+    """
+    if time_scale is not None and not 0 < time_scale < 1e6:
+        raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
+    if baud <= 0:
+        raise InputError("--baud", "above 0", str(baud), "115200 is common")
+    if port != VIRTUAL:
+        if faults or level != "bytes":
+            raise InputError(
+                "--fault and --level", "given with --port virtual", f"with {port}", "leave them out"
+            )
+        yield Endpoint(port, baud, None, time_scale or 1.0)
+        return
+    with virtual_board(baud=baud, level=level, faults=faults, geometry=geometry) as board:
+        yield Endpoint(board.port, baud, True, time_scale or board.time_scale)
+
+
+def csr_map(csr: Path | None) -> CsrMap | None:
+    """The register map of a csr.csv file; None for our own design.
+
+    Raises InputError for a file that is not a csr.csv.
+    """
+    from rtl_model.host import read_csr
+
+    return None if csr is None else read_csr(csr)

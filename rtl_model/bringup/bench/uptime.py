@@ -1,0 +1,58 @@
+"""Has the board started anew? Its uptime fell: whatever else a stage found follows from that."""
+
+from __future__ import annotations
+
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.deadline import OutOfTime
+from rtl_model.bringup.bench.stage import StageFault
+from rtl_model.host import LineFault
+
+__all__ = ["Uptime"]
+
+_FAST = 1.5  # no clock is faster than nominal by more
+_WRAP = 1 << 32  # clocks
+
+
+class Uptime:
+    """The board's uptime at the beginning of a stage."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._before = self._read()
+
+    def restarted(self) -> StageFault | None:
+        """The fault "restarted" where the uptime has fallen and cannot have run over."""
+        now = self._read()
+        if self._before is None or now is None:
+            return None
+        (first, begun), (last, ended) = self._before, now
+        hz = self._clock_hz()
+        if hz is None:
+            return None
+        most = first + _FAST * (ended - begun) * hz
+        if last >= first or most >= _WRAP:
+            return None
+        again = self._read()
+        if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
+            return None  # one of the readings was spoilt: nothing began within the stage
+        return StageFault(
+            "restarted",
+            f"the board started anew within the stage: ctrl_uptime fell from {first} to {last}",
+            "check its supply and its reset",
+            {"uptime_before": first, "uptime_after": last},
+        )
+
+    def _read(self) -> tuple[int, float] | None:
+        try:
+            return self._bench.read("ctrl_uptime"), self._bench.port.now()
+        except (LineFault, OutOfTime):
+            return None
+
+    def _clock_hz(self) -> int | None:
+        """Nominal; asked for where the stage identity, which tells it, has not passed."""
+        if self._bench.board:
+            return self._bench.geometry.clock_hz
+        try:
+            return self._bench.read_stable("ctrl_clock_hz")
+        except (LineFault, OutOfTime):
+            return None

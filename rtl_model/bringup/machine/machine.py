@@ -1,0 +1,146 @@
+"""A board that a scenario brings up, films and compares with the cycle model."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from cosim import InputError
+from cosim.run.chain import STREAM
+from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Metric, Throughput
+from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map, open_endpoint
+from rtl_model.bringup.bench.stage import STAGES
+from rtl_model.bringup.machine.chain import LOG, BoardChain
+from rtl_model.bringup.machine.section import BoardSection
+from rtl_model.bringup.machine.waves import checked_trace
+from rtl_model.bringup.report.page import TITLE, make_sections, subtitle
+from rtl_model.geometry import Geometry
+from rtl_model.virtual import nominal_clock
+
+__all__ = ["BoardMachine"]
+
+_SIDE, _LANES = 32, 32  # of a virtual board whose size is not given
+_MOST_WORDS = 1 << 20  # of a virtual board's capture memory
+
+
+class BoardMachine:
+    """Implements `cosim.run.machine.Machine`. The outcome is "failed" if a stage fails or a
+    captured bit is wrong; the report names which."""
+
+    notes: Sequence[str] = ()
+    length, unit = len(STAGES), "stages"
+
+    def __init__(self, section: BoardSection, seed: int, toml: str, trace: Path | None) -> None:
+        """Starts the virtual board if the section names one.
+
+        Args:
+            section: the board, its port and the frames to capture.
+            seed: of the image's noise.
+            toml: the resolved scenario.
+            trace: file for the waveforms of a virtual board, None for none.
+
+        Raises InputError for what cannot be used.
+        """
+        self.toml, self._section, self._seed = toml, section, seed
+        geometry = _virtual_geometry(section) if section.port == VIRTUAL else None
+        self._trace = checked_trace(trace, geometry)
+        csr_map(None if section.csr is None else Path(section.csr))  # refused before the run
+        self.bits = 0 if geometry is None else section.frames * geometry.rows * geometry.columns
+        self._stack = ExitStack()
+        endpoint = open_endpoint(
+            section.port, section.baud, section.time_scale,
+            level="bytes" if geometry is None else section.level, faults=section.faults,
+            geometry=geometry,
+        )  # fmt: skip
+        self._endpoint = self._stack.enter_context(endpoint)
+        self.device = (
+            f"board at {self._endpoint.url}" if geometry is None
+            else f"virtual board, level {section.level}"
+        )  # fmt: skip
+
+    def trial(self, progress: Progress) -> list[Finding]:
+        """Nothing: a board has no plan."""
+        return []
+
+    def keep(self, effects: Sequence[str]) -> BoardMachine:
+        """The machine itself: a board has no plan."""
+        return self
+
+    def chain(self, folder: Path) -> BoardChain:
+        return BoardChain(self._section, self._seed, self._endpoint, self._trace, folder)
+
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        """Nothing: a board has no tolerance."""
+        return []
+
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        chain: BoardChain = recording.chain
+        report, image = chain.report, chain.image
+        frames = report.figure("patterns", "frames_compared") or 0
+        bits = report.figure("patterns", "bits_compared") or 0
+        wrong = report.figure("patterns", "bits_wrong")
+        rate = report.figure("patterns", "capture_bytes_per_s")
+        files, throughput, simulated_s = [LOG], [], 0.0
+        if image is not None:
+            burst, captured = image.burst, image.captured
+            frames, bits = frames + len(burst.got), bits + burst.got.size
+            wrong = (wrong or 0) + (0 if burst.wrong is None else burst.wrong.bits)
+            rate = captured.bytes / max(captured.seconds, 1e-9)
+            throughput = [Throughput("capture", rate, "B/s")]
+            files.append(STREAM)
+            simulated_s = self._section.frames / image.clock.hz
+        passed = report.ok and image is not None and image.burst.wrong is None
+        notes = [] if chain.fault is None else [f"the image was not captured: {chain.fault}"]
+        if report.cause is not None:
+            notes.append(f"stage {report.failed_stage}: {report.cause}")
+        return Outcome(
+            outcome="ok" if passed else "failed",
+            simulated_s=simulated_s,
+            metrics={
+                "frames_compared": Metric(frames, "1"),
+                "bits_compared": Metric(bits, "1"),
+                "bits_wrong": Metric(wrong, "1"),
+                "round_trips_per_s": Metric(report.figure("counters", "round_trips_per_s"), "1/s"),
+                "capture_bytes_per_s": Metric(rate, "B/s"),
+                "stages_passed": Metric(sum(s.outcome == "ok" for s in report.stages), "1"),
+            },
+            throughput=throughput,
+            files=files,
+            notes=notes,
+            views=report,
+        )
+
+    def page(self, run: Run) -> Page:
+        page = make_sections(run.outcome.views, run.folder)
+        frames = run.outcome.metrics["frames_compared"].value or 0
+        compared = f"<p>{frames:.0f} frames were compared with the cycle model, bit by bit.</p>"
+        if self._trace is not None:
+            compared += f"<p>Waveforms: {html.escape(str(self._trace.path))}.</p>"
+        return Page(
+            TITLE, subtitle(run.outcome.views), page.cards, [compared, *page.sections],
+            files=page.files,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Stops the virtual board."""
+        self._stack.close()
+
+
+def _virtual_geometry(section: BoardSection) -> Geometry:
+    """A build whose capture memory holds the frames. Raises InputError if they are too many."""
+    size = Geometry(
+        section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES,
+        nominal_clock(section.level, section.baud), section.baud,
+    )  # fmt: skip
+    words = section.frames * size.rows * size.record_words
+    if words > _MOST_WORDS:
+        most = _MOST_WORDS // (size.rows * size.record_words)
+        raise InputError(
+            "board.frames", f"at most {most} of {size.rows} x {size.columns}, for which a board "
+            "has memory", str(section.frames), "take fewer or a smaller board",
+        )  # fmt: skip
+    return size._replace(capture_words=max(size.capture_words, 1 << (words - 1).bit_length()))

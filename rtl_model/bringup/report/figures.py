@@ -1,0 +1,82 @@
+"""Figures of a bring-up: captured planes beside the expected, wrong bits, the threshold sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.files.whole import whole
+from cosim.report.figures import INK, LINE, MARK, pyplot
+from rtl_model.bringup.bench.bench import Burst
+
+__all__ = ["planes_figure", "threshold_figure"]
+
+_RULES = {"residual": "#1c7ed6", "hard": "#2b8a3e", "subtract": "#9c36b5"}
+
+
+def planes_figure(bursts: list[Burst], path: Path) -> None:
+    """A row a burst: spikes of each pixel summed over the frames as they must be and as captured,
+    and how often each pixel's bit was wrong."""
+    plt = pyplot()
+    figure, rows = plt.subplots(
+        len(bursts), 3, figsize=(9.5, 2.9 * len(bursts)), squeeze=False, layout="constrained"
+    )
+    for axes, burst in zip(rows, bursts, strict=True):
+        must, got = burst.expected.sum(axis=0), burst.got.sum(axis=0)
+        wrong = (burst.expected != burst.got).sum(axis=0)
+        frames = len(burst.got)
+        told = "no wrong bit" if burst.wrong is None else f"{burst.wrong.bits} wrong bits"
+        for place, plane, text in (
+            (axes[0], must, f"{burst.name}: expected"),
+            (axes[1], got, f"captured, {frames} frames"),
+        ):
+            shown = place.imshow(plane, cmap="gray", vmin=0, vmax=frames, interpolation="nearest")
+            place.set_title(text, fontsize=10, color=INK)
+        figure.colorbar(shown, ax=axes[1], shrink=0.8, label="spikes")
+        axes[2].imshow(np.zeros_like(wrong), cmap="gray_r", vmin=0, vmax=1)
+        seen = np.ma.masked_equal(wrong, 0)
+        axes[2].imshow(seen, cmap="autumn_r", vmin=0, vmax=frames, interpolation="nearest")
+        axes[2].set_title(told, fontsize=10, color=MARK if burst.wrong else INK)
+        if burst.wrong is not None:
+            axes[2].plot(
+                burst.wrong.column, burst.wrong.row, "o", markersize=16, markerfacecolor="none",
+                markeredgecolor=INK, markeredgewidth=1.2,
+            )  # fmt: skip
+        for place in axes:
+            place.set_xlabel("column", fontsize=8, color=INK)
+            place.set_ylabel("row", fontsize=8, color=INK)
+            place.tick_params(labelsize=8)
+            place.spines[:].set_color(LINE)
+    _save(plt, figure, path)
+
+
+def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
+    """Spikes a pixel and tick over the threshold's level: lines in closed form, points counted."""
+    plt = pyplot()
+    figure, places = plt.subplots(1, 2, figsize=(9.5, 3.6), sharey=True, layout="constrained")
+    for select, axes in enumerate(places):
+        for rule, colour in _RULES.items():
+            rows = [r for r in rates if r["clock"] == select and r["rule"] == rule]
+            levels = [r["level"] for r in rows]
+            shift = 0.12 * (list(_RULES).index(rule) - 1)  # points that fall on one another
+            axes.plot(levels, [r["expected"] for r in rows], color=colour, linewidth=1)
+            axes.plot(
+                [level + shift for level in levels], [r["rate"] for r in rows], "o", color=colour,
+                markersize=4, label=rule,
+            )  # fmt: skip
+        axes.set_title(f"{20 if select else 40} kHz", fontsize=11, color=INK)
+        axes.set_xlabel("threshold level", color=INK)
+        axes.grid(color=LINE, linewidth=0.5)
+        axes.spines[["top", "right"]].set_visible(False)
+    places[0].set_ylabel("spikes a pixel and tick", color=INK)
+    places[1].legend(fontsize=9, frameon=False)
+    _save(plt, figure, path)
+
+
+def _save(plt: Any, figure: Any, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as part:
+        figure.savefig(part, dpi=120, format="png")
+    plt.close(figure)

@@ -1,0 +1,145 @@
+"""The report of a bring-up: every stage, captured planes and the expected ones, threshold sweep."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cosim.report.parts import cards, plot, table, write_page
+from cosim.run.result import viform_version
+from rtl_model.bringup.bench.stage import Report, Stage
+from rtl_model.bringup.report.figures import planes_figure, threshold_figure
+from rtl_model.bringup.report.junit import write_junit
+from rtl_model.bringup.report.summary import summary
+
+__all__ = ["TITLE", "Sections", "make_sections", "subtitle", "write_board_report"]
+
+TITLE = "Bring-up of a board"
+JUNIT = "junit.xml"
+_NOT_SHOWN = {"rates", "first_wrong", "note"}
+
+
+@dataclass(frozen=True)
+class Sections:
+    """What every report of a bring-up contains.
+
+    Attributes:
+        cards: HTML of the large figures at the top.
+        sections: HTML of the sections, in their order.
+        files: names of the files written, in the report's folder.
+    """
+
+    cards: str
+    sections: list[str]
+    files: list[str]
+
+
+def write_board_report(report: Report, folder: Path) -> list[str]:
+    """Writes report.html, its figures and junit.xml into `folder`; returns their names."""
+    page = make_sections(report, folder)
+    head = (
+        f"<h1>{TITLE}</h1><p class='soft'>{html.escape(subtitle(report))}, "
+        f"viform {viform_version()}.</p>"
+    )
+    write_page(folder, TITLE, head + _cause(report) + page.cards + "".join(page.sections))
+    return ["report.html", *page.files]
+
+
+def make_sections(report: Report, folder: Path) -> Sections:
+    """Writes figures and junit.xml into `folder`; returns the parts of the page."""
+    files = [JUNIT]
+    pictures = []
+    if report.bursts:
+        name = "figures/planes.png"
+        planes_figure(report.bursts, folder / name)
+        files.append(name)
+        pictures.append(_planes(report, folder / name))
+    rates = report.figure("threshold", "rates")
+    if rates:
+        name = "figures/threshold.png"
+        threshold_figure(rates, folder / name)
+        files.append(name)
+        pictures.append(
+            "<h2>Threshold sweep</h2><p>Constant light of "
+            f"{report.figure('threshold', 'electrons')} electrons a 40 kHz tick. Lines: the "
+            "closed form; points: counted by the board.</p>" + plot(folder / name, "rates")
+        )
+    write_junit(report, folder / JUNIT)
+    tables = [_figures(stage) for stage in report.stages]
+    return Sections(_cards(report), [_stages(report), *pictures, *tables], files)
+
+
+def subtitle(report: Report) -> str:
+    """The board in one line: its identifier, port and baud."""
+    board = (report.board or {}).get("identifier", "no board was identified")
+    kind = "simulated board" if report.simulated else "board"
+    return f"{board}; {kind} at {report.port}, {report.baud} baud"
+
+
+def _cause(report: Report) -> str:
+    if report.cause is None:
+        return ""
+    stage = html.escape(str(report.failed_stage))
+    return f"<p><b>Stage {stage} failed:</b> {html.escape(report.cause)}.</p>"
+
+
+def _cards(report: Report) -> str:
+    passed = sum(stage.outcome == "ok" for stage in report.stages)
+    verdict = "every stage passes" if report.ok else f"stage {report.failed_stage} failed"
+    rows: list[tuple[str, str, str]] = [
+        ("first", "ok" if report.ok else "not passed", verdict),
+        ("first", f"{passed} of {len(report.stages)}", "stages"),
+    ]
+    if report.bursts:
+        wrong = sum(0 if burst.wrong is None else burst.wrong.bits for burst in report.bursts)
+        rows.append(("", f"{wrong}", "bits wrong of those compared"))
+        rows.append(("", f"{sum(len(burst.got) for burst in report.bursts)}", "frames compared"))
+    for stage, name, scale, unit, what in (
+        ("counters", "round_trips_per_s", 1, "/s", "round trips"),
+        ("patterns", "capture_bytes_per_s", 1e-3, " kB/s", "captured, in the patterns' bursts"),
+    ):
+        value = report.figure(stage, name)
+        if value is not None:
+            rows.append(("", f"{value * scale:.4g}{unit}", what))
+    rows.append(("", f"{report.wall_s:.1f} s", "in all"))
+    return cards(rows)
+
+
+def _stages(report: Report) -> str:
+    rows = [
+        [stage.name, stage.outcome, f"{stage.seconds:.2f} s", summary(stage)]
+        for stage in report.stages
+    ]
+    return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
+
+
+def _planes(report: Report, path: Path) -> str:
+    lines = []
+    for burst in report.bursts:
+        if burst.wrong is not None:
+            text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.mend}."
+            lines.append(f"<li>{html.escape(text)}</li>")
+    wrong = "".join(lines) or "<li>No bit is wrong.</li>"
+    return (
+        "<h2>Captured planes</h2><p>Each burst starts without charge; the expected planes are the "
+        f"cycle model's. The first wrong bit is circled.</p><ul>{wrong}</ul>"
+        + plot(path, "captured planes and wrong bits")
+    )
+
+
+def _figures(stage: Stage) -> str:
+    shown = {name: value for name, value in stage.figures.items() if name not in _NOT_SHOWN}
+    if not shown:
+        return ""
+    rows = [[name.replace("_", " "), _value(value)] for name, value in shown.items()]
+    return f"<h2>Figures of stage {stage.name}</h2>" + table(["what", "value"], rows)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    return str(value)

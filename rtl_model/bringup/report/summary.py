@@ -1,0 +1,93 @@
+"""A stage of a bring-up in one line: its figures, chosen and with their units."""
+
+from __future__ import annotations
+
+from rtl_model.bringup.bench.stage import Stage
+
+__all__ = ["summary"]
+
+_VERILOG = {
+    None: "",
+    True: ", this program's Verilog",
+    False: ", other Verilog than this program's",
+}
+
+
+def summary(stage: Stage) -> str:
+    """What a passed stage found; of one that did not pass, why."""
+    if stage.cause is not None:
+        return stage.cause
+    told = _SAID[stage.name](stage) if stage.name in _SAID else ""
+    note = stage.figures.get("note")
+    return f"{told}; {note}" if told and note else told or str(note or "")
+
+
+def _bytes(stage: Stage) -> str:
+    f = stage.figures
+    return f"{f['answers']} answers, {1e3 * f['s_per_answer']:.3g} ms each, at {f['baud']} baud"
+
+
+def _identity(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"{f['identifier']}, {f['lanes']} lanes, {f['clock_hz'] / 1e6:g} MHz, map {f['version']}, "
+        f"build {f['build']}{_VERILOG[f.get('build_matches')]}"
+    )
+
+
+def _counters(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"{f['bytes_counted']} of {f['bytes_sent']} bytes and {f['words_written']} words counted, "
+        f"no error; {f['round_trips_per_s']:.4g} round trips/s, {f['latency_ms']:.3g} ms beyond "
+        "the line"
+    )
+
+
+def _registers(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"{f['bits_walked']} bits of {f['registers']} registers walked, {f['memory_words']} memory "
+        f"words, {f['reset_values']} values after reset"
+    )
+
+
+def _prbs(stage: Stage) -> str:
+    f = stage.figures
+    return f"orders {', '.join(map(str, f['orders']))}: {f['bits']} bits both ways, none wrong"
+
+
+def _patterns(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"{f['frames_compared']} frames, {f['bits_compared']} bits against the cycle model, none "
+        f"wrong; capture {f['capture_bytes_per_s'] / 1e3:.4g} kB/s"
+    )
+
+
+def _threshold(stage: Stage) -> str:
+    f = stage.figures
+    return f"{f['settings']} settings, {f['frames']} frames, every spike as the closed form has it"
+
+
+def _timing(stage: Stage) -> str:
+    f = stage.figures
+    told = f"{f['differences']} differences of frame clocks are whole ticks"
+    if "clock_error_ppm" in f:
+        told += (
+            f"; clock {f['clock_hz'] / 1e6:.6g} MHz, {f['clock_error_ppm']:+.0f} ppm "
+            f"(+-{f['clock_doubt_ppm']:.0f})"
+        )
+    return told
+
+
+_SAID = {
+    "bytes": _bytes,
+    "identity": _identity,
+    "counters": _counters,
+    "registers": _registers,
+    "prbs": _prbs,
+    "patterns": _patterns,
+    "threshold": _threshold,
+    "timing": _timing,
+}

@@ -1,0 +1,1 @@
+"""The checks of the bring-up, one stage a file."""

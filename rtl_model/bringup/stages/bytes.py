@@ -1,0 +1,219 @@
+"""Stage bytes: does anything come back, and is it what was asked for? If not, is it the baud?"""
+
+from __future__ import annotations
+
+import math
+
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
+from rtl_model.host import BaudReport, Cause, LineFault, find_baud
+from rtl_model.host.uartbone import FINAL, PATIENCE_S
+from rtl_model.registers import MAGIC
+
+__all__ = ["check_bytes", "readable"]
+
+_READS = 8  # of one word, after one another; all must come whole
+_LEAST_TEXT = 4  # printable bytes in a row that are taken for text
+_SHOWN = 40
+_WORKS_PERCENT = 4.0  # off by no more than this, every receiver takes the baud
+_NARROW = 0.04  # rates that answer span some 10 % of the nominal; fewer are hits on a noisy line
+_LISTEN_S = 0.05
+_LATE_S = 5.0  # that a late answer is waited for; a silent board takes as much longer to be told
+_LATE_MARGIN = 1.5
+
+
+def check_bytes(bench: Bench) -> Figures:
+    """Reads one word a few times: answers must have the right length, and be the same.
+
+    StageFault text, garbled or baud; LineFault for the host's own causes (silent, echo, short ..).
+    """
+    uninvited = _listen(bench)
+    if uninvited:
+        raise _spoken(bench, uninvited)
+    bench.bone.resynchronise()
+    address = bench.address("ctrl_magic") if bench.csr.ours else 0
+    begun = bench.port.now()
+    try:
+        words, times = [], []
+        for _ in range(_READS):
+            asked = bench.port.now()
+            words.append(bench.bone.read(address, retry=False)[0])
+            times.append(bench.port.now() - asked - bench.line_s(10))
+    except LineFault as fault:
+        if fault.cause in FINAL:
+            raise
+        heard = bench.port.heard
+        if fault.cause in (Cause.SILENT, Cause.SHORT):
+            slow = _slow(bench, address)
+            if slow is not None:
+                raise slow from fault
+        text = readable(heard)
+        if text is not None:
+            raise _spoken(bench, heard) from fault
+        raise _off(bench, fault.text) or _spoilt(bench, fault) from fault
+    spent = bench.port.now() - begun
+    if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
+        seen = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
+        wrong = _off(bench, f"answers have the right length and hold {seen}")
+        if wrong is not None:
+            raise wrong
+        if len(set(words)) > 1:
+            raise StageFault(
+                "garbled",
+                f"one register read {_READS} times gives {seen}",
+                "check cable, ground, levels and baud",
+            )
+    if min(times) > _usual(bench):  # each of them: not a busy machine for once
+        raise _told_slow(bench, min(times))
+    bench.magic = words[0]
+    return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
+
+
+def _slow(bench: Bench, address: int) -> StageFault | None:
+    """The fault "slow" where the answer is right and comes after the time for it."""
+    late = _delay(bench, address)
+    if late is None or late <= _usual(bench):
+        return None
+    bench.bone.pause(_LATE_S)  # what answers earlier questions is over then
+    late = _delay(bench, address)
+    return None if late is None or late <= _usual(bench) else _told_slow(bench, late)
+
+
+def _usual(bench: Bench) -> float:
+    """Seconds beyond line time that an answer may take."""
+    return PATIENCE_S * max(1.0, bench.bone.time_scale)
+
+
+def _told_slow(bench: Bench, late: float) -> StageFault:
+    scale = math.ceil(_LATE_MARGIN * late / PATIENCE_S)
+    return StageFault(
+        "slow",
+        f"{bench.port.name} answers right, and {late:.2f} s late, where {_usual(bench):.2g} s "
+        "beyond the line's time are usual",
+        f"give --time-scale {scale}, or find what holds bytes back (a simulator, a network, a hub)",
+        {"late_s": late, "usual_s": _usual(bench), "time_scale": scale},
+    )
+
+
+def _delay(bench: Bench, address: int) -> float | None:
+    """Seconds beyond line time until the answer of a board of ours, None where none comes."""
+    bone = bench.bone
+    usual, bone.patience_s = bone.patience_s, max(_LATE_S, 4 * bone.patience_s)
+    begun = bench.port.now()
+    try:
+        word = bone.read(address, retry=False)[0]
+    except LineFault as fault:
+        if fault.cause in FINAL:
+            raise
+        return None
+    finally:
+        bone.patience_s = usual
+    right = word == MAGIC if bench.csr.ours else True
+    return max(0.0, bench.port.now() - begun - bench.line_s(10)) if right else None
+
+
+def readable(data: bytes) -> str | None:
+    """Returns the text in `data` where it looks like some device's, else None."""
+    fine = sum(32 <= byte < 127 or byte in (9, 10, 13) for byte in data)
+    if len(data) < _LEAST_TEXT or fine < 0.9 * len(data) or b"SPK2" in data:
+        return None
+    return " ".join(data.decode("ascii", "replace").split())[:_SHOWN] or None
+
+
+def _listen(bench: Bench) -> bytes:
+    """What comes though nothing is asked, in a moment of silence."""
+    bench.port.drain()
+    got = bench.port.read(1, _LISTEN_S)  # one: a replay takes that for waiting
+    return got + bench.port.read(63, _LISTEN_S) if got else b""
+
+
+def _spoken(bench: Bench, data: bytes) -> StageFault:
+    text = readable(data)
+    if text is not None:
+        return StageFault(
+            "text",
+            f"{bench.port.name} sends text: {text!r}",
+            "that is another device or a console on this line: name the board's port",
+            {"heard": text},
+        )
+    return StageFault(
+        "garbled",
+        f"{bench.port.name} sends bytes that nobody asked for ({data[:8].hex(' ')})",
+        "check what sends there, its baud, and that RX does not float",
+        {"heard": data[:_SHOWN].hex()},
+    )
+
+
+def _off(bench: Bench, seen: str) -> StageFault | None:
+    """The fault "baud" where the board answers at another rate, else None."""
+    nominal = bench.nominal_baud
+    bench.note("no sound answer comes back: looking for the board's baud, which may take a minute")
+    try:
+        found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log)
+    except LineFault as fault:
+        if fault.cause is not Cause.SILENT:
+            raise
+        return None
+    finally:
+        bench.bone.set_baud(nominal)
+    narrow = found.highest - found.lowest < _NARROW * nominal
+    if found.tolerable or narrow or abs(found.error_percent) <= _WORKS_PERCENT:
+        return None
+    return StageFault("baud", f"{seen}; {_told(found)}", _mend(found), _figures(found))
+
+
+def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
+    """The first fault, told by how many answers come whole now: a line that is silent or cut off
+    gives none, one that spoils bytes some."""
+    whole, heard = 0, False
+    for _ in range(_READS):
+        try:
+            bench.bone.read(0, retry=False)
+            whole += 1
+        except LineFault as again:
+            if again.cause in FINAL:
+                raise
+            heard = heard or again.cause is not Cause.SILENT
+    if not whole and not heard:
+        return fault
+    cause = Cause.SHORT if fault.cause is Cause.SILENT else fault.cause
+    return LineFault(
+        cause,
+        f"{fault.text}; of {_READS} more answers at {_spaced(bench.bone.baud)} baud {whole} came "
+        f"whole: bytes are lost or changed {'now and then' if whole else 'all the time'}",
+        "check cable, ground, levels and noise on the line",
+    )
+
+
+def _told(found: BaudReport) -> str:
+    side, fast = ("above", "slow") if found.error_percent > 0 else ("below", "fast")
+    host = 100 * (found.nominal / found.measured - 1)
+    return (
+        f"the board answers at {_spaced(found.measured)} baud, {abs(found.error_percent):.1f} % "
+        f"{side} {_spaced(found.nominal)} (+-{max(0.1, found.uncertainty_percent):.1f} %): the "
+        f"host is {abs(host):.1f} % too {fast} for it"
+    )
+
+
+def _spaced(rate: int) -> str:
+    return f"{rate:,}".replace(",", " ")
+
+
+def _mend(found: BaudReport) -> str:
+    return (
+        f"give --baud {found.measured}, or mend the board's clock or its divider "
+        "(receivers take up to 5 %)"
+    )
+
+
+def _figures(found: BaudReport) -> Figures:
+    return {
+        "baud_nominal": found.nominal,
+        "baud_measured": found.measured,
+        "baud_error_percent": found.error_percent,
+        "baud_uncertainty_percent": found.uncertainty_percent,
+        "host_error_percent": round(100 * (found.nominal / found.measured - 1), 2),
+        "by_pulse": found.by_pulse,
+        "answers_from": found.lowest,
+        "answers_to": found.highest,
+    }

@@ -1,0 +1,101 @@
+"""Stage threshold: all 16 levels at both clocks under all reset rules, spikes counted against the
+closed form."""
+
+from __future__ import annotations
+
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
+from rtl_model.bringup.stages.spike_count import count_spikes
+
+__all__ = ["LEVELS", "RULES", "check_threshold"]
+
+LEVELS = 16
+RULES = ("residual", "hard", "subtract")
+_ELECTRONS = 200  # of a 40 kHz tick; divides none of the thresholds
+_LEAST_FRAMES = 48  # a pixel at level 15 fires after 21 ticks
+_WORD = 1 << 32
+
+
+def check_threshold(bench: Bench) -> Figures:
+    """Runs constant light under each setting for some frames and compares the count of spikes,
+    which must be exactly rows x columns x `count_spikes`. StageFault rate, or stands-still."""
+    size = bench.geometry
+    bench.write("sensor_run", 0)
+    bench.write("sensor_pattern", 1)
+    bench.write("sensor_level", _ELECTRONS)
+    bench.write("sensor_rows", (size.rows - 1) << 16)
+    bench.write("sensor_columns", (size.columns - 1) << 16)
+    bench.write("sensor_tick_clocks", size.tick_clocks)
+    rates: list[dict[str, object]] = []
+    frames_run = 0
+    for select in (0, 1):
+        bench.write("sensor_clock_select", select)
+        for rule in range(len(RULES)):
+            bench.write("sensor_reset_rule", rule)
+            for level in range(LEVELS):
+                frames, spikes = _run(bench, level, select)
+                each = count_spikes(frames, _ELECTRONS << select, level, rule)
+                must = size.rows * size.columns * each % _WORD
+                frames_run += frames
+                rates.append({
+                    "clock": select, "rule": RULES[rule], "level": level,
+                    "rate": spikes / (size.rows * size.columns * frames),
+                    "expected": each / frames,
+                })  # fmt: skip
+                if spikes != must:
+                    raise StageFault(
+                        "rate",
+                        f"threshold level {level}, {20 if select else 40} kHz, {RULES[rule]} "
+                        f"reset: {spikes} spikes in {frames} frames, where {must} must come "
+                        f"({rates[-1]['rate']:.4f} a pixel and tick in place of "
+                        f"{rates[-1]['expected']:.4f})",
+                        _mend(size.rows * size.columns, spikes - must),
+                        {"settings": len(rates), "electrons": _ELECTRONS, "rates": rates},
+                    )
+    bench.write("sensor_clock_select", 0)
+    bench.write("sensor_reset_rule", 0)
+    bench.write("sensor_threshold", 7)
+    return {"settings": len(rates), "frames": frames_run, "spikes_wrong": 0,
+            "electrons": _ELECTRONS, "rates": rates}  # fmt: skip
+
+
+def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
+    """Frames and spikes of a run from no charge, once the last frame is read."""
+    bench.write("sensor_threshold", level)
+    bench.write("sensor_clear", 1)
+    before = bench.read_stable("sensor_frame_clock")
+    bench.write("sensor_run", 1)
+    patience = bench.ticks_s(_LEAST_FRAMES, select)
+    end = bench.port.now() + 10 * patience + 2.0
+    # Until the first frame begins, the counters are those of the run before.
+    while bench.read("sensor_frame_clock") == before or bench.read("sensor_frames") < _LEAST_FRAMES:
+        if bench.port.now() > end:
+            bench.write("sensor_run", 0)
+            raise StageFault(
+                "stands-still",
+                f"the sensor began {bench.read('sensor_frames')} frames where "
+                f"{_LEAST_FRAMES} were waited for",
+                "check the scan's counter and the pixel clock",
+            )
+        bench.bone.pause(patience / 4)
+    bench.write("sensor_run", 0)
+    while True:
+        frames = bench.read("sensor_frames")
+        read = bench.read("sensor_rows_read")
+        if read == frames * bench.geometry.rows % _WORD and frames == bench.read_stable(
+            "sensor_frames"
+        ):
+            return frames, bench.read_stable("sensor_spikes")
+        if bench.port.now() > end + 2.0:
+            raise StageFault(
+                "rows",
+                f"{read} rows were read in {frames} frames of {bench.geometry.rows}",
+                "check the window and the row counter",
+            )
+        bench.bone.pause(bench.ticks_s(1, select))
+
+
+def _mend(pixels: int, more: int) -> str:
+    if more % pixels:
+        return "not every pixel is alike: the patterns' picture tells which differ"
+    return "check that threshold's value, the clock select and the reset rule in the pixel"

@@ -1,0 +1,128 @@
+"""Stage timing: frames against the tick they were set to, and the board's clock against ours."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.stage import Figures, StageFault
+
+__all__ = ["check_timing", "clock_rate"]
+
+_SPAN_S = 1.0  # between first and last reading of the clock
+_READINGS = 8  # of which the quickest counts, at each end
+_DIFFERENCES = 6  # of frame clocks, for each setting
+_PPM_MOST = 20_000.0  # assumed: beyond 2 % no common oscillator is, and a UART works still
+_WORD = 1 << 32
+
+
+class Reading(NamedTuple):
+    """A clock count and the host's times that it was surely read between, seconds."""
+
+    clocks: int
+    early: float
+    late: float
+
+
+def check_timing(bench: Bench) -> Figures:
+    """Differences of `sensor_frame_clock` must be whole ticks, for both clocks and a longer tick;
+    the real frequency is told in ppm with its uncertainty. StageFault tick or clock."""
+    size = bench.geometry
+    bench.write("sensor_run", 0)
+    figures: Figures = {"tick_clocks": size.tick_clocks}
+    compared = 0
+    for clocks, select in (
+        (size.tick_clocks, 0), (size.tick_clocks, 1), (size.tick_clocks + 7, 0), (1, 0),
+    ):  # fmt: skip
+        bench.write("sensor_tick_clocks", clocks)
+        bench.write("sensor_clock_select", select)
+        compared += _ticks(bench, max(clocks, size.tick_minimum) << select, select)
+    bench.write("sensor_tick_clocks", size.tick_clocks)
+    bench.write("sensor_clock_select", 0)
+    hz, doubt = clock_rate(bench)
+    ppm, doubt_ppm = 1e6 * (hz / size.clock_hz - 1), 1e6 * doubt / size.clock_hz
+    figures |= {"differences": compared, "clock_hz": hz, "clock_doubt_hz": doubt}
+    if bench.simulated:
+        figures["note"] = (
+            f"simulated board: {hz:.4g} clocks a second of the host's time, "
+            f"{hz / size.clock_hz:.3g} times life; its frequency says nothing of a real clock"
+        )
+        return figures
+    figures |= {
+        "clock_error_ppm": ppm,
+        "clock_doubt_ppm": doubt_ppm,
+        "frame_hz": hz / max(size.tick_clocks, size.tick_minimum),
+    }
+    if abs(ppm) - doubt_ppm > _PPM_MOST:
+        raise StageFault(
+            "clock",
+            f"the board's clock runs at {hz:,.0f} Hz, {ppm:+.0f} ppm ({doubt_ppm:.0f} ppm of "
+            f"doubt) from the {size.clock_hz:,} Hz it was built for",
+            "give the build the oscillator's real frequency, or check the PLL",
+            figures,
+        )
+    return figures
+
+
+def _ticks(bench: Bench, period: int, select: int) -> int:
+    """Holds differences of frame clocks against whole periods; how many were held."""
+    before = bench.read_stable("sensor_frame_clock")
+    bench.write("sensor_run", 1)
+    end = bench.port.now() + 2.0 + 100 * bench.ticks_s(1, select)
+    starts: list[int] = []  # of frames that began under these settings
+    while len(starts) <= _DIFFERENCES:
+        now = bench.read("sensor_frame_clock")
+        if now != (starts[-1] if starts else before):
+            starts.append(now)
+        elif bench.port.now() > end:
+            bench.write("sensor_run", 0)
+            raise StageFault(
+                "stands-still",
+                f"{len(starts)} frames began where {_DIFFERENCES + 1} were waited for",
+                "check the scan's counter and the pixel clock",
+            )
+        bench.bone.pause(bench.ticks_s(1, select))
+    bench.write("sensor_run", 0)
+    for one, other in pairwise(starts):
+        passed = (other - one) % _WORD
+        if passed % period:
+            raise StageFault(
+                "tick",
+                f"two frames began {passed} clocks apart, which is {passed / period:.4f} ticks of "
+                f"{period} clocks",
+                "check sensor_tick_clocks, sensor_clock_select and the scan's counter",
+                {"period": period, "passed": passed},
+            )
+    return _DIFFERENCES
+
+
+def clock_rate(bench: Bench, span_s: float = _SPAN_S) -> tuple[float, float]:
+    """Returns the board's clock in Hz by the host's time, and how far that may be off: the count
+    is read somewhere between the end of the request and the answer's first byte."""
+    first = _read(bench)
+    bench.bone.pause(span_s)
+    last = _read(bench)
+    count = (last.clocks - first.clocks) % _WORD
+    longest, shortest = last.late - first.early, max(last.early - first.late, 1e-9)
+    low, high = count / max(longest, 1e-9), count / shortest
+    return (low + high) / 2, (high - low) / 2
+
+
+def _read(bench: Bench) -> Reading:
+    """The quickest of some readings."""
+    best: Reading | None = None
+    scale = bench.bone.time_scale
+    for _ in range(_READINGS):
+        begun = bench.port.now()
+        count = bench.read("ctrl_uptime")
+        ended = bench.port.now()
+        # The line takes its time for six bytes before and four after, if it is a line at all.
+        spare = 0.9 * scale
+        early, late = begun + spare * bench.line_s(6), ended - spare * bench.line_s(4)
+        if bench.simulated or early >= late:
+            early, late = begun, ended
+        if best is None or late - early < best.late - best.early:
+            best = Reading(count, early, late)
+    assert best is not None
+    return best

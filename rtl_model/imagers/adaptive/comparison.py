@@ -1,0 +1,31 @@
+"""The adaptive-exposure sensor in `viform compare`: it chooses its exposure by itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rtl_model.imagers.adaptive.loop import shortest_exposure
+from rtl_model.imagers.adaptive.registers import DEFAULT_LONGEST
+from rtl_model.imagers.adaptive.response import longest_exposure
+from rtl_model.imagers.adaptive.section import AdaptiveSection
+from rtl_model.imagers.comparison import Comparison, Setting
+
+__all__ = ["AdaptiveComparison"]
+
+
+class AdaptiveComparison(Comparison):
+    """See `Comparison`."""
+
+    title = "adaptive-exposure CMOS"
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        return (
+            Setting(pixels, shortest_exposure()),
+            Setting(pixels, longest_exposure(DEFAULT_LONGEST)),
+        )
+
+    def sent(self, section: AdaptiveSection) -> int:
+        return section.rows * section.columns
+
+    def setting(self, section: AdaptiveSection, pixels: Any) -> str:
+        return "chosen by itself"

@@ -1,0 +1,61 @@
+"""The EBAPS in `viform compare`: its high voltage is set for the light."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from rtl_model.imagers.comparison import Comparison, Setting
+from rtl_model.imagers.ebaps.exposure import WINDOW, ExposureRule, Linear
+from rtl_model.imagers.ebaps.section import EbapsSection
+from rtl_model.imagers.ebaps.settling import settle
+from sensor.imagers.ebaps import COLUMNS, ROWS, EbapsPixels, wanted_exposure
+
+__all__ = ["EbapsComparison"]
+
+VOLTS: Final = (1500.0, 1000.0, 500.0, 0.0)
+"""Of the document's figure 11."""
+_SHAPE: Final = (32, 32)
+"""Pixels for which closed forms are evaluated."""
+
+
+class EbapsComparison(Comparison):
+    """See `Comparison`."""
+
+    title = "EBAPS"
+    note = "corner of an array of 1280 x 1024, whose data rate is given"
+
+    def adjust(
+        self, section: EbapsSection, white: float, mean: float, given: frozenset[str]
+    ) -> EbapsSection:
+        """The highest of the document's voltages at which the range of the loop contains the
+        exposure that the light needs, and the exposure at which the loop comes to rest."""
+        rule = ExposureRule()
+        target = sum(WINDOW) / 2
+        choices = (-section.high_voltage,) if "high_voltage" in given else VOLTS
+        volts, wanted = choices[-1], 0.0
+        for volts in choices:
+            wanted = wanted_exposure(EbapsPixels(volts=volts), mean, target)
+            if wanted * 1e9 >= rule.shortest:
+                break
+        changed: dict[str, float] = {"high_voltage": -volts}
+        if "exposure" not in given:
+            longest = 10 * rule.longest
+            clipped = min(max(round(wanted * 1e9), 1), longest) if wanted < 1e3 else 10**12
+            changed["exposure"] = settle(rule, Linear.wanting(clipped, rule)).low * 1e-9
+        return section.model_copy(update=changed)
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        rule = ExposureRule()
+        return (
+            Setting(EbapsPixels(_SHAPE, volts=0.0), rule.shortest * 1e-9),
+            Setting(EbapsPixels(_SHAPE, volts=1500.0), rule.longest * 1e-9),
+        )
+
+    def sent(self, section: EbapsSection) -> int:
+        return ROWS * COLUMNS
+
+    def setting(self, section: EbapsSection, pixels: Any) -> str:
+        return f"{section.high_voltage + 0.0:.0f} V"
+
+    def pedestal(self, section: EbapsSection) -> float | None:
+        return float(section.pedestal) if section.darks else None

@@ -1,0 +1,189 @@
+"""Document 002: a home-made imaging circuit for an electron-bombarded CMOS sensor (EBAPS)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.run.printed import Row, listed, number, unprinted
+from rtl_model.imagers.ebaps.axi import region_offset
+from rtl_model.imagers.ebaps.cameralink import (
+    CHANNELS,
+    LINK_HZ,
+    SERIAL_BITS,
+    WORD_BITS,
+    LinkTiming,
+    deserialise,
+    serialise,
+)
+from rtl_model.imagers.ebaps.darks import DARKS
+from rtl_model.imagers.ebaps.drive import DRIVES, drive_records
+from rtl_model.imagers.ebaps.exposure import (
+    DEFAULT_EXPOSURE,
+    SHORTEST_EXPOSURE,
+    STEP,
+    WINDOW,
+    ExposureRule,
+    Linear,
+    follow,
+)
+from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, region_bytes
+from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
+from rtl_model.imagers.ebaps.settling import settle, settling_exposure
+from rtl_model.imagers.ebaps.timing import CLOCK_HZ, Timing
+from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
+
+__all__ = ["ebaps_rows"]
+
+
+_NAMES = {name.lower() for name in DRIVES}
+
+
+def ebaps_rows() -> list[Row]:
+    """Every number in order."""
+    return [*_chip(), *_link(), *_exposure(), *_loop(), *_memory(), *_board(), *_night()]
+
+
+def _reset(name: str) -> int:
+    return int(next(r.reset for r in DESIGN.own if r.name == f"ebaps_{name}"))
+
+
+def _chip() -> list[Row]:
+    timing, pixels = Timing(), EbapsPixels()
+    fast = Timing(clock_hz=80_000_000, rate=60)
+    height, width = pixels.shape
+    per_second = CLOCK_HZ / (timing.vsync(30) - timing.vsync(0)) * 30
+    bright, _ = pixels.mean_variance(1e-6, 1e-3)
+    dark, _ = EbapsPixels(volts=0.0).mean_variance(1e-6, 1e-3)
+    return [
+        listed("002 §1", "columns and rows", [1280, 1024], [width, height], "pixels"),
+        number("002 §1", "pixel clock at the most", "80", fast.readout_clocks * 60 * 1e-6, "MHz",
+               relation="<=", note="60 frames/s would still fit into it; what pixels take"),
+        number("002 §3.1", "pixel clock", "40", CLOCK_HZ * 1e-6, "MHz"),
+        number("002 §1", "frames a second", "30", per_second, "1/s",
+               note=f"of VSYNC's falling edges; {100 * timing.blanking:.1f} % are blank"),
+        number("002 §2", "bits of a value", "16", pixels.bits, "bit"),
+        number("002 §2", "samples a second of the converter", "80e6", CLOCK_HZ, "1/s",
+               relation="<=", note="what the pixel clock asks of it; its 80 MS/s allow twice that"),
+        listed("002 §5", "high voltage, volts", [0, 1500],
+               [_least_volts(pixels), HIGH_VOLTAGE], "V",
+               note=f"gain {pixels.tube.gain(1500):.0f} at 1500 V, {pixels.tube.gain(0):.0f} at 0: "
+               f"{bright:.0f} and {dark:.0f} DN"),
+    ]  # fmt: skip
+
+
+def _least_volts(pixels: EbapsPixels) -> int:
+    """The largest voltage that drives no photoelectron across."""
+    return max(v for v in range(3) if pixels.tube.gain(float(v)) == 0.0)
+
+
+def _link() -> list[Row]:
+    """Drive signals, and the Camera Link output."""
+    timing, words = LinkTiming(), np.array([0x5A5A5A5, (1 << WORD_BITS) - 1, 0], np.uint32)
+    made = serialise(words)
+    frames = timing.clock_hz / (timing.line_clocks * timing.rows)
+    back = deserialise(made)
+    return [
+        number("002 §1", "drive signals of the sensor", "9",
+               len({r[1] for r in drive_records([(0, DEFAULT_EXPOSURE)])} & _NAMES),
+               note="those that a frame's waveforms hold: " + ", ".join(DRIVES)),
+        number("002 §2", "parallel bits of a Camera Link word", "28", WORD_BITS, "bit",
+               note="of each clock, carried and read back the same"
+               if np.array_equal(back, words) else "not read back"),
+        number("002 §2", "serial channels", "5", CHANNELS,
+               note=f"four of {SERIAL_BITS} bits a clock and the clock's own"),
+        number("002 §2", "clock of the link", "85", LINK_HZ * 1e-6, "MHz",
+               note=f"pixels take {100 * timing.utilisation:.1f} % of its clocks; "
+               f"{timing.pair_rate * 1e-6:.0f} Mbit/s on a pair, "
+               f"{timing.bits_per_second * 1e-9:.2f} Gbit/s in all"),
+        number("002 §0", "frames a second that the link's lines allow", "30", frames, "1/s",
+               note="1280 x 1024, lines of whole clocks"),
+        listed("002 §2", "clock range of the link's chip, least and most", [True, True],
+               [LINK_HZ >= 10e6, LINK_HZ <= 90e6],
+               note="10 to 90 MHz, as printed, hold the 85 MHz"),
+    ]  # fmt: skip
+
+
+def _exposure() -> list[Row]:
+    timing, rule = Timing(), ExposureRule()
+    first = follow(rule, lambda *_: 24_800, 1)[0]
+    bottom = follow(rule, lambda *_: 65_535, 200)[-1]
+    top = follow(rule, lambda *_: 0, 200)[-1]
+    steps = np.abs(np.diff(follow(rule, lambda *_: 65_535, 20)))
+    return [
+        number("002 eq. 3", "T_max = m n / f", "32768000", timing.longest_exposure, "ns"),
+        number("002 §3.1", "T_max, where the loop stops in the dark", "32768000", top, "ns"),
+        number("002 §3.1", "T_min, where it stops in bright light", "1000000", bottom, "ns"),
+        number("002 §3.1", "T_default, where it begins", "16384000", first, "ns"),
+        number("002 §3.1", "step", "640000", int(steps.max()), "ns"),
+        number("002 §3.1", "T_min, its register", "1000000", _reset("shortest"), "ns",
+               note=f"{SHORTEST_EXPOSURE} ns"),
+        listed("002 §3.1", "window of the mean", [24_000, 25_600], _window(rule), "DN",
+               note="least and most mean that the loop leaves as it is"),
+    ]  # fmt: skip
+
+
+def _window(rule: ExposureRule) -> list[int]:
+    """The means, one by one, at which the rule does not move."""
+    still = [m for m in range(1 << 16) if rule.after(DEFAULT_EXPOSURE, m, 1) == DEFAULT_EXPOSURE]
+    return [still[0], still[-1]]
+
+
+def _loop() -> list[Row]:
+    """What the document's fixed step means: it prints none of this."""
+    rule = ExposureRule()
+    limit = float(settling_exposure(rule)) * 1e-6
+    middle = float(settling_exposure(rule, sum(WINDOW) // 2)) * 1e-6
+    kinds = [settle(rule, Linear.wanting(round(ms * 1e6), rule)).kind for ms in (20, 10, 2.1)]
+    return [
+        unprinted("002 §3.1", "shortest exposure from which a step is sure to meet the window",
+                  limit, "ms", holds=abs((limit + STEP * 1e-6) / limit - WINDOW[1] / WINDOW[0])
+                  < 1e-9, note=f"for shorter ones a fixed step of {STEP} ns hunts or meets it by "
+                  f"chance; {middle:.2f} ms in terms of the window's middle"),
+        listed("002 fig. 6 and 7", "the loop rests from below (20 ms) and above (10 ms)",
+               ["rest", "rest"], kinds[:2],
+               note=f"where 2.1 ms are wanted it ends in a {kinds[2]}"),
+    ]  # fmt: skip
+
+
+def _memory() -> list[Row]:
+    imager, made = Ebaps(), region_bytes()
+    columns, rows = imager.timing.columns, imager.timing.rows
+    return [
+        number("002 §3.2", "regions in memory", "5", REGIONS),
+        number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}"),
+        number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B"),
+        number("002 §3.2", "bytes from the base to the live frame's region",
+               str(4 * 1280 * 1024 * 2), region_offset(LIVE), "B",
+               note="address = base + region's offset + running burst"),
+        number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B"),
+    ]  # fmt: skip
+
+
+def _board() -> list[Row]:
+    dynamic, static = 1.185, 0.076
+    return [
+        number("002 §5", "power of the logic: dynamic 1.185 W and static 0.076 W", "1.261",
+               dynamic + static, "W", note="the sum of the printed parts; no power is simulated"),
+        number("002 §5", "power of the whole board", "4.8", dynamic + static, "W", relation="<=",
+               note="the logic's share of it"),
+    ]  # fmt: skip
+
+
+def _night() -> list[Row]:
+    """Figure 11 by the contrast-to-noise ratio of a chart's bar and Rose's threshold of 5."""
+    longest = Timing().longest_exposure * 1e-9
+    night, still = EbapsPixels(volts=1500.0), EbapsPixels(volts=0.0)
+    rows = []
+    for lux, pixels, seen in ((3e-3, night, True), (3e-1, still, False)):
+        chart = Chart(lux)
+        ratio = contrast_to_noise(pixels, chart, longest)
+        bar = smallest_bar(pixels, chart, longest)
+        text = "none that fits" if bar is None else f"{bar:.1f} pixels"
+        rows.append(listed(
+            "002 fig. 11", f"recognisable at {lux:g} lx with {-pixels.volts + 0.0:g} V", [seen],
+            [recognisable(pixels, chart, longest)],
+            note=f"contrast to noise {ratio:.3g} of a bar of 6 x 30 pixels (Rose: 5 is seen); "
+            f"smallest bar {text}; f/1.4 assumed",
+        ))  # fmt: skip
+    return rows

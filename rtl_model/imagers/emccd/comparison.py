@@ -1,0 +1,75 @@
+"""The EMCCD in `viform compare`: its exposure and gain are set for the light."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.frames import Frame
+from rtl_model.imagers.comparison import Comparison, Setting
+from rtl_model.imagers.emccd.section import EmccdSection
+from rtl_model.imagers.emccd.timing import exposure_range
+from sensor.imagers.emccd import GAIN_RANGE, EmccdPixels, without_smear
+
+__all__ = ["EmccdComparison"]
+
+FULL: Final = 0.8
+"""Share of a well that white fills."""
+DARK_ROWS: Final = 8
+"""Rows of a frame above the first row of the window."""
+COLUMNS: Final = 512
+"""Columns of the image area."""
+STEP: Final = 1e-5
+"""Of the exposure, s."""
+LONGEST: Final = 4096 * STEP
+
+
+class EmccdComparison(Comparison):
+    """See `Comparison`."""
+
+    title = "EMCCD"
+    note = "middle of its 512 x 512, dark around"
+
+    def keys(self, shape: tuple[int, int]) -> dict[str, Any]:
+        return {}
+
+    def adjust(
+        self, section: EmccdSection, white: float, mean: float, given: frozenset[str]
+    ) -> EmccdSection:
+        """The exposure that fills a share of the image well with white, 2 ms or longer only where
+        the light requires it; in the dark the gain that brings the amplifier's noise below the shot
+        noise of mid-grey."""
+        pixels = EmccdPixels()
+        exposure = section.exposure
+        if "exposure" not in given:
+            full = FULL * pixels.image_well / (white * pixels.responsivity)
+            exposure = max(math.floor(min(full, LONGEST) / STEP), 1) * STEP
+        changed: dict[str, float] = {"exposure": exposure}
+        if not given & {"gain", "gain_step"}:
+            electrons = white * pixels.responsivity * exposure
+            needed = 3 * pixels.read_noise / math.sqrt(max(electrons / 2, 1e-6))
+            room = FULL * pixels.register_well / max(electrons, 1e-6)
+            changed["gain"] = min(max(min(needed, room), GAIN_RANGE[0]), GAIN_RANGE[1])
+        return section.model_copy(update=changed)
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        shortest, longest = exposure_range()[:2]
+        low, high = (EmccdPixels(gain=gain) for gain in GAIN_RANGE)
+        return Setting(low, shortest), Setting(high, longest)
+
+    def sent(self, section: EmccdSection) -> int:
+        return section.rows * COLUMNS
+
+    def setting(self, section: EmccdSection, pixels: Any) -> str:
+        return f"gain {pixels.gain:.3g}"
+
+    def first_row(self, frame: Frame) -> int:
+        return DARK_ROWS + int(frame.state["first_row"])
+
+    def without_smear(
+        self, signal: npt.NDArray[np.float64], imager: Any, seconds: float
+    ) -> npt.NDArray[np.float64] | None:
+        return without_smear(signal, imager.timing.row_shift / seconds)

@@ -1,0 +1,176 @@
+"""The frame-transfer EMCCD of a scenario: built, foreseen, measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from cosim import PS, seconds_to_ps
+from cosim.run.result import Latency, Metric
+from rtl_model.imagers.emccd.cooling import Cooler
+from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.section import EmccdSection
+from rtl_model.imagers.emccd.timing import Settings, Timing, frame_seconds
+from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
+from rtl_model.imagers.run.view import View
+from rtl_model.imagers.run.writes import write_all
+from sensor.imagers import PixelModel
+from sensor.imagers.emccd import EmccdPixels, HighVoltage, excess_noise_squared
+
+__all__ = ["STEP", "WARM", "EmccdModel", "cooler_of"]
+
+STEP: Final = 1e-5
+"""Seconds of one step of exposure."""
+WARM: Final = 600 * PS
+"""How long the cooling has been on when a run begins."""
+KELVIN: Final = 273.15
+
+
+def cooler_of(section: EmccdSection) -> Cooler:
+    """At ambient, just switched on."""
+    air, target = section.ambient + KELVIN, section.temperature + KELVIN
+    return Cooler(lambda _: air, target)
+
+
+@dataclass(frozen=True)
+class EmccdModel(ImagerModel):
+    """See `ImagerModel`.
+
+    Attributes:
+        section: of the scenario.
+        seconds: duration of the run, during which pulses of external sync come.
+    """
+
+    section: EmccdSection
+    seconds: float
+
+    @cached_property
+    def pixels(self) -> EmccdPixels:
+        s = self.section
+        made = EmccdPixels(kelvin=s.temperature + KELVIN, pattern_seed=s.device_seed)
+        return replace(made, gain=self.voltage.gain(self.step))
+
+    @cached_property
+    def voltage(self) -> HighVoltage:
+        return HighVoltage()
+
+    @property
+    def step(self) -> int:
+        """Of the potentiometer."""
+        s = self.section
+        if s.gain_step is not None:
+            return s.gain_step
+        return 0 if s.gain is None else self.voltage.step_for(s.gain)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.pixels.shape
+
+    def make(self) -> Emccd:
+        s = self.section
+        pulses = [seconds_to_ps(p) for p in s.pulses]
+        if s.pulse_rate is not None:
+            period = PS / s.pulse_rate
+            pulses = [round(n * period) for n in range(int(self.seconds * s.pulse_rate) + 1)]
+        cooler = cooler_of(s)
+        cooler.advance(WARM)
+        imager = Emccd(self.pixels, high_voltage=self.voltage, pulses=pulses, cooler=cooler)
+        imager.write("emccd_exposure", max(round(s.exposure / STEP), 1))
+        imager.write("emccd_gain", self.step)
+        imager.write("emccd_first_row", s.first_row)
+        imager.write("emccd_rows", s.rows)
+        imager.write("emccd_sync", int(s.sync == "external"))
+        write_all(imager, s.writes)
+        return imager
+
+    def _written(self, register: str) -> list[int]:
+        return [v for _, name, v in self.section.writes if name.removeprefix("emccd_") == register]
+
+    def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
+        """At every gain that is written."""
+        assert isinstance(pixels, EmccdPixels)
+        steps = sorted({self.step, *(v for v in self._written("gain") if v < 256)})
+        return [replace(pixels, gain=self.voltage.gain(step)) for step in steps]
+
+    def exposures(self, view: View, stop: int) -> ExposureRange:
+        """Exposures that are written; frames as the sequence of writes makes them, a cycle that is
+        at work not changed."""
+        s, timing = self.section, Timing()
+        steps = [max(round(s.exposure / STEP), 1), *(v for v in self._written("exposure") if v)]
+        span = min(steps) * STEP, max(steps) * STEP
+        light = float(view.least.min()) * span[0], float(view.most.max()) * span[1]
+        return ExposureRange(light, span, self._frames(timing, stop))
+
+    def _frames(self, timing: Timing, stop: int) -> int:
+        s = self.section
+        now, frames, pending = 0.0, 0, list(s.writes)
+        at = {
+            "exposure": max(round(s.exposure / STEP), 1), "first_row": s.first_row,
+            "rows": s.rows, "sync": int(s.sync == "external"),
+        }  # fmt: skip
+        rate = s.pulse_rate
+        while now * PS < stop and frames < 10_000_000:
+            while pending and pending[0][0] <= now:
+                _, name, value = pending.pop(0)
+                at[name.removeprefix("emccd_")] = value
+            settings = Settings(at["exposure"], at["first_row"], at["rows"]).within(timing)
+            spent = frame_seconds(timing, settings)
+            if at["sync"]:
+                later = [p for p in s.pulses if p >= now]
+                if rate is not None:
+                    now = np.ceil(now * rate) / rate
+                elif later:
+                    now = later[0]
+                else:
+                    now = min((w[0] for w in pending), default=np.inf)
+                    continue
+            now += spent
+            frames += now * PS <= stop
+        return int(frames)
+
+    def metrics(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> dict[str, Metric]:
+        timing = Timing()
+        rates = [timing.clock_hz / t.state["frame_clocks"] for t in frames]
+        gains = [t.state["gain"] for t in frames]
+        last = frames[-1]
+        celsius = [t.state["kelvin"] - KELVIN for t in frames]
+        excess = excess_noise_squared(last.state["gain"], self.pixels.stages)
+        return {
+            "cycle_rate_slowest": Metric(min(rates), "Hz"),
+            "cycle_rate_fastest": Metric(max(rates), "Hz"),
+            "gain": Metric(last.state["gain"], "1"),
+            "gain_largest": Metric(max(gains), "1"),
+            "excess_noise_squared": Metric(excess, "1"),
+            "effective_read_noise": Metric(self.pixels.read_noise / last.state["gain"], "e"),
+            "temperature": Metric(float(np.mean(celsius)), "degC"),
+            "temperature_spread": Metric(float(np.std(celsius)), "K"),
+            **saturation(frames),
+            "pulses_lost": Metric(float(imager.read("emccd_pulses_lost")), "1"),
+        }
+
+    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
+        """From the exposure's beginning to the last pixel read, and from each write to the first
+        frame that was exposed with it."""
+        spans = [(t.ready - t.begin) * 1e-6 for t in frames]
+        rows = [_row("exposure's beginning to the frame read", spans)]
+        waits = []
+        for seconds in sorted({w[0] for w in self.section.writes}):
+            ps = seconds_to_ps(seconds)
+            later = [t for t in frames if _began(t) > ps]
+            if later:
+                waits.append((later[0].ready - ps) * 1e-6)
+        return [*rows, *([_row("register write to the first frame of it", waits)] if waits else [])]
+
+
+def _began(frame: FrameFigures) -> int:
+    """When a frame's cycle took its parameters, ps: a frame transfer before its exposure."""
+    timing = Timing()
+    return frame.begin - timing.rows * timing.transfer * PS // timing.clock_hz
+
+
+def _row(stage: str, spans: list[float]) -> Latency:
+    return Latency(stage, min(spans), float(np.median(spans)), max(spans))

@@ -1,0 +1,226 @@
+"""Document 003: four drive modes of a frame-transfer electron-multiplying CCD."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cosim.light.radiometry import photons_per_lux
+from cosim.run.printed import Row, listed, number, unprinted
+from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
+from rtl_model.imagers.emccd.counters import CounterSequencer
+from rtl_model.imagers.emccd.registers import DESIGN
+from rtl_model.imagers.emccd.sequencer import Cycle, Phase
+from rtl_model.imagers.emccd.timing import (
+    Settings,
+    Timing,
+    after_printed,
+    exposure_range,
+    frame_clocks,
+    window_table,
+)
+from sensor.imagers import Exposed
+from sensor.imagers.emccd import (
+    SUMMARY_PEAK,
+    TEXT_PEAK,
+    EmccdPixels,
+    HighVoltage,
+    chip,
+    columns_filled,
+    electrons_to_fill,
+    spill_lines,
+)
+
+__all__ = ["emccd_rows"]
+
+_CITED_MS = 5.165
+"""Shortest exposure of the reference that the document compares itself with."""
+
+
+def emccd_rows() -> list[Row]:
+    """Every number in order."""
+    return [*_exposure(), *_chip(), *_gain(), *_rows(), *_overflow(), *_frame(), *_cold()]
+
+
+def _exposure() -> list[Row]:
+    timing = Timing()
+    least, most, step = exposure_range(timing)
+    counted = Cycle(0, 0, timing, Settings(1).within(timing))
+    own = (counted.exposure_end - counted.exposure_begin) / timing.clock_hz * 1e6
+    register = next(r for r in DESIGN.own if r.name == "emccd_exposure")
+    beyond = Settings((1 << register.width) - 1).within(timing).steps
+    return [
+        number("003 §0", "shortest exposure", "10", own, "us",
+               note="edges between two frame transfers of the sequence"),
+        number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS), least * 1e3,
+               "ms", relation="<", note="ours lies below it; theirs has no first transfer"),
+        number("003 §2", "longest exposure", "40.96", most * 1e3, "ms"),
+        number("003 §2", "step of exposure", "10", step * 1e6, "us"),
+        unprinted("003 §2", "steps of exposure", beyond, holds=beyond == round(most / step),
+                  note="40.96 ms in 10 us; what is written beyond is cut to it"),
+    ]  # fmt: skip
+
+
+def _chip() -> list[Row]:
+    timing, pixels = Timing(), EmccdPixels()
+    dark = np.asarray(pixels.convert(
+        Exposed(np.full(pixels.shape, 0.01), np.full(pixels.shape[0], 1e-2),
+                np.zeros(pixels.shape[0]), 0, 0), 1, frozenset(),
+    ))  # fmt: skip
+    lit = dark > dark.min()
+    rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
+    photons = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
+    cycle = Cycle(0, 0, timing, Settings(1).within(timing))
+    return [
+        listed("003 §1", "image rows and columns", [512, 512], [rows.size, columns.size], "pixels",
+               note="those of the simulated chip that see light"),
+        listed("003 §1", "rows and columns of image and storage area", [528, 536],
+               list(pixels.shape), "pixels"),
+        listed("003 §1", "dark reference rows at head and tail", [8, 8],
+               [int(rows[0]), pixels.shape[0] - 1 - int(rows[-1])], "rows"),
+        listed("003 §1", "dark reference columns left and right", [12, 12],
+               [int(columns[0]), pixels.shape[1] - 1 - int(columns[-1])], "columns"),
+        number("003 §1", "cells of the horizontal register", "536", timing.columns),
+        number("003 §1", "cells between it and the multiplication register", "16",
+               timing.transition, "clocks", note="clocks from a line's start to its first pixel"),
+        number("003 §1", "pixel clocks of a line", "552", timing.line, "clocks"),
+        number("003 §1", "row shifts of a frame transfer", "528", cycle.transfer / timing.transfer),
+        number("003 abstract", "quantum efficiency, at the most", "93",
+               100 * pixels.responsivity / photons, "%", note=f"at {chip.WAVELENGTH:g} nm"),
+        number("003 §1", "bits of a value", "16", pixels.bits, "bit"),
+        number("003 §0", "effective output noise", "1",
+               EmccdPixels(gain=200.0).effective_read_noise, "e", relation="<",
+               note=f"{pixels.read_noise:g} e at the output (assumed) over the gain of figure 4, "
+               "200; from a gain of 30 on"),
+    ]  # fmt: skip
+
+
+def _gain() -> list[Row]:
+    voltage = HighVoltage()
+    table = voltage.table()
+    last = table.size - 1
+    ends = [voltage.volts(0), voltage.volts(last)]
+    other = HighVoltage(peak=SUMMARY_PEAK)
+    steps = [HighVoltage(p).step_for(200.0) for p in (TEXT_PEAK, SUMMARY_PEAK)]
+    return [
+        number("003 §2", "steps of gain", "256", table.size),
+        listed("003 §2", "peak of the high-voltage clock at the first and last step", [37, 45],
+               [round(v, 9) for v in ends], "V", note="the text's range, which is used"),
+        number("003 §3", "peak at the last step, as the summary has it", "50", ends[1], "V",
+               proof=TEXT_PEAK[1] != SUMMARY_PEAK[1] and round(other.volts(last), 9) == 50
+               and abs(other.gain(last) / voltage.gain(last) - 1) < 1e-9,
+               note="the document contradicts itself: 45 V in its text, 50 V in its summary; the "
+               "text's is used, where the circuit stands. The gains by step are the same either "
+               f"way: 200 is step {steps[0]} and {steps[1]}"),
+        number("003 §2", "gain at the first step", "1", float(table[0])),
+        number("003 §2", "gain at the last step", "1000", float(table[-1])),
+    ]  # fmt: skip
+
+
+def _rows() -> list[Row]:
+    """The window, and the row that the print forgets."""
+    timing = Timing()
+    made = []
+    for source, first, count, printed in (
+        ("003 fig. 5a", 0, 256, "256"), ("003 fig. 5b", 100, 128, "128"),
+    ):  # fmt: skip
+        cycle = Cycle(0, 0, timing, Settings(200, first, count).within(timing))
+        made.append(number(
+            source, f"rows {first + 1} to {first + count} of the window", printed, _read(cycle),
+            "rows", note=f"counted in the sequence; {cycle.before} dumped before, {cycle.after} "
+            "after",
+        ))  # fmt: skip
+    whole = [Settings(200, 0, k).within(timing).rows for k in (0, 1, 512, 600)]
+    cycle = Cycle(0, 0, timing, Settings(200, 100, 128).within(timing))
+    before, read = cycle.before, cycle.settings.rows
+    forgetful = after_printed(before, read)
+    left = timing.rows - before - read
+    dumped = _shifts(timing, cycle.settings)
+    made += [
+        listed("003 §2", "least and most rows of a window", [1, 512], [whole[0], whole[-1]],
+               "rows"),
+        number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N", str(forgetful),
+               cycle.after, "rows", proof=left == cycle.after == forgetful + 1
+               and dumped == timing.rows and before + read + forgetful == timing.rows - 1,
+               note=f"the document's error: M + K + (527 - M - K) is 527 of {timing.rows} rows, "
+               f"and its N is the K of its next page; 528 - M - K is used: {dumped} rows leave "
+               "the store in the clock-by-clock sequence"),
+    ]  # fmt: skip
+    return made
+
+
+def _read(cycle: Cycle) -> int:
+    """Rows that the sequence reads, by its own times."""
+    line = cycle.timing.shift + cycle.timing.line
+    return int(np.count_nonzero(np.diff(cycle.leaving()) >= line)) + 1
+
+
+def _small() -> Timing:
+    """A chip of 528 rows whose lines are short, so that every clock of a cycle can be counted."""
+    return Timing(columns=4, line=6, transfer=2, shift=2, dump=2, clear=1)
+
+
+def _shifts(timing: Timing, settings: Settings) -> int:
+    """Rows that leave the store after the second transfer, counted clock by clock."""
+    small = _small()
+    plain = CounterSequencer(small, Settings(1, settings.first, settings.rows))
+    seen, high = 0, 0
+    for _ in range(frame_clocks(small, Settings(1, settings.first, settings.rows))):
+        signals = plain.tick()
+        late = signals["phase"] in (Phase.DUMP_BEFORE, Phase.READOUT, Phase.DUMP_AFTER)
+        seen += late and signals["store_clock"] and not high
+        high = signals["store_clock"]
+    return seen
+
+
+def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Row]:
+    """Figure 4c: the image's right half lit so that the excess fills the head of the next line."""
+    electrons = electrons_to_fill(columns, lit, gain)
+    charge = np.zeros((4, chip.COLUMNS))
+    end = chip.COLUMNS - chip.DARK_COLUMNS
+    charge[:, end - lit : end] = electrons * gain * (1 + 1e-9)
+    spill_lines(charge)
+    white = columns_filled(charge[2])
+    return [
+        number("003 fig. 4", "columns at the head that turn white at a gain of 200", "42", white,
+               "columns", note=f"{electrons:.0f} e a pixel on {lit} columns: the light is not "
+               "printed, so it was chosen; the spilling does the rest"),
+    ]  # fmt: skip
+
+
+def _frame() -> list[Row]:
+    """The frame time, whose formula is lost, and Table 2, which is lost too."""
+    timing = Timing()
+    small, settings = _small(), Settings(1, 100, 128)
+    plain = CounterSequencer(small, settings)
+    clocks = 0
+    while plain.cycles < 2:
+        plain.tick()
+        clocks += 1
+    counted = clocks - 1
+    table = window_table(timing)
+    return [
+        number("003 eq. of T_frame", "clocks of a cycle, closed form over counted clock by clock",
+               "1", frame_clocks(small, settings) / counted,
+               note="the formula is lost; ours follows from the sequence that the text tells"),
+        unprinted("003 table 2", "frames a second at 2 ms with " + ", ".join(
+            str(rows) for rows, _ in table) + " rows", [round(rate, 2) for _, rate in table],
+            "1/s", holds=all(
+                math.isclose(rate, timing.clock_hz / _clocks(timing, rows)) for rows, rate in table
+            ), note="the table is lost; ours at a pixel clock of 10 MHz, which is assumed"),
+    ]  # fmt: skip
+
+
+def _clocks(timing: Timing, rows: int) -> int:
+    """Of a cycle with a window in the middle, by the sequence's edges."""
+    first = (timing.image_rows - rows) // 2
+    cycle = Cycle(0, 0, timing, Settings(200, first, rows).within(timing))
+    return cycle.end - cycle.start
+
+
+def _cold() -> list[Row]:
+    run = run_cooling(Cooler(lambda _: 298.15), 900.0)
+    last = float(run.chip[-1]) - chip.ZERO_CELSIUS
+    return [number("003 §1", "temperature that the cooling loop holds", "-10", last, "degC",
+                   note="900 s after it was switched on in air of 25 degC")]  # fmt: skip

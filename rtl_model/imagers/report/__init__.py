@@ -1,0 +1,1 @@
+"""The report of an imager's run, and what figures of imagers share."""

@@ -1,0 +1,119 @@
+"""What figures of imagers share: saving, axes, and waveforms of a sequencer from its trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.files.whole import whole
+from cosim.report.figures import INK, LINE, pyplot
+
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "VIOLET",
+    "read_vcd",
+    "save_figure",
+    "stretch",
+    "style_axes",
+    "waveforms",
+]
+
+BLUE, GREEN, VIOLET = "#1c7ed6", "#2b8a3e", "#9c36b5"
+Changes = list[tuple[int, int]]
+"""(ps, value) of one signal, in order."""
+
+
+def style_axes(axes: Any, x: str = "", y: str = "") -> None:
+    """Labels, a light grid, no box."""
+    axes.set_xlabel(x, color=INK, fontsize=9)
+    axes.set_ylabel(y, color=INK, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(color=LINE, linewidth=0.5)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """Writes a figure, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as part:
+        figure.savefig(part, dpi=110, format="png")
+    pyplot().close(figure)
+
+
+def stretch(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:
+    """Values from low to high as 0 to 1."""
+    return np.clip((values.astype(np.float64) - low) / max(high - low, 1e-12), 0, 1)
+
+
+def read_vcd(path: Path) -> dict[str, Changes]:
+    """Changes of every signal of a VCD that this project wrote, by its last name."""
+    names: dict[str, str] = {}
+    made: dict[str, Changes] = {}
+    now = 0
+    with path.open(encoding="ascii") as file:
+        for line in file:
+            words = line.split()
+            if not words:
+                continue
+            if words[0] == "$var":
+                names[words[3]] = words[4]
+                made[words[4]] = []
+            elif line[0] == "#":
+                now = int(line[1:])
+            elif line[0] in "01":
+                made[names[words[0][1:]]].append((now, int(line[0])))
+            elif line[0] == "b":
+                made[names[words[1]]].append((now, int(words[0][1:], 2)))
+    return made
+
+
+def waveforms(
+    axes: Any,
+    signals: dict[str, Changes],
+    names: Sequence[str],
+    span: tuple[int, int],
+    unit: float = 1e9,
+) -> None:
+    """Signals below one another over a span of ps. unit: ps of the axis' unit. One that has more
+    edges than can be told apart is a filled band."""
+    for row, name in enumerate(names):
+        base = len(names) - 1 - row
+        changes = signals.get(name, [])
+        before = [value for ps, value in changes if ps <= span[0]]
+        inside = [(ps, value) for ps, value in changes if span[0] < ps < span[1]]
+        points = [(span[0], before[-1] if before else 0), *inside]
+        top = max([value for _, value in changes] or [1]) or 1
+        x = np.array([ps for ps, _ in points] + [span[1]]) / unit
+        y = np.array([value for _, value in points] + [points[-1][1]]) / top
+        if len(points) > 4000:
+            x, y = _thinned(x, y)
+        axes.step(x, base + 0.72 * y, where="post", color=INK, linewidth=0.8)
+        axes.fill_between(
+            x, base, base + 0.72 * y, step="post", color=BLUE, alpha=0.18, linewidth=0
+        )
+    axes.set_yticks([n + 0.3 for n in range(len(names))], list(names)[::-1], fontsize=8)
+    axes.set_xlim(span[0] / unit, span[1] / unit)
+    axes.set_ylim(-0.2, len(names))
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.grid(axis="x", color=LINE, linewidth=0.5)
+
+
+def _thinned(x: Any, y: Any) -> tuple[Any, Any]:
+    """Steps at most as dense as a figure can show: of each bin its least and its largest value."""
+    edges = np.linspace(x[0], x[-1], 1200)
+    at = np.clip(np.searchsorted(edges, x) - 1, 0, 1198)
+    high, low = np.zeros(1199), np.ones(1199)
+    np.maximum.at(high, at, y)
+    np.minimum.at(low, at, y)
+    seen = np.bincount(at, minlength=1199) > 0
+    last = np.zeros(1199)
+    last[at] = y
+    carried = last[np.maximum.accumulate(np.where(seen, np.arange(1199), 0))]
+    high, low = np.where(seen, high, carried), np.where(seen, low, carried)
+    return np.repeat(edges[:-1], 2), np.stack([low, high], axis=1).reshape(-1)

@@ -1,0 +1,59 @@
+"""A run of an imager as the pages of its report read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.run.machine import Run
+from rtl_model.imagers.run.chain import FrameChain
+from rtl_model.imagers.run.model import FrameFigures
+from rtl_model.imagers.run.plan import PlannedRun
+from rtl_model.imagers.run.store import FRAMES, read_frame
+
+__all__ = ["ImagerRun"]
+
+
+@dataclass(frozen=True, eq=False)
+class ImagerRun:
+    """A finished run.
+
+    Attributes:
+        run: as every machine's report has it.
+        chain: what has filmed, with its check.
+        pictures: numbers of the frames in images/, in order.
+    """
+
+    run: Run
+    chain: FrameChain
+    pictures: list[int]
+
+    @property
+    def folder(self) -> Path:
+        return self.run.folder
+
+    @property
+    def planned(self) -> PlannedRun:
+        return self.chain.planned
+
+    @property
+    def frames(self) -> list[FrameFigures]:
+        return self.chain.frames
+
+    @property
+    def imager(self) -> Any:
+        """As it stands after the run."""
+        return self.chain.imager
+
+    @property
+    def reinstated(self) -> set[str]:
+        """Effects that the check has put back."""
+        return {finding.effect for finding in self.run.reinstated}
+
+    def frame(self, n: int) -> npt.NDArray[np.uint16]:
+        """Values of the n-th frame, (rows, W)."""
+        return read_frame(self.folder / FRAMES, n)

@@ -1,0 +1,163 @@
+"""An imager films frame by frame into a run's folder, its plan checked on the way.
+
+The tape of what the pixels gave (`tape`) is the checkpoint.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from cosim import Interrupted
+from cosim.frames import Frame
+from cosim.run.folder import mend, room_for
+from cosim.run.inputs import sealed
+from cosim.run.progress import Progress
+from cosim.run.result import viform_version
+from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
+from rtl_model.imagers.check.paired import PairedError, PlanPatches, watched_frames
+from rtl_model.imagers.run.model import FrameFigures, measure_frame
+from rtl_model.imagers.run.plan import PlannedRun
+from rtl_model.imagers.run.store import FRAMES, FrameStore
+from rtl_model.imagers.run.tape import TAPE, Tape, Taped
+from sensor.imagers import Exposed, PixelModel
+
+__all__ = ["FrameChain"]
+
+
+class _Clock:
+    """Seconds that calls of one function take."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function, self.seconds = function, 0.0
+
+    def __call__(self, *arguments: Any) -> Any:
+        begin = time.perf_counter()
+        try:
+            return self._function(*arguments)
+        finally:
+            self.seconds += time.perf_counter() - begin
+
+
+class _TimedScenery:
+    """A scenery that knows how long it took."""
+
+    def __init__(self, scenery: Any) -> None:
+        self.shape = scenery.shape
+        self.lux_seconds = _Clock(scenery.lux_seconds)
+
+
+class FrameChain:
+    """See `cosim.run.machine.Chain`.
+
+    Attributes:
+        planned: the run.
+        frames: figures of every frame, in order, once it has run.
+        patches, decisions: the check of the plan; decisions is None if nothing was decided.
+        imager: as it stands after the run.
+    """
+
+    def __init__(self, planned: PlannedRun, folder: Path, trace: Path | None = None) -> None:
+        self.planned, self._folder, self._trace = planned, folder, trace
+        self._resume = False
+        effects = list(planned.pixels.effects)
+        out = [name for name in effects if name not in planned.kept]
+        self.patches = PlanPatches(
+            effects, out, planned.spec.seed, watched_frames(planned.exposures.frames)
+        )
+        self.frames: list[FrameFigures] = []
+        self.decisions: DecisionCheck | None = None
+        self.imager: Any = None
+
+    @property
+    def checkpoint(self) -> Path:
+        return self._folder / TAPE
+
+    @property
+    def error(self) -> PairedError | None:
+        """Of the plan: of the patches, and of a decision that full physics makes otherwise."""
+        error, check = self.patches.planned(), self.decisions
+        if error is None or check is None or check.differs_at is None:
+            return error
+        change = max(error.mean, check.change)
+        return replace(error, mean=change, high=max(error.high, check.change))
+
+    def load(self) -> None:
+        """Raises InputError for the tape of another run."""
+        Tape(self.checkpoint, self._identity(), True).close()
+        self._resume = True
+
+    def run(self, progress: Progress) -> dict[str, float]:
+        """Films the scenario's duration; seconds of each stage. Raises Interrupted, InputError."""
+        planned, spec = self.planned, self.planned.spec
+        full = frozenset(planned.pixels.effects)
+        tape = Tape(self.checkpoint, self._identity(), self._resume)
+        scenery = _TimedScenery(planned.view.scenery)
+        imager: Any = planned.model.make()
+        self.imager = imager
+        left_out = bool(full - planned.kept)
+        decisions = Decisions(
+            planned.model.judge(imager, full, planned.kept, spec.seed) if left_out else None,
+            full, spec.seed,
+        )  # fmt: skip
+        judge = _Clock(decisions.frame)
+
+        def converted(rows: Exposed, pixels: PixelModel) -> None:
+            self.patches(rows, pixels)
+            decisions.see(rows, pixels)
+
+        watch = _Clock(converted)
+        imager.pixels = Taped(imager.pixels, tape, watch)
+        store = FrameStore(self._folder / FRAMES, planned.pixels.bits)
+        rows, columns = planned.model.shape
+        total = max(planned.exposures.frames, 1)
+        progress.start(f"{spec.name}: about {total} frames of {columns} x {rows}", total)
+        began = time.perf_counter()
+        storing = 0.0
+        try:
+            with room_for("the frames", self._folder):
+                for frame in self._film(scenery):
+                    judge(frame)
+                    begin = time.perf_counter()
+                    store.append(frame)
+                    self.frames.append(measure_frame(frame))
+                    storing += time.perf_counter() - begin
+                    progress.advance(min(len(self.frames), total))
+                store.finish()
+        except KeyboardInterrupt:
+            tape.sync()
+            raise Interrupted(len(self.frames), total, mend(self._folder), "frames") from None
+        finally:
+            tape.close()
+        self.decisions = decisions.result()
+        light, checked = scenery.lux_seconds.seconds, watch.seconds + judge.seconds
+        return {
+            "light": light,
+            "imager": time.perf_counter() - began - light - checked - storing,
+            "check": checked,
+            "frames to disk": storing,
+        }
+
+    def _film(self, scenery: Any) -> Iterator[Frame]:
+        spec, imager = self.planned.spec, self.imager
+        frames: Iterator[Frame] = imager.film(
+            scenery, spec.stop, seed=spec.seed, kept=self.planned.kept, trace=self._trace
+        )
+        return frames
+
+    def _identity(self) -> str:
+        """Text that depends on the scenario, what is kept of it, and the program's version."""
+        kept = " ".join(sorted(self.planned.kept))
+        return f"{viform_version()}\n{kept}\n{sealed(self.planned.spec.toml)}"
+
+    def save(self) -> None:
+        """Nothing: the tape is complete when the run is."""
+
+    def discard(self) -> None:
+        """Removes the frames and the tape."""
+        self.checkpoint.unlink(missing_ok=True)
+        rmtree(self._folder / FRAMES, ignore_errors=True)

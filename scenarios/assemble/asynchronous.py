@@ -1,0 +1,92 @@
+"""The asynchronous camera that a scenario asks for, with its scene and lens."""
+
+from __future__ import annotations
+
+from cosim import InputError, seconds_to_ps
+from cosim.config.toml import to_toml
+from scenarios.assemble.camera.lensed import camera_setting, choose_lens, lens_notes, resized
+from scenarios.assemble.readout import (
+    choose_instants,
+    make_relay,
+    refuse_keys,
+    with_section,
+)
+from scenarios.assemble.schema.scenario import Scenario
+from scenarios.scenes.kinds.grid import SceneGrid
+from sensor import CameraSetting
+from sensor.asynchronous.machine import AsynchronousMachine
+from sensor.asynchronous.run import EventSpec
+from sensor.asynchronous.setting import channel_model, event_model
+from sensor.asynchronous.study import AsynchronousStudy
+from sensor.sections.asynchronous import AsynchronousSection
+
+__all__ = ["assemble_asynchronous", "study_asynchronous", "with_defaults"]
+
+
+def with_defaults(scenario: Scenario) -> Scenario:
+    """The scenario with [sensor.asynchronous] written out."""
+    return with_section(scenario, "asynchronous", AsynchronousSection())
+
+
+def assemble_asynchronous(name: str, scenario: Scenario) -> AsynchronousMachine:
+    """The machine of a scenario. Raises InputError."""
+    return AsynchronousMachine.begin(_spec(name, scenario))
+
+
+def study_asynchronous(name: str, scenario: Scenario) -> AsynchronousStudy:
+    """The same camera for `viform plan` and `viform accuracy`. Raises InputError."""
+    return AsynchronousStudy(_spec(name, scenario))
+
+
+def _spec(name: str, scenario: Scenario) -> EventSpec:
+    scenario = with_defaults(scenario)
+    setting = _setting(scenario)
+    model = event_model(scenario.sensor, setting)
+    channel_model(scenario.sensor)  # refuses what it cannot be
+    stop = seconds_to_ps(scenario.duration)
+    if stop < model.tick:
+        raise InputError(
+            "duration", f"at least a period of the timing clock, {model.tick} ps", f"{stop} ps",
+            "lengthen it",
+        )  # fmt: skip
+    cycles = setting.clock.cycle_at(stop - 1) + 1
+    lens = choose_lens(scenario, setting)
+    white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
+    chosen = scenario.sensor.lens.f_number is None
+    shape = (setting.chip.height, setting.chip.width)
+    source = scenario.scene.source(SceneGrid(shape, setting.clock, cycles, aligned=False))
+    targets = getattr(source, "targets", [])
+    return EventSpec(
+        name=name,
+        title=scenario.title,
+        toml=to_toml(scenario),
+        tolerance=scenario.tolerance,
+        section=scenario.sensor,
+        setting=setting,
+        model=model,
+        lens=lens,
+        relay=make_relay(lens, setting),
+        illuminance=scenario.scene.illuminance,
+        source=source,
+        duration=scenario.duration,
+        instants=[] if targets else choose_instants(scenario, cycles),
+        # Nothing saturates: only the choice of the f-number is worth a note.
+        notes=lens_notes(scenario, lens, white_rate)[:1] if chosen else [],
+    )
+
+
+def _setting(scenario: Scenario) -> CameraSetting:
+    """Chip, light and device as for any camera; the array as large as the scenario says."""
+    sensor = scenario.sensor
+    section = sensor.asynchronous or AsynchronousSection()
+    refuse_keys(
+        "asynchronous",
+        (
+            ("reset", sensor.reset, "residual"),
+            ("threshold_noise", sensor.threshold_noise, 0),
+            ("capacitance", sensor.capacitance, None),
+            ("row_skew", sensor.row_skew, 0),
+        ),
+        "leave it out: these pixels fire at their threshold and start from nothing",
+    )
+    return resized(camera_setting(scenario), section.width, section.height)

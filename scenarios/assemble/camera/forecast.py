@@ -1,0 +1,76 @@
+"""What `viform plan` says of a latched camera: its plan, and what it would take on this device."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from cosim import BLOCK, Block
+from cosim.light.light import PlaneMap
+from cosim.plan.forecast import Speeds, forecast_document
+from cosim.plan.patches import PatchPlane
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.setup import CameraSetup
+from sensor import SpikeCamera
+from sensor.latched.patches import PatchCamera
+
+__all__ = ["forecast"]
+
+BLOCKS = 2
+"""Blocks of the scene's beginning that are run; the first warms up, the second is timed."""
+REFERENCE_TILES = 12
+"""Tiles on which full physics is timed."""
+
+
+def _measure(setup: CameraSetup, plan: RunPlan, everything: RunPlan) -> Speeds:
+    grid, cycles = plan.survey.grid, setup.cycles
+    size = min(BLOCK, max(cycles // BLOCKS, 1))
+    scene, lens = setup.stages(setup.source()).values()
+    whole = np.flatnonzero(grid.whole)
+    plane = PatchPlane(grid, whole[:: max(len(whole) // REFERENCE_TILES, 1)].tolist())
+    cut = PlaneMap(plane.cut, None)
+    reference = PatchCamera(setup.setting, plane, "reference")
+    cameras = [
+        SpikeCamera(run.setting, setup.device, tier=run.tier, flags=run.flags)
+        for run in (plan, everything)
+    ]
+    spent = [0.0] * 4
+    pixels = grid.height * grid.width
+    for start in range(0, BLOCKS * size, size):
+        block, begin = Block(start, size), time.perf_counter()
+        light = lens.step(scene.step(None, block), block)
+        spent[3] = (time.perf_counter() - begin) / pixels
+        for n, camera in enumerate(cameras):
+            begin = time.perf_counter()
+            camera.step(light, block)
+            spent[n] = (time.perf_counter() - begin) / pixels
+        patches = cut(light)
+        begin = time.perf_counter()
+        reference.step(patches, start, size)
+        spent[2] = (time.perf_counter() - begin) / plane.numbers.size
+    return Speeds(*(s * 1e9 / size for s in spent))
+
+
+def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:
+    """The display as planned, in words; None without one."""
+    if plan.display is None or setup.scenario.display is None:
+        return None
+    return {
+        "drive": plan.display.panel.drive, "observer": setup.scenario.display.observer,
+        "planes_to_a_span": plan.display.batch,
+    }  # fmt: skip
+
+
+def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
+    """The document of `viform plan --json`."""
+    survey, display = setup.survey(), setup.display(setup.pursuit())
+    plan = setup.plan(survey, setup.scenario.tolerance, display)
+    everything = setup.plan(survey, 0.0, display, tier=plan.tier)
+    return forecast_document(
+        name, plan.plan, tier=plan.tier, device=setup.device_name, own=plan.own,
+        speeds=_measure(setup, plan, everything),
+        pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
+        tiles=survey.classes, display=_display(setup, plan),
+    )  # fmt: skip

@@ -1,0 +1,72 @@
+"""A judged run of a latched camera, as its pages read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosim.files import ZarrStream
+from cosim.light.lens import Lens
+from cosim.light.source import Source
+from cosim.run.machine import Finding, Run
+from cosim.run.result import Result
+from display.chain.outcome import DisplayOutcome
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.schema.scenario import Scenario
+from sensor import CameraSetting
+from sensor.codec.size import Sizes
+from sensor.reconstruct.shots import Shot
+
+__all__ = ["LatchedRun"]
+
+
+@dataclass(frozen=True, eq=False)
+class LatchedRun:
+    """What the pages of a latched camera and of a display show.
+
+    Attributes:
+        run: result, wall times and notes.
+        scenario: as the user gave it.
+        setting, lens, white_rate, instants, source: camera and scene; see `CameraSetup`.
+        plan: what was kept where.
+        stream: the recording.
+        shots: images at the instants; empty with a display.
+        sizes: sizes of the stream in several codes, None with a display.
+        display: outcome of the display, None without one.
+    """
+
+    run: Run
+    scenario: Scenario
+    setting: CameraSetting
+    lens: Lens
+    white_rate: float
+    instants: list[int]
+    source: Source
+    plan: RunPlan
+    stream: ZarrStream
+    shots: list[Shot]
+    sizes: Sizes | None
+    display: DisplayOutcome | None
+
+    @property
+    def folder(self) -> Path:
+        return self.run.folder
+
+    @property
+    def result(self) -> Result:
+        return self.run.result
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time of each stage, s."""
+        return self.run.seconds
+
+    @property
+    def began(self) -> float:
+        """time.perf_counter() at the command's start."""
+        return self.run.began
+
+    @property
+    def put_back(self) -> list[Finding]:
+        """Findings that led to another recording."""
+        return self.run.reinstated

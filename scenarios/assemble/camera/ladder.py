@@ -1,0 +1,211 @@
+"""Error against run time of a latched camera: every tier at a ladder of tolerances.
+
+The error of a row is that of its plan against the reference on patches, over the scenario's image
+windows, with the same random counters. Its time is the camera's alone: the least of consecutive
+blocks of the whole chip, in the middle of the run, after a block that is thrown away. All rows see
+the same light, which is computed once; evaluating errors is not timed.
+
+If the scenario has a display, an error is of radiance as its observer integrates it, against the
+reference camera on the golden display, and a row's time is that of the camera and of the renderer
+on the same blocks; the reference's display is the golden model.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim import BLOCK, Block
+from cosim.plan.ladder import Row, distinct_plans, fit_rows
+from cosim.plan.paired import Paired, windows, worst
+from cosim.plan.patches import PatchPlane
+from cosim.run.progress import Progress
+from cosim.spikes.viform import Words
+from display import DisplaySetting
+from display.trial.cost import display_ns, golden_ns
+from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.camera.verifier import Planned
+from sensor import SpikeCamera
+from sensor.latched.patches import PatchCamera
+from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.tiers import Tier
+
+__all__ = ["accuracy"]
+
+TIMED = 3
+"""Blocks of the whole chip that are timed, after one that is not."""
+TILES = 24
+"""Patches at most."""
+
+
+@dataclass(frozen=True)
+class _Rung:
+    """A plan of the ladder, and the tolerances that give it."""
+
+    tier: Tier
+    tolerances: list[float]
+    plan: RunPlan
+
+    @property
+    def name(self) -> str:
+        return f"{self.tier} {self.tolerances[0]:g}"
+
+
+def _signature(plan: RunPlan) -> tuple[bytes, ...]:
+    return tuple(tiles.tobytes() for tiles in plan.plan.kept.values())
+
+
+def _ladder(setup: CameraSetup, display: DisplaySetting | None) -> list[_Rung]:
+    survey = setup.survey()
+    tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
+    return [
+        _Rung(tier, tolerances, plan)
+        for tier in tiers
+        for tolerances, plan in distinct_plans(
+            lambda tolerance, tier=tier: setup.plan(survey, tolerance, display, tier=tier),  # type: ignore[misc]
+            _signature,
+        )
+    ]
+
+
+def _least_of_alike(rungs: Sequence[_Rung], spent: list[float], others: set[str]) -> list[float]:
+    """Cameras that differ only in these other effects take the same time: the least of them."""
+    keys = [
+        (rung.tier, *(k.tobytes() for name, k in rung.plan.plan.kept.items() if name not in others))
+        for rung in rungs
+    ]
+    return [min(s for k, s in zip(keys, spent, strict=True) if k == key) for key in keys]
+
+
+def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
+    """Patches that any of the plans would check, at most TILES."""
+    order: dict[int, None] = {}
+    each = [plan.patches(seed) for plan in plans]
+    for n in range(max(len(e) for e in each)):
+        order |= dict.fromkeys(e[n] for e in each if n < len(e))
+    return sorted(list(order)[:TILES])
+
+
+def _paired(
+    setup: CameraSetup, rungs: Sequence[_Rung], display: DisplaySetting | None
+) -> DisplayTrial:
+    """The reference and every rung on the same patches."""
+    survey, setting = rungs[0].plan.survey, setup.setting
+    plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
+    cameras = {"reference": PatchCamera(setting, plane, "reference")}
+    for rung in rungs:
+        planned = Planned(rung.tier, rung.plan.setting, rung.plan.flags)
+        cameras[rung.name] = planned.on(plane, survey.grid, setup.device)
+    patches = None
+    if display is not None:
+        displays = {TRUTH: ("reference", display)}
+        displays |= {
+            rung.name: (rung.name, rung.plan.display)
+            for rung in rungs if rung.plan.display is not None
+        }  # fmt: skip
+        patches = DisplayPatches(plane, displays, survey.scene.floor)
+    spans = windows(setup.instants, setup.scenario.image.window, setup.cycles)
+    return DisplayTrial(plane, cameras, spans, patches)
+
+
+def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
+    """The document of `viform accuracy --json` for a latched camera."""
+    scenario, setting, cycles = setup.scenario, setup.setting, setup.cycles
+    progress.note("surveying the scene")
+    display = setup.display(setup.pursuit())
+    rungs = _ladder(setup, display)
+    paired = _paired(setup, rungs, display)
+    floor = rungs[0].plan.survey.scene.floor
+    spent, words = _film(setup, paired, rungs, progress)
+    pixels = setting.chip.height * setting.chip.width
+    golden = 0.0
+    if display is not None and scenario.display is not None:
+        golden = golden_ns(display, words)
+        spent = _least_of_alike(rungs, spent, {effect.name for effect in display.kept})
+        settings = dict.fromkeys(r.plan.display for r in rungs if r.plan.display is not None)
+        costs = {s: display_ns(scenario.display.renderer, s, words) for s in settings}
+        spent = [
+            ns + costs[rung.plan.display] if rung.plan.display is not None else ns
+            for ns, rung in zip(spent, rungs, strict=True)
+        ]
+    truth = paired.rates("reference")
+    rows = []
+    for rung, ns in zip(rungs, spent, strict=True):
+        error = (
+            worst(paired.rates(rung.name), truth, floor) if paired.displays is None
+            else paired.displays.error(rung.name)
+        )  # fmt: skip
+        for at, tolerance in enumerate(rung.tolerances):
+            rows.append(Row(
+                rung.tier, tolerance, error.value, (error.low, error.high),
+                ns * 1e-9 * pixels * cycles, ns, list(rung.plan.plan.everywhere),
+                list(rung.plan.plan.left_out), rung.tolerances[0] if at else None,
+            ))  # fmt: skip
+    ns = paired.ns("reference") + golden
+    plane = paired.plane
+    own = reference_error(setting, plane.numbers[:DRAWS])
+    everything = [effect.name for effect in setting.kept]
+    if display is not None:
+        everything += [effect.name for effect in display.kept]
+    seconds = ns * 1e-9 * pixels * cycles
+    best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
+    n = float(np.mean(truth)) * scenario.image.window * plane.numbers.size / len(plane.tiles)
+    return {
+        "scenario": scenario.title,
+        "error_of": "rate" if display is None else "radiance",
+        "device": setup.device_name,
+        "reference": {
+            "tier": "reference", "error": own, "ns_per_pixel_cycle": ns,
+            "run_time_s": best.run_time_s, "effects": everything,
+            "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
+        },
+        "order": fit_rows(rows),
+        "floor": {
+            "reference": own, "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
+        },
+        "rows": [row.document() for row in [*rows, best]],
+    }  # fmt: skip
+
+
+def _film(
+    setup: CameraSetup, paired: Paired, rungs: Sequence[_Rung], progress: Progress
+) -> tuple[list[float], list[tuple[Block, Words]]]:
+    """Runs the scene once; ns a pixel-cycle of every rung, and the words of the timed blocks."""
+    scene, lens = setup.stages(setup.source()).values()
+    cycles = setup.cycles
+    blocks = -(-cycles // BLOCK)
+    first = max(min(blocks // 2 - 1, blocks - TIMED - 1), 0) if blocks > TIMED else 0
+    timed = range(first, min(first + TIMED + 1, blocks))
+    pixels = setup.setting.chip.height * setup.setting.chip.width
+    each: list[list[float]] = [[] for _ in rungs]
+    cameras: list[SpikeCamera] = []
+    words: list[tuple[Block, Words]] = []
+    progress.start(f"{len(rungs)} rows of {cycles} cycles", cycles)
+    for n in range(blocks):
+        block = Block(n * BLOCK, min(BLOCK, cycles - n * BLOCK))
+        light = lens.step(scene.step(None, block), block)
+        paired.step(light, block)
+        if n in timed:
+            if not cameras:
+                cameras = [
+                    SpikeCamera(r.plan.setting, setup.device, tier=r.tier, flags=r.plan.flags)
+                    for r in rungs
+                ]
+            again = 2 if len(timed) == 1 else 1  # the only block: its first call warms up
+            for camera, took in [*zip(cameras, each, strict=True)] * again:
+                begin = time.perf_counter()
+                latched = camera.step(light, block).words
+                took.append((time.perf_counter() - begin) * 1e9 / (pixels * block.cycles))
+                if camera is cameras[0]:
+                    words.append((block, latched))
+        elif n > timed[-1]:
+            cameras = []
+        progress.advance(block.stop)
+    return [min(took[1:] or took) for took in each], words

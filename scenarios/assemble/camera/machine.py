@@ -1,0 +1,316 @@
+"""The machine of a latched spike camera, and of the display that its stream drives."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cosim.files import Recorder, ZarrStream
+from cosim.light.source import Source
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.inputs import digest
+from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from display.chain.display import DisplayChain, make_display_chain, short_run_notes
+from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
+from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.display import display_page
+from scenarios.assemble.camera.pages.display_tables import display_lines
+from scenarios.assemble.camera.pages.stream import stream_page
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
+from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
+from scenarios.assemble.camera.verifier import ARITHMETIC, Verifier
+from scenarios.assemble.schema.loading import to_toml
+from scenarios.assemble.schema.scenario import Scenario
+from sensor import SpikeCamera
+from sensor.codec.size import Sizes, measure_sizes, size_metrics
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import (
+    LATCHED,
+    Shot,
+    interval_latency,
+    spike_rate,
+    take_shots,
+    write_images,
+)
+
+__all__ = ["LatchedMachine", "assemble_latched"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Images:
+    """What is made of a stream once it is complete."""
+
+    shots: list[Shot]
+    sizes: Sizes | None
+    display: DisplayOutcome | None
+    metrics: dict[str, Metric]
+    latency: list[Latency]
+    files: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class LatchedMachine:
+    """A latched spike camera that is planned and ready to run.
+
+    Attributes:
+        name: short name of the scenario.
+        scenario: as the user gave it, boards included.
+        setup: the camera and its scene.
+        source: the scene that is run through.
+        plan: what is kept where.
+        camera: simulated, or a board in its place.
+        verifier: checks the plan beside the recording; None if a board makes the spikes.
+        display: the display, None without one.
+        advice: what the user must know before the run, its scene aside.
+        boards: open boards of the run.
+        opened: closes them.
+    """
+
+    name: str
+    scenario: Scenario
+    setup: CameraSetup
+    source: Source
+    plan: RunPlan
+    camera: SpikeCamera | BoardCamera
+    verifier: Verifier | None
+    display: DisplayChain | None
+    advice: list[str]
+    boards: Boards
+    opened: ExitStack
+
+    @property
+    def toml(self) -> str:
+        return to_toml(self.scenario)
+
+    @property
+    def notes(self) -> list[str]:
+        return [*self.advice, *self.source.notes]
+
+    @property
+    def device(self) -> str:
+        return self.setup.device_name
+
+    @property
+    def length(self) -> int:
+        return self.setup.cycles
+
+    @property
+    def unit(self) -> str:
+        return "cycles"
+
+    @property
+    def pixels(self) -> int:
+        return self.camera.shape[0] * self.camera.shape[1]
+
+    @property
+    def bits(self) -> int:
+        return self.setup.cycles * self.pixels
+
+    def trial(self, progress: Progress) -> list[Finding]:
+        """None: the plan is checked beside the recording."""
+        return []
+
+    def keep(self, effects: Sequence[str]) -> LatchedMachine:
+        setup, full = self.setup, self.plan.full_display
+        plan = setup.plan(
+            self.plan.survey, self.scenario.tolerance, full,
+            forced=[name for name in effects if name != ARITHMETIC],
+            tier="exact" if ARITHMETIC in effects else None,
+        )  # fmt: skip
+        camera, verifier = _planned(plan, setup, self.boards)
+        display = self.display
+        if display is not None and plan.display is not None:
+            display.close()
+            display = make_display_chain(
+                display.section, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
+                setup.instants, plan.display, display.pursuit, display.points,
+            )  # fmt: skip
+        return replace(
+            self,
+            plan=plan,
+            camera=camera,
+            verifier=verifier,
+            source=setup.source(),
+            display=display,
+        )
+
+    def chain(self, folder: Path) -> BlockChain:
+        setup = self.setup
+        recorder = Recorder(folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock)
+        stages: dict[str, Any] = {
+            **setup.stages(self.source),
+            **({} if self.verifier is None else {"check": self.verifier}),
+            "sensor": self.camera,
+            "recorder": recorder,
+            **({} if self.boards.panel is None else {"sink": self.boards.panel}),
+        }
+        if self.display is not None:
+            stages = self.display.stages(stages)
+        height, width = self.camera.shape
+        return BlockChain(
+            f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
+            self._identity(), folder,
+            every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
+        )  # fmt: skip
+
+    def _identity(self) -> str:
+        """Text that depends on the scenario, what is left out of it, the program's version, what
+        draws the display, and the clip's content."""
+        text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
+        text += self.plan.tier + ("" if self.display is None else self.display.identity())
+        for name, tiles in self.plan.plan.kept.items():
+            text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
+        path = getattr(self.scenario.scene, "path", None)
+        text += (digest(path) or "") if path is not None else ""
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        return [] if self.verifier is None else self.verifier.shortfall(self.plan.tier)
+
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        setup, seconds, verifier = self.setup, recording.seconds, self.verifier
+        images = self._views(recording) if self.display is not None else self._images(recording)
+        throughput = self._throughput(recording)
+        beyond = [] if verifier is None else verifier.beyond()
+        faults = self.boards.faults(self.camera)
+        outcome = "degraded" if self.source.degraded or beyond else "ok"
+        full = None if verifier is None else verifier.full_physics_s(self.pixels, setup.cycles)
+        return Outcome(
+            outcome="failed" if faults else outcome,
+            simulated_s=setup.cycles / setup.setting.clock.hz,
+            renderer=None if self.display is None else self.display.panel_stage.renderer.name,
+            error=Error(None, NO_ERROR, None) if verifier is None else verifier.told(),
+            kept=[] if verifier is None else list(self.plan.plan.everywhere),
+            left_out=[] if verifier is None else verifier.left_out(),
+            metrics={
+                **images.metrics,
+                "white_rate": Metric(setup.white_rate, "spikes/cycle"),
+                "f_number": Metric(setup.lens.f_number, "1"),
+                "camera": Metric(seconds["sensor"] if throughput else None, "s"),
+                "full_physics": Metric(full, "s"),
+                **({} if images.sizes is None else size_metrics(images.sizes)),
+                **self.boards.metrics(self.camera),
+            },
+            latency=images.latency,
+            throughput=throughput,
+            files=[STREAM, *images.files],
+            notes=[*self.source.degraded, *beyond, *faults],
+            table=[] if images.display is None else display_lines(images.display),
+            views=images,
+        )
+
+    def _throughput(self, recording: Recording) -> list[Throughput]:
+        if recording.resumed:
+            return []
+        seconds, cycles = recording.seconds, self.setup.cycles
+        bits = recording.chain.stages["recorder"].bytes_written * 8 / seconds["recorder"]
+        return [
+            Throughput("sensor", cycles * self.pixels / seconds["sensor"], "pixel-cycles/s"),
+            Throughput("recorder", bits, "bit/s"),
+            *(
+                [] if self.display is None
+                else [Throughput("display", cycles / seconds["display"], "planes/s")]
+            ),
+        ]  # fmt: skip
+
+    def _images(self, recording: Recording) -> _Images:
+        """Images of the stream and its size, for a run without a display."""
+        begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
+        stream = ZarrStream(recording.folder / STREAM)
+        window = self.scenario.image.window
+        shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
+        files = write_images(recording.folder, shots, LATCHED)
+        metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        seconds["images"] = time.perf_counter() - begin
+        begin = time.perf_counter()
+        sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)
+        seconds["sizes"] = time.perf_counter() - begin
+        return _Images(shots, sizes, None, metrics, interval_latency(stream.clock, shots), files)
+
+    def _views(self, recording: Recording) -> _Images:
+        """What the observers of the display see."""
+        display, seconds = self.display, recording.seconds
+        assert display is not None
+        begin = time.perf_counter()
+        with ThreadPoolExecutor(1) as pool:  # each of the two leaves much of two cores idle
+            probing = pool.submit(
+                display.probes, SpikeProbeCamera(self.setup.setting, self.setup.device)
+            )
+            fidelity = chain_fidelity(display)
+            seconds["images"] = time.perf_counter() - begin
+            outcome = DisplayOutcome.of(display, fidelity, probing.result())
+        seconds["probes"] = time.perf_counter() - begin - seconds["images"]
+        begin = time.perf_counter()
+        files = write_observer_images(recording.folder, outcome)
+        rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
+        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
+        seconds["images"] += time.perf_counter() - begin
+        return _Images([], None, outcome, metrics, outcome.latency(), files)
+
+    def judged(self, run: Run) -> LatchedRun:
+        """The run as its pages read it."""
+        images, setup = run.outcome.views, self.setup
+        return LatchedRun(
+            run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
+            self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
+            images.display,
+        )  # fmt: skip
+
+    def page(self, run: Run) -> Page:
+        judged = self.judged(run)
+        return stream_page(judged) if judged.display is None else display_page(judged)
+
+    def close(self) -> None:
+        if self.display is not None:
+            self.display.close()
+        self.opened.close()
+
+
+def assemble_latched(
+    name: str, scenario: Scenario, device: str | None, resume: bool
+) -> LatchedMachine:
+    """The machine of a scenario with a latched camera. Raises InputError."""
+    with ExitStack() as stack:
+        boards = stack.enter_context(open_boards(scenario, resume))
+        setup = set_up_camera(boards.simulated(scenario), device, boards.size)
+        source = setup.source()
+        survey = setup.survey()
+        notes = list(setup.camera.notes)
+        pursuit = setup.pursuit()
+        plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
+        display = None
+        if plan.display is not None and setup.scenario.display is not None:
+            seconds = setup.cycles / setup.setting.clock.hz
+            notes += [pursuit.note, *short_run_notes(plan.display.panel.luminance, seconds)]
+            display = make_display_chain(
+                setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
+                setup.instants, plan.display, pursuit, source.points(),
+            )  # fmt: skip
+            stack.callback(display.close)
+        camera, verifier = _planned(plan, setup, boards)
+        notes += boards.notes(camera)
+        return LatchedMachine(
+            name, scenario, setup, source, plan, camera, verifier, display, notes, boards,
+            stack.pop_all(),
+        )  # fmt: skip
+
+
+def _planned(
+    plan: RunPlan, setup: CameraSetup, boards: Boards
+) -> tuple[SpikeCamera | BoardCamera, Verifier | None]:
+    """The camera as planned and the stage that checks it."""
+    board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
+    if board is not None:
+        return board, None
+    camera = SpikeCamera(plan.setting, setup.device, tier=plan.tier, flags=plan.flags)
+    return camera, plan.verifier(setup.setting, setup.scenario.seed, setup.device)

@@ -1,0 +1,1 @@
+"""The pages of a latched camera and of a display."""

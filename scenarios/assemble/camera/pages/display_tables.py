@@ -1,0 +1,171 @@
+"""Tables of a display's page."""
+
+from __future__ import annotations
+
+import math
+
+from cosim.report.parts import table
+from display.chain.outcome import SPIKE, DisplayOutcome
+from display.probes.blur import Blur
+from display.probes.latency import Latency
+from display.probes.metrics import GREY, NAMES
+from display.quality import FlickerFigures
+
+__all__ = [
+    "band_tables",
+    "display_lines",
+    "display_rows",
+    "display_table",
+    "light_table",
+    "number",
+    "percent",
+]
+
+_LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "over full"}
+
+
+def number(value: float | None, digits: str = ".3g", unit: str = "", none: str = "") -> str:
+    """A figure as a table has it; `none` where there is none."""
+    if value is None or math.isnan(value):
+        return none
+    return "exact" if math.isinf(value) else f"{value:{digits}}{unit}"
+
+
+def percent(value: float, sign: str = "") -> str:
+    """A share as a reader has it; nothing for NaN."""
+    if math.isnan(value):
+        return ""
+    digits = ".0f" if abs(value) >= 9.5 else ".1f" if abs(value) >= 0.05 else ".0f"
+    return f"{value:{sign}{digits}} %"
+
+
+def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
+    """(display, drive, title) of every row: the spike display in each drive, its own first."""
+    probes = outcome.probes
+    drives = [row.drive for row in probes.flicker if row.display == SPIKE]
+    own = sorted(dict.fromkeys(drives), key=lambda drive: drive != probes.drive)
+    kinds = [(SPIKE, drive, f"spikes, {drive}") for drive in own]
+    return kinds + [(n, "", outcome.title(n)) for n in outcome.displays if n != SPIKE]
+
+
+def _blur(outcome: DisplayOutcome, display: str, drive: str, edge: tuple[float, float]) -> Blur:
+    rows = outcome.probes.blur
+    return next(
+        r for r in rows
+        if (r.display, r.drive, r.ahead, r.behind) == (display, drive, *edge)
+    )  # fmt: skip
+
+
+def _flicker(
+    outcome: DisplayOutcome, display: str, drive: str, rate: float, area: str = "patch"
+) -> FlickerFigures:
+    rows = outcome.probes.flicker
+    return next(
+        r.figures for r in rows
+        if (r.display, r.drive, r.rate, r.area) == (display, drive, rate, area)
+    )  # fmt: skip
+
+
+def _latency(outcome: DisplayOutcome, display: str, drive: str, rate: float, way: str) -> Latency:
+    rows = outcome.probes.latency
+    return next(
+        r for r in rows
+        if (r.display, r.drive, r.rate, r.way) == (display, drive, rate, way)
+    )  # fmt: skip
+
+
+def _time(us: float) -> str:
+    """Microseconds as a reader has them."""
+    if math.isnan(us):
+        return "never"
+    return f"{us / 1e3:.3g} ms" if us >= 1000 else f"{us:.3g} µs"
+
+
+def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
+    """A row for each display: its name, EBET, SVM, percent flicker, visibility, PSNR of the still
+    and the pursuing eye, median delay of mid grey. PSNR is of what the run showed."""
+    rows = []
+    for display, drive, title in _kinds(outcome):
+        views = ["", ""]
+        if display != SPIKE or drive == outcome.probes.drive:
+            views = [
+                number(outcome.fidelity_of(display, who).psnr, ".1f", " dB")
+                for who in ("eye", "pursuit")
+            ]
+        flicker = _flicker(outcome, display, drive, GREY)
+        rows.append([
+            title, number(_blur(outcome, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
+            number(flicker.svm, ".2g"), percent(flicker.percent),
+            number(flicker.visibility, ".2g"), *views,
+            _time(_latency(outcome, display, drive, GREY, "rise").total.median),
+        ])  # fmt: skip
+    return rows
+
+
+def display_table(outcome: DisplayOutcome) -> str:
+    """The table at the top."""
+    head = [
+        "display", "blur (EBET)", "flicker (SVM)", "percent flicker", "visibility",
+        "PSNR, still eye", "PSNR, pursuing eye", "delay",
+    ]  # fmt: skip
+    return table(head, display_rows(outcome))
+
+
+def display_lines(outcome: DisplayOutcome) -> list[str]:
+    """The same for a terminal: blur, flicker, PSNR of both eyes, delay."""
+    head = ["display", "EBET", "SVM", "PSNR still", "pursuing", "delay"]
+    rows = [[row[k] or "-" for k in (0, 1, 2, 5, 6, 7)] for row in display_rows(outcome)]
+    wide = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
+    return [
+        "  ".join(cell.ljust(w) if k == 0 else cell.rjust(w)
+                  for k, (cell, w) in enumerate(zip(row, wide, strict=True)))
+        for row in [head, *rows]
+    ] + [""]  # fmt: skip
+
+
+def light_table(outcome: DisplayOutcome) -> str:
+    """By luminance and drive: what pulses, holds and decays cost where light is scarce."""
+    head = [
+        "light, spikes a cycle", "display", "flicker (SVM)", "percent flicker", "visibility",
+        "IEEE 1789", "single pixel (SVM)", "its IEEE 1789", "blur out of the dark", "delay on",
+        "delay off",
+    ]  # fmt: skip
+    rows = []
+    edges = {(r.ahead, r.behind) for r in outcome.probes.blur}
+    for rate in dict.fromkeys(r.rate for r in outcome.probes.latency):
+        name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
+        kinds = [kind for kind in _kinds(outcome) if not kind[0].endswith(" Hz")]
+        for n, (display, drive, title) in enumerate(kinds):
+            flicker = _flicker(outcome, display, drive, rate)
+            single = _flicker(outcome, display, drive, rate, "pixel")
+            blur = math.nan
+            if (0.0, rate) in edges:
+                blur = _blur(outcome, display, drive, (0.0, rate)).ebet
+            on, off = (_latency(outcome, display, drive, rate, w) for w in ("rise", "fall"))
+            rows.append([
+                "" if n else name, title, number(flicker.svm, ".2g"),
+                percent(flicker.percent), number(flicker.visibility, ".2g"),
+                flicker.ieee.risk, number(single.svm, ".2g"), single.ieee.risk,
+                number(blur * 1e3, ".3g", " ms"), _time(on.total.median),
+                _time(off.total.median),
+            ])  # fmt: skip
+    return table(head, rows)
+
+
+def band_tables(outcome: DisplayOutcome) -> tuple[str, str]:
+    """Fidelity by luminance, a row for each band and a column for each display: PSNR and SSIM; the
+    error's mean and RMS."""
+    fidelity = {name: outcome.fidelity_of(name, "eye") for name in outcome.displays}
+    some = next(iter(fidelity.values()))
+    head = ["luminance", "of all pixels", *(outcome.title(name) for name in fidelity)]
+    alike, away = [], []
+    for n, band in enumerate(some.bands):
+        row = [f"{band.low:g} to {band.high:g}", f"{band.share:.1%}"]
+        bands = [one.bands[n] for one in fidelity.values()]
+        alike.append([
+            *row, *(f"{number(b.psnr, '.1f', ' dB')}, {number(b.ssim, '.3f')}" for b in bands)
+        ])  # fmt: skip
+        away.append([
+            *row, *(f"{percent(100 * b.bias, '+')}, {percent(100 * b.spread)}" for b in bands)
+        ])  # fmt: skip
+    return table(head, alike), table(head, away)

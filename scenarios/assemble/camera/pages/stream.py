@@ -1,0 +1,271 @@
+"""The page: what the run made, how good it is, how long it took, what it left out."""
+
+from __future__ import annotations
+
+import html
+import shlex
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.report.figures import overview_figure, sheet_figure
+from cosim.report.parts import cards, data, figure, plot, table
+from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
+from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
+from cosim.run.machine import Page
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, kept, left_out_card
+from sensor import tau_levels
+from sensor.codec.report import size_rows, size_text
+from sensor.reconstruct.clip import write_clip
+from sensor.reconstruct.fidelity import LEAST_RATE
+from sensor.reconstruct.figure import interval_figure
+from sensor.reconstruct.shots import Shot
+
+__all__ = ["stream_page"]
+
+_WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
+_CLIP_FRAMES = 75
+_LONG = 800
+"""Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
+
+
+def _cards(run: LatchedRun) -> str:
+    result = run.result
+
+    def metric(name: str, digits: str) -> str:
+        value = result.metrics[name].value
+        return "exact" if value is None or not np.isfinite(value) else format(value, digits)
+
+    def fidelity(method: str) -> tuple[str, str, str]:
+        structure = metric(f"{method}_ssim", ".3f")
+        decibel = metric(f"{method}_psnr", ".1f")
+        return "", f"{decibel} dB", f"{method.upper()} against the truth, SSIM {structure}"
+
+    spent = time.perf_counter() - run.began
+    rows = [
+        ("first", *error_card(run)),
+        ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
+        ("first", *full_physics_card(run)),
+        ("first", *left_out_card(run)),
+        fidelity("tfp"),
+        fidelity("tfi"),
+        ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
+    ]
+    return cards(rows)
+
+
+def _instants(run: LatchedRun) -> str:
+    window, ms = run.scenario.image.window, 1e3 / run.stream.clock.hz
+    parts = [
+        "<h2>Images at chosen instants</h2>",
+        f"<p>True light of the instant, TFP (mean of {window} cycles) and TFI (1/ISI of the "
+        "interval that holds the instant). White is white of the scene; shown through the sRGB "
+        "curve. The linear pictures are in <code>images/</code>.</p>",
+    ]
+    for shot in run.shots:
+        parts.append(
+            f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
+        )
+        triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
+        pictures = "".join(figure(for_display(plane), name) for name, plane in triple)
+        parts.append(f'<div class="grid by3">{pictures}</div>')
+    return "".join(parts)
+
+
+def _accumulation(run: LatchedRun) -> str:
+    fitting = [w for w in WINDOWS if w <= run.stream.cycles]
+    ms = 1e3 / run.stream.clock.hz
+    pictures = "".join(
+        figure(
+            accumulation(run.stream, w, run.white_rate),
+            f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms",
+            exact=w < 10,
+        )
+        for w in fitting
+    )
+    return (
+        "<h2>Accumulation</h2><p>The first cycles of the stream, more and more of them: single "
+        "spikes become a picture, and what moves blurs (after figure 3 of Huang 2022).</p>"
+        f'<div class="grid by3">{pictures}</div>'
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Long:
+    """A long exposure: its first cycle, its cycles, and its picture, (H, W) uint8."""
+
+    first: int
+    cycles: int
+    image: Any
+
+    @property
+    def name(self) -> str:
+        return f"cycles {self.first} to {self.first + self.cycles - 1} accumulated"
+
+
+def _expose_long(run: LatchedRun, shot: Shot) -> _Long:
+    """A long exposure with the instant in its middle."""
+    cycles = min(_LONG, run.stream.cycles)
+    first = min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles)
+    return _Long(first, cycles, accumulation(run.stream, cycles, run.white_rate, first))
+
+
+def _long_and_instant(shot: Shot, long: _Long) -> str:
+    tau = tau_levels(shot.tau)
+    low, high = (int(x) for x in np.percentile(tau, (1, 99)))
+    spread = (tau - np.float32(low)) / np.float32(max(high - low, 1))
+    pictures = (
+        figure(long.image, long.name)
+        + figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
+        + figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
+    )
+    return (
+        "<h2>Long exposure and one instant</h2><p>The same stream as a conventional exposure sees "
+        "it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
+        f'<div class="grid by3">{pictures}</div>'
+    )
+
+
+def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
+    title = "<h2>The moving part</h2>"
+    truths = np.stack([each.truth for each in run.shots])
+    change = truths.max(axis=0) - truths.min(axis=0)
+    if float(change.max()) < 0.02:
+        return f"{title}<p>Nothing moves from image to image of this run.</p>"
+    box = busiest_box(change, max(64, min(run.stream.shape) // 4))
+
+    def part(plane: Levels) -> Any:
+        return enlarge(crop(for_display(plane), box))
+
+    pictures = "".join(
+        (
+            figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
+            figure(part(shot.tfp), "TFP", exact=True),
+            figure(part(shot.tfi), "TFI", exact=True),
+            figure(enlarge(crop(long.image, box)), long.name, exact=True),
+        )
+    )
+    return (
+        f"{title}<p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
+        "which the truth changes most from image to image.</p>"
+        f'<div class="grid by4">{pictures}</div>'
+    )
+
+
+def _playback(run: LatchedRun) -> str:
+    every = max(1, run.stream.cycles // _CLIP_FRAMES)
+    path = run.folder / "playback.mp4"
+    write_clip(
+        run.stream, path, window=run.scenario.image.window, every=every,
+        scale=max(run.white_rate, LEAST_RATE), rate=25.0, largest=640,
+    )  # fmt: skip
+    slower = 25.0 * every / run.stream.clock.hz
+    return (
+        f"<h2>Playback</h2><p>TFP every {f'{every} cycles' if every > 1 else 'cycle'}, "
+        f"{1 / slower:.0f} times slower than life (<code>playback.mp4</code>).</p>"
+        f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
+        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
+    )
+
+
+def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
+    points = run.source.points()
+    clock, knots = run.stream.clock, 120
+    # More cycles than the figure has dots for would draw patterns that are not there.
+    span = (long.first, long.first + long.cycles)
+    start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
+    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
+    rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
+    truth = np.array(rows) * run.white_rate
+    figures = run.folder / "figures"
+    instants = [s.cycle for s in run.shots]
+    interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
+    marks = mark_pixels(for_display(shot.tfp), points)
+    write_png(figures / "pixels.png", marks)
+    marked = figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
+    return (
+        "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
+        "high as the light it tells, its area one threshold (after figure 5 of Huang 2022).</p>"
+        + plot(figures / "intervals.png", "interval plots")
+        + f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
+    )
+
+
+def _size(run: LatchedRun) -> str:
+    if run.sizes is None:
+        return ""
+    head = ["form", "bits a pixel and cycle", "times smaller than raw"]
+    rows = table(head, size_rows(run.sizes))
+    return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
+
+
+def _overview(run: LatchedRun, shot: Shot, long: _Long) -> None:
+    """figures/overview.png: the truth, both estimates and a long accumulation."""
+    ms = 1e3 / run.stream.clock.hz
+    panels = [
+        (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
+        (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
+        ("TFI, one interval", for_display(shot.tfi)),
+        (f"{long.cycles * ms:.3g} ms around it accumulated", long.image),
+    ]
+    overview_figure(panels, run.folder / "figures" / "overview.png")
+
+
+def _sheet(run: LatchedRun) -> None:
+    """figures/instants.png: the truth and both estimates at every instant, side by side (after
+    figure 6 of Huang 2022); at most eight of them."""
+    step = -(-len(run.shots) // 8)
+    shots, ms = run.shots[::step], 1e3 / run.stream.clock.hz
+    rows = [
+        (name, [for_display(getattr(shot, kind)) for shot in shots])
+        for name, kind in (("true light", "truth"), ("TFI", "tfi"), ("TFP", "tfp"))
+    ]
+    heads = [f"{(shot.cycle + 0.5) * ms:.2f} ms" for shot in shots]
+    sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
+
+
+def stream_page(run: LatchedRun) -> Page:
+    """The page of a run without a display; writes its figures and playback.mp4."""
+    middle = run.shots[len(run.shots) // 2]
+    long = _expose_long(run, middle)
+    _overview(run, middle, long)
+    _sheet(run)
+    pictures = [
+        _playback(run),
+        _instants(run),
+        _moving_part(run, middle, long),
+        _accumulation(run),
+        _long_and_instant(middle, long),
+        _intervals(run, middle, long),
+        _size(run),
+        kept(run),
+        machine(run),
+    ]
+    shot = run.shots[len(run.shots) // 2]
+    image = (
+        f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
+        f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png"
+    )
+    where = "from the same board"
+    if run.scenario.sensor.source is None:
+        where = _WHERE[run.plan.tier]
+    files = [
+        "figures/overview.png",
+        "figures/instants.png",
+        "figures/intervals.png",
+        "figures/pixels.png",
+        *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
+        "playback.mp4",
+    ]
+    subtitle = (
+        f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles"
+    )
+    does = (
+        "<p>The first line makes one of the linear images from the stream, the second the whole "
+        f"run: the same bits {where}.</p>"
+    )
+    return Page(run.scenario.title, subtitle, _cards(run), pictures, [image], does, files)

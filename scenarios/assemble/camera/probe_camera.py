@@ -1,0 +1,61 @@
+"""A spike camera as the probes of a display film with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Clock, Light, Viform
+from cosim.compute.opencl import Device
+from sensor import CameraSetting, SpikeCamera
+from sensor.latched.sampling import row_offsets
+
+__all__ = ["SpikeProbeCamera"]
+
+
+@dataclass(frozen=True)
+class SpikeProbeCamera:
+    """Small pieces of a scenario's chip; implements `display.probes.camera.ProbeCamera`.
+
+    The exact tier films, so that bits do not depend on the device. The pixel's circuit is taken in
+    its lumped form, as in every tier but the reference.
+
+    Attributes:
+        setting: the scenario's camera.
+        device: OpenCL device, None for the compiled form on the processor.
+    """
+
+    setting: CameraSetting
+    device: Device | None
+
+    @property
+    def clock(self) -> Clock:
+        return self.setting.clock
+
+    @property
+    def height(self) -> int:
+        return self.setting.chip.height
+
+    @property
+    def seed(self) -> int:
+        return self.setting.seed
+
+    def lux(self, rate: float) -> float:
+        return rate / self.setting.rate(1.0)
+
+    def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
+        return row_offsets(self.clock, rows, self.setting.row_skew, 0.0, (0, rows))
+
+    def film(
+        self,
+        light: Light,
+        cycles: int,
+        shape: tuple[int, int],
+        seed: int,
+        rows: tuple[int, int] | None = None,
+    ) -> Viform:
+        chip = replace(self.setting.chip, height=shape[0], width=shape[1])
+        camera = SpikeCamera(replace(self.setting, chip=chip, seed=seed), self.device, rows)
+        return camera.step(light, Block(0, cycles))

@@ -1,0 +1,147 @@
+"""A latched camera before its scene, as a scenario asks for it: checked, not yet planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from cosim import InputError, seconds_to_ps
+from cosim.compute.opencl import Device, choose_device
+from cosim.light.lens import Lens
+from cosim.light.source import Source
+from display import DisplaySetting
+from display.chain.pursuit import Pursuit, pursuit_of
+from scenarios.assemble.camera.lensed import LensedCamera, lensed_camera
+from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.stages import LensStage, SceneStage
+from scenarios.assemble.schema.scenario import Scenario
+from scenarios.scenes.kinds.grid import SceneGrid
+from sensor import CameraSetting
+from sensor.latched.survey import SceneSurvey, survey_scene
+
+__all__ = ["CameraSetup", "set_up_camera"]
+
+
+@dataclass(frozen=True)
+class CameraSetup:
+    """A latched camera, its lens and its scene.
+
+    Attributes:
+        scenario: what is simulated of the user's scenario.
+        camera: behind its lens.
+        cycles: of the run.
+        instants: cycles whose images are made and judged.
+        device: OpenCL device, None for the compiled form on the processor.
+    """
+
+    scenario: Scenario
+    camera: LensedCamera
+    cycles: int
+    instants: list[int]
+    device: Device | None
+
+    @property
+    def setting(self) -> CameraSetting:
+        """The camera with every effect."""
+        return self.camera.setting
+
+    @property
+    def lens(self) -> Lens:
+        return self.camera.lens
+
+    @property
+    def white_rate(self) -> float:
+        """Spikes a cycle of the scene's white."""
+        return self.camera.white_rate
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the chip."""
+        return self.setting.chip.height, self.setting.chip.width
+
+    @property
+    def device_name(self) -> str:
+        return "numba on this processor" if self.device is None else self.device.name
+
+    @property
+    def end(self) -> int:
+        """End of the run, ps."""
+        return self.setting.clock.edge(self.cycles)
+
+    def source(self) -> Source:
+        """The scene on the chip's pixels. A source may be run through once only."""
+        scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
+        return scene.source(SceneGrid(self.shape, self.setting.clock, self.cycles, aligned))
+
+    def stages(self, source: Source) -> dict[str, Any]:
+        """Scene and lens, by name."""
+        return {
+            "scene": SceneStage(source, self.setting.reach),
+            "lens": LensStage(self.lens, self.setting.chip.pitch),
+        }
+
+    def survey(self) -> SceneSurvey:
+        """What the plan reads of the scene."""
+        relay, image = self.lens.relay(self.setting.chip.pitch), self.scenario.image
+        floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
+        return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
+
+    def pursuit(self) -> Pursuit:
+        """What the pursuing eye of a display follows."""
+        section = self.scenario.display
+        if section is None:
+            return Pursuit(0.0, "")
+        return pursuit_of(self.source(), self.end, section.pursuit)
+
+    def display(self, pursuit: Pursuit) -> DisplaySetting | None:
+        """The display with every effect, None without one."""
+        section = self.scenario.display
+        if section is None:
+            return None
+        clock, skew = self.setting.clock, self.setting.row_skew
+        panel = section.panel(self.shape, clock, skew, self.white_rate)
+        return section.setting(panel, self.instants, self.cycles, pursuit.velocity)
+
+    def plan(
+        self, survey: SceneSurvey, tolerance: float, display: DisplaySetting | None, **choice: Any
+    ) -> RunPlan:
+        """Plans the run. choice: `forced` and `tier` of `plan_run`."""
+        return plan_run(
+            survey, self.setting, tolerance, self.instants, self.device, display=display, **choice
+        )
+
+
+def set_up_camera(
+    scenario: Scenario, device: str | None, size: tuple[int, int] | None = None
+) -> CameraSetup:
+    """Checks the camera of a scenario and chooses its lens.
+
+    Args:
+        scenario: without boards.
+        device: part of an OpenCL device's name, "numba", or None for the default one.
+        size: rows and columns of a board that stands in for the chip.
+
+    Raises InputError for what cannot be simulated.
+    """
+    camera = lensed_camera(scenario, size)
+    cycles = camera.setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    return CameraSetup(scenario, camera, cycles, _instants(scenario, cycles), choose_device(device))
+
+
+def _instants(scenario: Scenario, cycles: int) -> list[int]:
+    """Cycles whose images are made and judged; five evenly spaced ones by default."""
+    window = scenario.image.window
+    if window % 2 == 0:
+        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
+    if cycles < window:
+        raise InputError(
+            "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
+            "lengthen it or shorten image.window",
+        )  # fmt: skip
+    at = scenario.image.at or tuple(cycles * (2 * i + 1) // 10 for i in range(5))
+    beyond = [n for n in at if n >= cycles]
+    if beyond:
+        raise InputError(
+            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
+        )
+    return list(at)

@@ -1,0 +1,28 @@
+"""A latched camera that is planned and measured without a run of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.run.progress import Progress
+from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.forecast import forecast
+from scenarios.assemble.camera.ladder import accuracy
+from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.schema.scenario import Scenario
+
+__all__ = ["LatchedStudy"]
+
+
+class LatchedStudy:
+    """See `Study`. Raises InputError for a camera that cannot be simulated."""
+
+    def __init__(self, name: str, scenario: Scenario, device: str | None) -> None:
+        refuse_boards(scenario)
+        self._name, self._setup = name, set_up_camera(scenario, device)
+
+    def forecast(self, progress: Progress) -> dict[str, Any]:
+        return forecast(self._name, self._setup)
+
+    def ladder(self, progress: Progress) -> dict[str, Any]:
+        return accuracy(self._setup, progress)

@@ -1,0 +1,26 @@
+"""The machine of a link, with the board that its panel's planes go through."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+from cosim.run.progress import Progress
+from link.machine import LinkMachine
+from link.section import LinkScenario
+from link.setup.setup import set_up_link
+from scenarios.assemble.link_loop import open_loop
+
+__all__ = ["assemble_link"]
+
+
+def assemble_link(
+    name: str, scenario: LinkScenario, device: str | None, progress: Progress
+) -> LinkMachine:
+    """Raises InputError for what cannot be simulated, and for a board that does not answer."""
+    with ExitStack() as stack:
+        loop = open_loop(scenario)
+        if loop is not None:
+            stack.callback(loop.close)
+        machine = LinkMachine(name, set_up_link(scenario, device, progress), loop)
+        stack.pop_all()  # the machine closes the board from here on
+    return machine

@@ -1,0 +1,1 @@
+"""A scenario: its schema, its messages, and how it is loaded."""

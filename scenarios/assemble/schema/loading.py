@@ -1,0 +1,196 @@
+"""From a scenario's name or file and the user's --set to a checked scenario."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cosim import InputError
+from cosim.config.toml import to_toml
+from cosim.run.inputs import PATHS
+from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
+from scenarios.scenes.catalogue import scene_keys
+
+__all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
+
+FRONT = "glass"
+"""The scenario that runs when none is named."""
+
+
+def shipped() -> dict[str, str]:
+    """Text of every scenario that ships, by name; the one that `viform run` alone runs is first."""
+    folder = files("scenarios") / "files"
+    return {
+        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
+        for entry in sorted(folder.iterdir(), key=lambda e: (e.name != f"{FRONT}.toml", e.name))
+        if entry.name.endswith(".toml")
+    }
+
+
+def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
+    """Short name, data, and the folder that paths in it are relative to (None: where we are)."""
+    known = shipped()
+    if name in known:
+        return name, tomllib.loads(known[name]), None
+    path = Path(name)
+    try:
+        if path.is_dir() and (path / "scenario.toml").is_file():
+            path = path / "scenario.toml"
+        found = path.is_file()
+    except OSError:  # a name too long
+        found = False
+    if not found:
+        raise InputError(
+            "the scenario",
+            f"one of {', '.join(known)} or a TOML file",
+            repr(name),
+            "see `viform list`",
+        )
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
+        if isinstance(exc, UnicodeDecodeError) and path.suffix.lower() != ".toml":
+            raise InputError(
+                "the scenario", "a TOML file", f"{path}, which is no text",
+                f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
+            ) from exc  # fmt: skip
+        raise InputError(
+            "the scenario", "a TOML file", f"{path} ({exc})", "mend that place"
+        ) from exc
+    stem = path.parent.name if path.name == "scenario.toml" else path.stem
+    return stem or "scenario", data, path.parent
+
+
+def _value(text: str) -> Any:
+    """A --set value: JSON where it is a list, else the text itself; the schema does the rest."""
+    if text.startswith("["):
+        try:
+            return json.loads(text)
+        except (ValueError, RecursionError):
+            return text
+    return text
+
+
+def assign(data: dict[str, Any], assignment: str) -> None:
+    """Applies one a.b=c; sections that are absent are created."""
+    key, equals, text = assignment.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise InputError(
+            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it"
+        )
+    node = data
+    for i, name in enumerate(names[:-1]):
+        inner = node.setdefault(name, {})
+        if not isinstance(inner, dict):
+            where = ".".join(names[: i + 1])
+            raise InputError(
+                f"--set {key}",
+                f"a key of a section, which {where} is",
+                "below a value",
+                f"set {where} itself",
+            )
+        node = inner
+    node[names[-1]] = _value(text)
+
+
+_EITHER = (("imager.gain", "imager.gain_step"), ("imager.pulses", "imager.pulse_rate"))
+"""Keys of which a scenario may have one."""
+
+
+def _make_way(data: dict[str, Any], assignments: list[str]) -> None:
+    """Takes out of a scenario's own keys what --set speaks against: the other one of two, and,
+    where it names another kind of scene, keys that only the former kind has."""
+    given = {text.partition("=")[0].strip(): text.partition("=")[2] for text in assignments}
+    for pair in _EITHER:
+        for key, other in (pair, pair[::-1]):
+            section, _, name = other.partition(".")
+            inner = data.get(section)
+            if key in given and other not in given and isinstance(inner, dict):
+                inner.pop(name, None)
+    scene, kind = data.get("scene"), given.get("scene.kind")
+    keys = scene_keys(kind) if kind is not None else None
+    if isinstance(scene, dict) and keys is not None and scene.get("kind") != kind:
+        data["scene"] = {key: value for key, value in scene.items() if key in keys}
+
+
+def _absolute(
+    scenario: AnyScenario,
+) -> AnyScenario:
+    """The scenario with its file's place written out."""
+    for section, key in PATHS:
+        inner = getattr(scenario, section, None)
+        path = getattr(inner, key, None)
+        if inner is None or path is None:
+            continue
+        try:
+            place = str(Path(path).resolve())
+            place.encode()  # it is written into the run's scenario.toml
+        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle, bytes not UTF-8
+            raise InputError(
+                f"{section}.{key}", "a file's name", f"{path!r} ({exc})", "check it"
+            ) from exc
+        scenario = scenario.model_copy(update={section: inner.model_copy(update={key: place})})
+    return scenario
+
+
+def load(
+    name: str,
+    assignments: list[str] | None = None,
+    *,
+    tolerance: float | None = None,
+    seed: int | None = None,
+) -> tuple[str, AnyScenario]:
+    """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
+    the file in TOML; the scenario returned holds absolute ones."""
+    short, data, folder = _read(name)
+    for section, key in PATHS if folder is not None else ():
+        inner = data.get(section)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str(folder / inner[key])
+    _make_way(data, assignments or [])
+    for assignment in assignments or []:
+        assign(data, assignment)
+    if tolerance is not None:
+        data["tolerance"] = tolerance
+    if seed is not None:
+        data["seed"] = seed
+    return short, _absolute(validate(data))
+
+
+def filmed(scenario: AnyScenario, command: str) -> Scenario:
+    """The scenario of a command that films a scene with a spike camera; raises InputError for any
+    other."""
+    if not isinstance(scenario, Scenario):
+        raise InputError(
+            "the scenario", f"one with a [scene] for `viform {command}`"
+            if not isinstance(scenario, ImagerScenario)
+            else f"one of a spike camera for `viform {command}`",
+            f"one of {_kind(scenario)}", "see `viform list`",
+        )  # fmt: skip
+    return scenario
+
+
+def _kind(scenario: AnyScenario) -> str:
+    if isinstance(scenario, Scenario):
+        return "a spike camera"
+    if isinstance(scenario, ImagerScenario):
+        return "another imager"
+    return "a link" if isinstance(scenario, LinkScenario) else "a board"
+
+
+def linked(scenario: AnyScenario, command: str) -> LinkScenario:
+    """The scenario of a command of a link; raises InputError for one with a scene."""
+    if not isinstance(scenario, LinkScenario):
+        scene = isinstance(scenario, Scenario)
+        other = "one with a [scene]" if scene else f"one of {_kind(scenario)}"
+        raise InputError(
+            "the scenario", f"one with a [link] for `viform {command}`", other,
+            "name light-link, or a file with a [link]",
+        )  # fmt: skip
+    return scenario

@@ -1,0 +1,94 @@
+"""The light of a scenario's scene on an imager's plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Clock, Light, seconds_to_ps
+from cosim.light.lens import Lens
+from cosim.light.survey import survey
+from rtl_model.imagers.run.view import View
+from scenarios.assemble.schema.scenario import ImagerScenario
+from scenarios.scenes.charts.target import target_course, target_plane
+from scenarios.scenes.kinds.grid import SceneGrid
+from scenarios.scenes.kinds.target import TargetScene
+from sensor.imagers import LightScenery, Scenery, Still
+
+__all__ = ["LIGHT_CLOCK", "make_view"]
+
+LIGHT_CLOCK = Clock(1000)
+"""On whose edges a scene that moves is drawn: a pixel's edge that moves faster than a pixel in a
+millisecond is drawn coarser than that, and the run says so."""
+Values = npt.NDArray[np.float64]
+
+
+def _gain(scenario: ImagerScenario) -> tuple[float, str]:
+    lens = scenario.lens
+    if lens is None:
+        return 1.0, "no lens: the scene's light falls on the pixels as it is"
+    gain = Lens(lens.f_number, lens.transmission, lens.magnification).gain
+    return gain, (
+        f"lens f/{lens.f_number:g}, transmission {lens.transmission:g}: {gain:.3g} lux on the "
+        "pixels for one of exitance, E T / (4 N^2 (1 + m)^2)"
+    )
+
+
+def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
+    """Least and largest factor of the course within the run."""
+    course = target_course(scene)
+    seen = [course.at(0), course.at(stop)]
+    seen += [factor for time, factor in course.knots if 0 <= time <= stop]
+    return min(seen), max(seen)
+
+
+def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = LIGHT_CLOCK) -> View:
+    """The scene on an imager's plane of so many rows and columns. clock: on whose edges a scene
+    that moves is drawn. Raises InputError."""
+    gain, told = _gain(scenario)
+    scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
+    if isinstance(scene, TargetScene):
+        chart = target_plane(scene, shape)
+        lux = chart * (scene.illuminance * gain)
+        low, high = _factors(scene, stop)
+        lit = Still(lux, target_course(scene))
+        name = scene.chart if scene.path is None else ""
+        return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
+    cycles = clock.cycle_at(stop) + 1
+    grid = SceneGrid(shape, clock, cycles)
+    source = scene.source(grid)
+
+    def light(begin: int, end: int) -> Light:
+        first = clock.cycle_at(begin)
+        return source.step(None, Block(first, clock.cycle_at(max(end - 1, begin)) + 1 - first))
+
+    looked = survey(scene.source(grid), clock, cycles)
+    least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
+    scenery = _Lensed(LightScenery(shape, light), gain)
+    steady = bool(looked.steady.all())
+    still = np.asarray(source.truth(0), np.float64) if steady else None
+    every = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
+    notes = [told, *source.notes, every]
+    return View(
+        scenery, gain, least, most, bool(looked.certain.all()), still, notes, source.degraded
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Lensed:
+    """Scenery behind a lens that focuses points to points: all of it by one factor."""
+
+    scenery: Scenery
+    gain: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.scenery.shape
+
+    def lux_seconds(
+        self, first: int, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
+    ) -> Values:
+        """See `Scenery`."""
+        return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)

@@ -1,0 +1,115 @@
+"""Scenes in closed form, and the source that draws them block by block."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from cosim import PS, Block, Box, Clock, Light, Piece, Plane
+from cosim.light.source import Sketch
+
+__all__ = ["MOTION_STEP", "AnalyticScene", "AnalyticSource"]
+
+
+MOTION_STEP = 1.0
+"""Largest distance, in pixels, that an edge moves between two instants at which an analytic scene
+is drawn. The light is linear in between. Every pixel that an edge passes then receives the right
+total light, at the right time to half this step."""
+
+
+class AnalyticScene(Protocol):
+    """A scene in closed form.
+
+    Attributes:
+        shape: rows and columns.
+    """
+
+    @property
+    def shape(self) -> tuple[int, int]: ...
+
+    def reflectance(self, t: float) -> Plane:
+        """Reflectance at an instant in seconds, (H, W) float32 in [0, 1]."""
+        ...
+
+    def speed(self) -> float:
+        """Upper bound of the speed of any edge, pixels/s."""
+        ...
+
+    def moving(self, start: float, stop: float) -> Box:
+        """Region that contains all change between two instants in seconds."""
+        ...
+
+    def points(self) -> list[tuple[int, int, str]]:
+        """Pixels that figures show: row, column, name."""
+        ...
+
+
+class AnalyticSource:
+    """An analytic scene, drawn every few cycles; the `Source` of a run.
+
+    The instants are whole cycles counted from 0, so they do not depend on how a run is split.
+
+    Attributes:
+        pursuit: speed along the rows that an eye follows, pixels/s; None for a scene without one.
+    """
+
+    def __init__(self, scene: AnalyticScene, illuminance: float, clock: Clock) -> None:
+        self._scene, self._clock = scene, clock
+        self._lux = np.float32(illuminance)
+        self.shape = scene.shape
+        self.pursuit: float | None = getattr(scene, "pursuit", None)
+        speed = scene.speed()
+        self._every = max(1, min(64, math.floor(MOTION_STEP * clock.hz / speed))) if speed else 0
+        self._planes: dict[int, Plane] = {}
+        self._pieces: dict[int, Piece] = {}
+        self.degraded: list[str] = []
+        self.notes = [
+            f"analytic scene, drawn every {self._every} cycles (its edges move at most "
+            f"{speed / clock.hz * self._every:.2g} pixels in that time), linear in between"
+            if speed
+            else "analytic scene that does not move"
+        ]
+
+    def _plane(self, cycle: int) -> Plane:
+        if cycle not in self._planes:
+            seconds = self._clock.edge(cycle) / PS
+            self._planes = {c: p for c, p in self._planes.items() if c == cycle - self._every}
+            self._planes[cycle] = self._scene.reflectance(seconds) * self._lux
+        return self._planes[cycle]
+
+    def _piece(self, cycle: int) -> Piece:
+        """The piece that starts at this cycle, which is a multiple of `_every`."""
+        if cycle not in self._pieces:
+            start, stop = self._clock.edge(cycle), self._clock.edge(cycle + self._every)
+            box = self._scene.moving(start / PS, stop / PS)
+            first = self._plane(cycle)
+            piece = Piece(start, stop, first, self._plane(cycle + self._every), box)
+            self._pieces = {c: p for c, p in self._pieces.items() if c >= cycle - self._every}
+            self._pieces[cycle] = piece
+        return self._pieces[cycle]
+
+    def step(self, given: None, block: Block) -> Light:
+        if not self._every:
+            if not self._pieces:
+                plane = self._plane(0)
+                self._pieces[0] = Piece(0, 2**62, plane, plane)
+            return Light((self._pieces[0],))
+        first = block.start // self._every * self._every
+        return Light(tuple(self._piece(c) for c in range(first, block.stop, self._every)))
+
+    def truth(self, ps: int) -> Plane:
+        return self._scene.reflectance(ps / PS)
+
+    def sketch(self, cycles: int, samples: int) -> Sketch:
+        stop = self._clock.edge(cycles) / PS
+        if not self._every:
+            return Sketch([self._plane(0)], 0.0, (0, 0, 0, 0), 0.0)
+        times = np.linspace(0, stop, samples)
+        planes = [self._scene.reflectance(float(t)) * self._lux for t in times]
+        reach = self._scene.speed() * stop / (2 * (samples - 1)) + MOTION_STEP
+        return Sketch(planes, reach, self._scene.moving(0.0, stop), 1 / self._every)
+
+    def points(self) -> list[tuple[int, int, str]]:
+        return self._scene.points()

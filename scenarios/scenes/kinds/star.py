@@ -1,0 +1,32 @@
+"""`star`: a rotating Siemens star."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cosim.config.quantity import Illuminance, Quantity, Section
+from cosim.light.source import Source
+from scenarios.scenes.kinds.grid import SceneGrid
+
+__all__ = ["StarScene"]
+
+
+class StarScene(Section):
+    """A rotating Siemens star in a ring of grey steps."""
+
+    kind: Literal["star"]
+    illuminance: Illuminance
+    spokes: Annotated[int, Field(ge=2, le=360)] = 36
+    rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
+        default=4.0, examples=["4 Hz"], description="revolutions a second"
+    )
+
+    def source(self, grid: SceneGrid) -> Source:
+        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        from scenarios.scenes.charts.star import Star
+        from scenarios.scenes.drawing.analytic import AnalyticSource
+
+        star = Star(grid.shape, spokes=self.spokes, revolutions=self.rotation)
+        return AnalyticSource(star, self.illuminance, grid.clock)

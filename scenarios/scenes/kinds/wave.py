@@ -1,0 +1,30 @@
+"""`wave`: a person waves an arm."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cosim.config.quantity import Illuminance, Quantity, Section
+from cosim.light.source import Source
+from scenarios.scenes.kinds.grid import SceneGrid
+
+__all__ = ["WaveScene"]
+
+
+class WaveScene(Section):
+    """A person waves an arm (Huang 2022, figures 3 to 5)."""
+
+    kind: Literal["wave"]
+    illuminance: Illuminance
+    rate: Annotated[float, Quantity("frequency", least=0, most=6)] = Field(
+        default=3.0, examples=["3 Hz"], description="waves a second"
+    )
+
+    def source(self, grid: SceneGrid) -> Source:
+        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        from scenarios.scenes.drawing.analytic import AnalyticSource
+        from scenarios.scenes.people.wave import Wave
+
+        return AnalyticSource(Wave(grid.shape, rate=self.rate), self.illuminance, grid.clock)

@@ -1,0 +1,63 @@
+"""The pixels of a [sensor.continuous] section."""
+
+from __future__ import annotations
+
+from cosim import BLOCK, PS, InputError
+from sensor import CameraSetting
+from sensor.continuous import ContinuousSetting, Converter, quiet_floor
+from sensor.sections.continuous import ContinuousSection
+
+__all__ = ["continuous_setting", "longest_step"]
+
+
+def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> ContinuousSetting:
+    """The section's pixels on the chip, clock, seed, wavelength and device of the camera. What
+    belongs to a spiking pixel alone (threshold, its noise, reset) has no meaning here.
+
+    Raises InputError for values that do not go together.
+    """
+    place = "sensor.continuous"
+    if section.exponent_bits >= section.bits:
+        raise InputError(
+            f"{place}.exponent_bits", f"below {place}.bits = {section.bits}",
+            str(section.exponent_bits), "lower it",
+        )  # fmt: skip
+    if section.floor is None and section.contrast == 0:
+        raise InputError(
+            f"{place}.floor", "given where contrast is 0", "absent",
+            f"write --set {place}.floor='1e6 e/s'",
+        )  # fmt: skip
+    if camera.pattern is not None and camera.pattern.threshold_fpn > 0:
+        raise InputError(
+            "sensor.pattern.threshold_fpn", "0 where there is no charge threshold",
+            f"{camera.pattern.threshold_fpn:g}", "leave it out",
+        )  # fmt: skip
+    floor = section.floor
+    return ContinuousSetting(
+        camera.chip,
+        camera.clock,
+        camera.seed,
+        section.time_constant,
+        section.contrast,
+        quiet_floor(section.contrast, section.time_constant) if floor is None else floor,
+        Converter(section.bits, section.exponent_bits, section.full_scale),
+        section.measure,
+        section.dead_time,
+        section.shot_noise,
+        camera.wavelength_nm,
+        camera.pattern,
+    )
+
+
+def longest_step(setting: ContinuousSetting, cycles: int) -> int:
+    """Upper limit of a step of the simulation, cycles: a block with noise, whose reports may be
+    many; else as many as the exact arithmetic of its ticks has room for. Raises InputError."""
+    if setting.noise:
+        return BLOCK
+    room = 2**60 // (PS * setting.clock.den)
+    if not room:
+        raise InputError(
+            "sensor.clock", "a frequency of fewer digits without shot noise",
+            f"{setting.clock.num}/{setting.clock.den} Hz", "round it",
+        )  # fmt: skip
+    return min(cycles, room)

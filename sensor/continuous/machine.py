@@ -1,0 +1,177 @@
+"""The machine of a continuous camera: pixels that report their intensity when it has changed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from cosim import InputError, Intensities, Light, join_intensities
+from cosim.files.intensities import write_intensities
+from cosim.light.steps import light_steps
+from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Metric, Throughput, latency_rows
+from cosim.run.unresumed import MemoryChain, start_again
+from sensor.continuous import ContinuousCamera
+from sensor.continuous.report import continuous_page
+from sensor.continuous.run import STREAM, ContinuousRun, ContinuousSpec, ContinuousViews
+from sensor.continuous.shots import (
+    PixelLight,
+    effect_names,
+    notes_of,
+    report_ages,
+    report_metrics,
+    take_shots,
+)
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import write_images
+from sensor.sections.sensor import SPIKING
+
+__all__ = ["ContinuousMachine"]
+
+_METHOD: Final = ("continuous",)
+_DRAWN: Final = 10
+"""Pixels whose reports are drawn."""
+
+
+@dataclass
+class _Sink:
+    """Collects the reports; beyond `most` it raises InputError. light: of the pixels drawn."""
+
+    most: int
+    light: PixelLight
+    parts: list[Intensities] = field(default_factory=list)
+    count: int = 0
+
+    def take(self, reports: Intensities, start: int, stop: int) -> None:
+        self.parts.append(reports)
+        self.count += len(reports)
+        if self.count > self.most:
+            raise InputError(
+                "the reports", f"at most {self.most:,}", "more",
+                "shorten duration, simulate fewer pixels, or raise sensor.continuous.contrast, "
+                "floor or most_reports",
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousMachine:
+    """A continuous camera that is ready to run; see `Machine`. It has one tier and keeps every
+    effect."""
+
+    spec: ContinuousSpec
+
+    device = "numba on this processor"
+    unit = "cycles"
+    bits = 0  # recorded in memory, which has a limit of its own
+
+    @property
+    def toml(self) -> str:
+        return self.spec.toml
+
+    @property
+    def notes(self) -> list[str]:
+        spec, notes = self.spec, []
+        if spec.section.lens.f_number is None:
+            notes.append(
+                f"f/{spec.lens.f_number:.3g}, with which white would fire at "
+                f"{spec.section.lens.white_rate:.3g} a cycle in a spike camera of "
+                f"{spec.camera.threshold:g} e; nothing else here has that threshold"
+            )
+        if spec.section.preset == "silicon":
+            spiking = ", ".join(name.replace("_", " ") for name in SPIKING)
+            notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
+        if not spec.setting.noise:
+            notes.append("shot noise is off")
+        notes.append(
+            "nothing is left out, and there is no second tier of these pixels to measure an error "
+            "by"
+        )
+        return [*notes, *notes_of(spec.setting, spec.white), *spec.source.notes]
+
+    @property
+    def length(self) -> int:
+        return self.spec.cycles
+
+    def trial(self, progress: Progress) -> list[Finding]:
+        """None: nothing is left out."""
+        return []
+
+    def keep(self, effects: Sequence[str]) -> ContinuousMachine:
+        return self
+
+    def chain(self, folder: Path) -> MemoryChain:
+        spec, chip = self.spec, self.spec.setting.chip
+        sink = _Sink(spec.most_reports, PixelLight(spec.source.points()[:_DRAWN]))
+        return MemoryChain(
+            f"{spec.name}: {chip.width} x {chip.height} continuous pixels", folder,
+            spec.setting.clock, spec.cycles, self._steps(sink.light),
+            {"sensor": ContinuousCamera(spec.setting).step, "recorder": sink.take}, sink,
+        )  # fmt: skip
+
+    def _steps(self, drawn: PixelLight) -> Iterator[tuple[Light, int, int]]:
+        """The light; that of the pixels that are drawn is kept."""
+        spec, clock = self.spec, self.spec.setting.clock
+        stop = clock.edge(spec.cycles)
+        for light, start, until in light_steps(spec.source, spec.relay, clock, stop, spec.step):
+            drawn.take(light, stop)
+            yield light, start, until
+
+    def shortfall(self, recording: Recording) -> list[Finding]:
+        """None: no error is measured."""
+        return []
+
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        with start_again(recording.folder, self.length, self.length):
+            return self._judge(recording)
+
+    def _judge(self, recording: Recording) -> Outcome:
+        spec, seconds, sink = self.spec, recording.seconds, recording.chain.sink
+        clock = spec.setting.clock
+        begin = time.perf_counter()
+        reports = join_intensities(sink.parts)
+        write_intensities(reports, recording.folder / STREAM)
+        seconds["recorder"] += time.perf_counter() - begin
+        begin = time.perf_counter()
+        shots = take_shots(reports, spec.source, reports.clock, spec.instants, spec.white)
+        metrics = judge(shots, _METHOD)
+        files = [STREAM, *write_images(recording.folder, shots, _METHOD)]
+        seconds["images"] = time.perf_counter() - begin
+        work = reports.shape[0] * reports.shape[1] * spec.cycles
+        silent = [
+            f"{shot.silent} pixels had not reported by cycle {shot.cycle} and are black in its "
+            "image"
+            for shot in shots
+            if shot.silent
+        ]
+        rate = work / max(seconds["sensor"], 1e-9)
+        return Outcome(
+            outcome="degraded" if spec.source.degraded else "ok",
+            simulated_s=spec.cycles / clock.hz,
+            kept=effect_names(spec.setting, spec.camera),
+            metrics={
+                **metrics,
+                **report_metrics(reports, spec.setting),
+                "white_current": Metric(spec.white, "electrons/s"),
+                "f_number": Metric(spec.lens.f_number, "1"),
+            },
+            latency=latency_rows("report age", report_ages(shots, clock)),
+            throughput=[Throughput("sensor", rate, "pixel-cycles/s")],
+            files=files,
+            notes=[*silent, *spec.source.degraded],
+            views=ContinuousViews(reports, sink.light, shots),
+        )
+
+    def judged(self, run: Run) -> ContinuousRun:
+        """The run as its page reads it."""
+        return ContinuousRun(run, self.spec, run.outcome.views)
+
+    def page(self, run: Run) -> Page:
+        with start_again(run.folder, self.length, self.length):
+            return continuous_page(self.judged(run))
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,91 @@
+"""A continuous camera before its run, and what is left of the run for its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from cosim import Intensities, Lens, Light
+from cosim.light.source import Source
+from cosim.run.machine import Run
+from sensor import CameraSetting
+from sensor.continuous import ContinuousSetting
+from sensor.continuous.shots import ContinuousShot, PixelLight
+from sensor.sections.sensor import SensorSection
+
+__all__ = ["STREAM", "ContinuousRun", "ContinuousSpec", "ContinuousViews"]
+
+STREAM: Final = "stream.intensities.npz"
+"""The reports' name in a run's folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousSpec:
+    """A continuous camera before a scene.
+
+    Attributes:
+        name, title: short and long name of the scenario.
+        toml: the resolved scenario.
+        section: of the sensor, as the user wrote it.
+        camera: chip, light and device.
+        setting: the pixels.
+        lens: in front of the chip.
+        relay: from the scene's light to what each pixel receives.
+        illuminance: of the scene, lux; white reflects all of it.
+        source: scene.
+        cycles: length of the run.
+        step: upper limit of a step of the simulation, cycles.
+        most_reports: number of reports beyond which the run ends.
+        instants: cycles whose images are made.
+    """
+
+    name: str
+    title: str
+    toml: str
+    section: SensorSection
+    camera: CameraSetting
+    setting: ContinuousSetting
+    lens: Lens
+    relay: Callable[[Light], Light]
+    illuminance: float
+    source: Source
+    cycles: int
+    step: int
+    most_reports: int
+    instants: list[int]
+
+    @property
+    def white(self) -> float:
+        """Photocurrent of white, electrons/s."""
+        return self.illuminance * self.lens.gain * self.setting.electrons_per_lux
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousViews:
+    """What is made of a recording.
+
+    Attributes:
+        reports: all of them.
+        light: of the pixels that are drawn.
+        shots: images at the instants.
+    """
+
+    reports: Intensities
+    light: PixelLight
+    shots: list[ContinuousShot]
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousRun:
+    """A judged run, as its page reads it.
+
+    Attributes:
+        run: result, wall times and notes.
+        spec: camera and scene.
+        views: what was made of the recording.
+    """
+
+    run: Run
+    spec: ContinuousSpec
+    views: ContinuousViews

@@ -1,0 +1,5 @@
+"""Fixtures of the imagers' tests: the command line in this process."""
+
+from tests.scenarios.conftest import viform
+
+__all__ = ["viform"]

@@ -1,0 +1,53 @@
+"""`viform laboratory`: the document, the table, the figure, refusals."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from PIL import Image
+
+
+def test_the_document_has_a_row_for_each_parameter(viform, tmp_path):
+    code, out, err = viform("laboratory", "emccd", "--json", "--figure", tmp_path / "a.png")
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert document["camera"] == "emccd" and document["standard"].startswith("EMVA 1288")
+    rows = {row["symbol"]: row for row in document["rows"]}
+    assert len(rows) == 14
+    for row in rows.values():
+        assert set(row) == {"name", "symbol", "section", "what", "unit", "value", "low", "high"}
+        assert row["low"] <= row["value"] <= row["high"]
+    sections = ["sensitivity", "linearity", "dark current", "non-uniformity"]
+    assert list(dict.fromkeys(row["section"] for row in rows.values())) == sections
+    assert rows["eta"]["low"] < 0.93 < rows["eta"]["high"]
+    assert len(document["curve"]["photons"]) == len(document["curve"]["mean"])
+    assert document["notes"] and document["figure"] == str(tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width > 800
+
+
+def test_the_table_is_for_a_reader(viform):
+    code, out, _ = viform("laboratory", "adaptive-exposure", "--seed", 3)
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[0].startswith("adaptive-exposure CMOS imager, measured by EMVA 1288")
+    assert [line for line in lines if line.startswith("-- ")] == [
+        "-- sensitivity", "-- linearity", "-- dark current", "-- non-uniformity"
+    ]  # fmt: skip
+    assert any(line.startswith("K  ") and "DN/e" in line for line in lines)
+    assert lines[-1].startswith("a bias of")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("pinhole",), "CAMERA must be one of spiketwo, spikeone, adaptive-exposure, ebaps, emccd, "
+         "not 'pinhole'; choose one"),
+        (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; name one"),
+        (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
+         "/nowhere/a.png; make the folder"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_in_one_line(refused, words, says):
+    assert refused("laboratory", *words) == says
