@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
+from link.line_codes import decode_line, encode_line
+from link.theory import gamma_gamma_ook, poisson_capacity, rs_word_error
 
 __all__ = ["LINKING"]
 
@@ -33,8 +35,6 @@ Capacity = Callable[[float], float]
 
 
 def _capacity(device: Device | None) -> Capacity:
-    from link.theory import poisson_capacity
-
     return lambda dark: float(poisson_capacity(dark))
 
 
@@ -60,8 +60,6 @@ Fading = Callable[[float, float, float], float]
 
 
 def _fading(device: Device | None) -> Fading:
-    from link.theory import gamma_gamma_ook
-
     return lambda amplitude, alpha, beta: float(gamma_gamma_ook(amplitude, alpha, beta))
 
 
@@ -116,8 +114,6 @@ Tails = Callable[[int, int, float], float]
 
 
 def _tails(device: Device | None) -> Tails:
-    from link.theory import rs_word_error
-
     return lambda n, t, p: float(rs_word_error(n, n - 2 * t, p))
 
 
@@ -143,16 +139,12 @@ SCALES: Final = (2.0**-6, 1.0, 2.0**3)
 
 
 def _decode(device: Device | None) -> Decode:
-    from link.line_codes import decode_line
-
     return lambda line, soft: decode_line(line, soft)[0]
 
 
 def metrics(decode: Decode, cells: int = 200) -> float:
     """Wrong values of line codes read from soft values of any size, some of wrong sign, against the
     largest sum in integers over all words. Words of equal sums are left out."""
-    from link.line_codes import encode_line
-
     wrong, rng = 0, np.random.Generator(np.random.Philox(key=31))
     for line, count in (("manchester", 2), ("4b6b", 16), ("8b10b", 256)):
         every = np.arange(count, dtype=np.uint8)[None]
@@ -183,8 +175,6 @@ Encode = Callable[[Any, npt.NDArray[np.uint8]], npt.NDArray[np.bool_]]
 
 
 def _encode(device: Device | None) -> Encode:
-    from link.line_codes import encode_line
-
     return lambda line, values: encode_line(line, values)
 
 

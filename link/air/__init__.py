@@ -1,21 +1,19 @@
 """What lies between panel and camera: geometry, lens, air, stray light."""
 
 from link.air.air import Air, lens_psf
-from link.air.effects import Change, air_effects, charge_changes
+from link.air.effects import Change, air_effects
 from link.air.emission import Source
 from link.air.geometry import image_of
-from link.air.names import NAMES, Scene
-from link.air.radiometry import Levels, f_number_for, levels
+from link.air.names import Scene
+from link.air.radiometry import f_number_for, levels
 from link.air.setting import Aim, AirSetting, Optics
 from link.air.summary import LinkSummary, ber, ber_units, link_summary
 
 __all__ = [
-    "NAMES",
     "Aim",
     "Air",
     "AirSetting",
     "Change",
-    "Levels",
     "LinkSummary",
     "Optics",
     "Scene",
@@ -23,7 +21,6 @@ __all__ = [
     "air_effects",
     "ber",
     "ber_units",
-    "charge_changes",
     "f_number_for",
     "image_of",
     "lens_psf",

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from display import SpikePanel
+from display.trial.pixels import PanelPixels
 
 __all__ = ["Emission", "Source"]
 
@@ -47,8 +48,6 @@ class Emission:
             return [bits]
         if symbol != self._next:
             raise ValueError(f"symbol must be {self._next}, not {symbol}: an emitter remembers")
-        from display.trial.pixels import PanelPixels
-
         ticks = min(self._source.ticks, self._planes - symbol * self._source.ticks)
         pixels = PanelPixels(self._panel, bits.size)
         pixels.level = self._level.copy()

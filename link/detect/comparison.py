@@ -18,6 +18,10 @@ from link.detect.pixel import PixelLaw, Rule
 from link.layout import TRAINING, Layout, pilots, training
 from link.mode import Mode
 from link.timing import Registration, Timing
+from sensor import EFFECTS, make_pixels
+from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["Compared", "comparison"]
 
@@ -59,11 +63,6 @@ def _spikes(
     layout: Layout, bits: npt.NDArray[np.bool_], pixel: PixelLaw, seed: int
 ) -> npt.NDArray[np.uint32]:
     """Words of the exact tier's pixels that look at these symbols."""
-    from sensor import EFFECTS, make_pixels
-    from sensor.latched.pixel.fixed_point import to_fixed
-    from sensor.latched.pixel.model import ExactModel
-    from sensor.latched.pixel.span import Span
-
     mode, known = layout.mode, pilots()
     shape = mode.height, mode.width
     assert pixel.reset is not None and pixel.off is not None and pixel.on is not None

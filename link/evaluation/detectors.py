@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, Final
 
+from link.detect.comparison import comparison
 from link.theory import pixel_errors
 
 __all__ = ["compare_detectors"]
@@ -24,8 +25,6 @@ COUNTED: Final = {
 def compare_detectors(seed: int) -> list[dict[str, Any]]:
     """Rows of `link.detect.comparison` for a residual reset and a tenth of Q of background, with
     the error rate of deciding by the count of spikes as theory; None where that is no theory."""
-    from link.detect.comparison import comparison
-
     rows = comparison(
         threshold=Q, background=OFF, on_level=ON - OFF, size=SIDE, symbols=SYMBOLS, seed=seed
     )  # fmt: skip

@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from link.air.kernel import Psf, kernel_table, taps
+from link.detect.geometry import LEAST, PLACES, SHARES
+from link.detect.tables import LEAST_CHANCE
 from link.mode import Mode
 from link.prediction.reach import CellScene, edge_share, longest_run
 from link.theory import hard_patterns
@@ -166,8 +168,6 @@ def _draw(
 ) -> _Drawn:
     """Cells at one of the detector's places."""
     scene = sight.scene
-    from link.detect.geometry import LEAST, PLACES, SHARES
-
     side, longest, ticks = mode.cell * scene.pixel, longest_run(mode), mode.ticks
     reach = math.ceil(side / 2 + 1)
     around = max(math.ceil((1.5 + 3 * sight.blur) / side), 1)
@@ -205,9 +205,6 @@ def _draw(
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:
     """ln P(spike) as the detector learns it: (ticks, shares, before, own, contexts, spike)."""
-    from link.detect.geometry import SHARES
-    from link.detect.tables import LEAST_CHANCE
-
     seen = np.arange(1 << (_CONTEXT + ticks + 1))
     met = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
     for each in drawn:
@@ -270,8 +267,6 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
 def cell_errors(sight: CellSight, mode: Mode, draws: int = 8_192, seed: int = 1) -> CellErrors:
     """draws: cells with the bits around them, fewer where symbols are long; so many again, at most
     `_ROUNDS` times, while the limits are further from the rate than 0."""
-    from link.detect.geometry import PLACES
-
     rng = np.random.Generator(np.random.Philox(key=seed))
     places = [(y, x) for y in range(PLACES) for x in range(PLACES)]
     each = max(draws * 32 // len(places) >> (_CONTEXT + mode.ticks + 1), _BATCHES)

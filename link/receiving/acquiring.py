@@ -14,10 +14,11 @@ import numpy.typing as npt
 from cosim.spikes.viform import WORD
 from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
-from link.receiving.clocking import Clocking, clock_by_pilots, pilot_signal
 from link.receiving.fitting import fit_by_known
 from link.receiving.pacing import Pace
 from link.receiving.phasing import Fit, fit_levels, fit_timing, nudge
+from link.receiving.pilots.clocking import Clocking, clock_by_pilots
+from link.receiving.pilots.signal import pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (

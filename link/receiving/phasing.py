@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from link.receiving.kernels import slopes
 from link.receiving.pacing import Late
 from link.receiving.synthesis import (
     FLOOR,
@@ -93,8 +94,6 @@ def _moved(timing: Timing, w: Witnesses, late: float, slope: float, stretch: flo
 
 def _look(w: Witnesses, timing: Timing, at: Floats, rule: str) -> tuple[float, Floats, Floats]:
     """ln P, its derivatives (5,) and its information (5, 5)."""
-    from link.receiving.kernels import slopes
-
     moved = _moved(timing, w, at[0], at[3], at[4])
     total, first, second = slopes(
         w.bits, w.light, moved.start(w.begin, w.rows), w.tick, moved.period, at[1], at[2],

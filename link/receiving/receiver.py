@@ -7,10 +7,12 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.spikes.viform import Viform
+from link.coding import Inbox
 from link.detect.catalogue import DETECTORS
 from link.layout import PERIOD
 from link.receiving.acquiring import Acquired, Evidence, acquire
-from link.receiving.diagnosis import explain_failure, explain_loss
+from link.receiving.diagnosis.failure import explain_failure
+from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
 from link.receiving.recording import Recording
 from link.receiving.session import Session
@@ -160,8 +162,6 @@ class Receiver:
         return (int(until), late) if abs(late) > _JUMP else None
 
     def _begin(self, acquired: Acquired) -> None:
-        from link.coding import Inbox
-
         try:
             inbox = Inbox(acquired.layout, interleave=self._interleave)
         except ValueError as exc:

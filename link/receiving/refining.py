@@ -25,7 +25,6 @@ _FINE: Final = 3
 """Samples to the side of a camera pixel."""
 _BLURS: Final = (0.25, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5)
 """Standard deviations that are tried, camera pixels."""
-_FIRST_BLUR: Final = 0.65
 _MARGIN: Final = 0.45
 """Of the white margin's module: what is nearer to the panel's data is left out."""
 _KNOTS: Final = 16

@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from link.detect.calibration import confidence
+from link.detect.catalogue import make_detector
 from link.layout import TRAINING, closing, training
+from link.line_codes import decode_line
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Late
 from link.receiving.phasing import find_late, nudge
@@ -191,9 +194,6 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        from link.detect.calibration import confidence
-        from link.detect.catalogue import make_detector
-
         made = make_detector(
             self.detector_name, self.layout, registration, self.timing,
         )  # fmt: skip
@@ -250,8 +250,6 @@ class Session:
         return look if abs(look.late) < _FAR else None
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
-        from link.line_codes import decode_line
-
         group = self.layout.group
         values, quality = decode_line(self.layout.mode.line, soft)
         for n in range(len(values)):

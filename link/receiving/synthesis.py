@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import PERIOD, Layout, pilots
+from link.receiving.kernels import likelihood as compiled
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
@@ -208,8 +209,6 @@ def _overlap(distance: Floats, blur: float, side: float) -> Floats:
 
 def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
     """ln P of the observed bits of each pixel, (n,)."""
-    from link.receiving.kernels import likelihood as compiled
-
     return np.asarray(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,

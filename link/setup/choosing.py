@@ -17,8 +17,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from link.coding import WORD_BYTES, Blocks
+from link.coding.fountain import source_symbols
 from link.layout import TRAINING, Layout
+from link.line_codes import decode_line
 from link.mode import Mode
+from link.theory import clopper_pearson, longest_off_run, rs_word_error
 
 __all__ = ["Choice", "Considered", "Trial", "choose", "foresee", "longest_run"]
 
@@ -46,8 +50,6 @@ class Trial:
     @classmethod
     def of(cls, mode: Mode, sent: npt.NDArray[np.bool_], soft: npt.NDArray[np.float32]) -> Trial:
         """From symbols in whole groups, (symbols, cells): bits shown and soft values received."""
-        from link.line_codes import decode_line
-
         whole = len(sent) // mode.code.symbols * mode.code.symbols
         sure = np.where(sent[:whole], np.float32(30), np.float32(-30))
         right, _ = decode_line(mode.line, sure)
@@ -103,10 +105,6 @@ def foresee(
     """
     from scipy.stats import nbinom
 
-    from link.coding import WORD_BYTES, Blocks
-    from link.coding.fountain import source_symbols
-    from link.theory import rs_word_error
-
     layout = Layout(mode)
     try:
         form = Blocks(layout, True)
@@ -127,8 +125,6 @@ def foresee(
 
 def _too_long(mode: Mode, threshold: float, background: float) -> bool:
     """Whether a false spike is likely within the line code's longest run of off ticks."""
-    from link.theory import longest_off_run
-
     if background <= 0:
         return False
     return longest_run(mode) > longest_off_run(threshold, background * threshold)
@@ -158,8 +154,6 @@ def choose(
     electrons, and thresholds that an off tick brings; given for pixels with hard reset, modes whose
     runs are too long are left out, unless all are. Raises ValueError without candidates.
     """
-    from link.theory import clopper_pearson
-
     modes = list(dict.fromkeys(candidates))
     if not modes:
         raise ValueError("candidates must hold at least one mode, not none")

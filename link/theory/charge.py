@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 __all__ = [
     "Reset", "charge_errors", "charge_kernels", "longest_off_run", "poisson_threshold",
-    "residual_errors",
 ]  # fmt: skip
 
 Reset = Literal["hard", "residual", "subtract"]
@@ -125,15 +124,6 @@ def charge_errors(
         for now in (0, 1)
     ]
     return wrong[0], wrong[1]
-
-
-def residual_errors(q: int, mu_on: float, mu_off: float) -> tuple[float, float]:
-    """`charge_errors` of `residual` in closed form, every charge being equally likely:
-    p01 = E[min(N_off, q)] / q, p10 = 1 - E[min(N_on, q)] / q."""
-    from scipy.special import gammainc, gammaincc
-
-    j = np.arange(1, q + 1)
-    return float(gammainc(j, mu_off).mean()), float(gammaincc(j, mu_on).mean())
 
 
 def longest_off_run(q: float, off: float, limit: float = 1e-6) -> int:

@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Particles", "extinction_db_per_km", "size_exponent", "transmittance"]
+__all__ = ["Particles", "extinction_db_per_km", "size_exponent"]
 
 Particles = Literal["kim", "kruse"]
 PRINTED: Final = 3.91
@@ -38,12 +38,3 @@ def extinction_db_per_km(
     v, nm = np.asarray(visibility_km, np.float64), np.asarray(wavelength_nm, np.float64)
     q = size_exponent(v, particles)
     return np.asarray(DB_PER_NEPER * PRINTED / v * (nm / REFERENCE_NM) ** -q)
-
-
-def transmittance(
-    length: npt.ArrayLike, visibility: npt.ArrayLike, wavelength_nm: float, particles: Particles
-) -> Array:
-    """Share of the light that arrives unscattered; length and visibility in m."""
-    v = np.asarray(visibility, np.float64) / 1e3
-    db = extinction_db_per_km(v, wavelength_nm, particles) * np.asarray(length, np.float64) / 1e3
-    return np.asarray(10 ** (-db / 10))

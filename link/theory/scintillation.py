@@ -11,15 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "correlation_time", "fried", "gamma_gamma", "greenwood", "p1814_scintillation_db", "rytov",
-    "scintillation_index",
+    "correlation_time", "gamma_gamma", "rytov", "scintillation_index",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 RYTOV: Final = {"plane": 1.23, "spherical": 0.4 * 1.23}
 """Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., section 8.2."""
-P1814: Final = 23.17
-"""ITU-R P.1814 equation 5, of sigma^2 in dB^2: 1.23 (10 / ln 10)^2 is 23.2."""
 LARGE: Final = (0.49, 1.11, 7 / 6)
 SMALL: Final = (0.51, 0.69, 5 / 6)
 """(strength, saturation, power) of large and small eddies, plane wave, no inner scale: Al-Habash,
@@ -35,17 +32,6 @@ def rytov(
     """Rytov variance, 1.23 Cn2 k^(7/6) L^(11/6); a spherical wave has 0.4 of it."""
     k = 2 * np.pi / np.asarray(wavelength, np.float64)
     return np.asarray(RYTOV[wave] * np.asarray(cn2) * k ** (7 / 6) * np.power(length, 11 / 6))
-
-
-def p1814_scintillation_db(
-    cn2: npt.ArrayLike, wavelength: npt.ArrayLike, length: npt.ArrayLike
-) -> Array:
-    """Loss that ITU-R P.1814 allows for, dB: twice the log-amplitude's deviation, 2 sqrt(23.17
-    k^(7/6) Cn2 L^(11/6)) (equation 5 and table 4)."""
-    k = 2 * np.pi / np.asarray(wavelength, np.float64)
-    return np.asarray(
-        2 * np.sqrt(P1814 * k ** (7 / 6) * np.asarray(cn2) * np.power(length, 11 / 6))
-    )
 
 
 def gamma_gamma(sigma2: npt.ArrayLike) -> tuple[Array, Array]:
@@ -68,19 +54,6 @@ def scintillation_index(alpha: npt.ArrayLike, beta: npt.ArrayLike) -> Array:
     """Variance of the intensity over its squared mean, 1/alpha + 1/beta + 1/(alpha beta)."""
     a, b = np.asarray(alpha, np.float64), np.asarray(beta, np.float64)
     return np.asarray(1 / a + 1 / b + 1 / (a * b))
-
-
-def fried(cn2: npt.ArrayLike, wavelength: npt.ArrayLike, length: npt.ArrayLike) -> Array:
-    """Fried's coherence diameter of a plane wave, (0.423 k^2 Cn2 L)^(-3/5), m (Fried, J. Opt. Soc.
-    Am. 56:1372, 1966)."""
-    k = 2 * np.pi / np.asarray(wavelength, np.float64)
-    return np.asarray((0.423 * k**2 * np.asarray(cn2) * np.asarray(length)) ** (-3 / 5))
-
-
-def greenwood(wind: npt.ArrayLike, r0: npt.ArrayLike) -> Array:
-    """Greenwood frequency of a constant wind, 0.43 V / r0, Hz: how fast the phase changes
-    (Greenwood, J. Opt. Soc. Am. 67:390, 1977). wind: across the path, m/s."""
-    return np.asarray(0.43 * np.asarray(wind, np.float64) / np.asarray(r0, np.float64))
 
 
 def correlation_time(

@@ -11,7 +11,8 @@ import pytest
 from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
-from link.air import Scene, charge_changes
+from link.air import Scene
+from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
 from link.prediction.reach import CellScene, reach

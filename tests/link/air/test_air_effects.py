@@ -12,18 +12,18 @@ import pytest
 from cosim import Block, Summary
 from cosim.plan.planner import make_plan
 from link.air import (
-    NAMES,
     Aim,
     LinkSummary,
     Scene,
     air_effects,
     ber,
     ber_units,
-    charge_changes,
     f_number_for,
     levels,
     link_summary,
 )
+from link.air.effects import charge_changes
+from link.air.names import NAMES
 from tests.link.air.scenes import AIR, CAMERA, CLOCK, OPTICS, PANEL, make
 
 FULL = Scene(

@@ -12,7 +12,7 @@ from cosim import PS
 from link.air.motion import DAMPING, resonance_step, vibration
 from link.air.patches import FlickerSeries, flicker_of
 from link.air.scintillation import Flicker, aperture_averaging, flicker
-from link.theory import rytov
+from link.theory.scintillation import rytov
 from tests.link.air.scenes import AIR, FIRST, OPTICS, make
 
 Z = 4.9

@@ -10,10 +10,11 @@ import pytest
 
 from cosim import InputError
 from cosim.light.lens import Lens
-from link.air import Aim, Levels, image_of, levels
+from link.air import Aim, image_of, levels
 from link.air.geometry import affine_at, lengths
 from link.air.kernel import Psf
 from link.air.projection import Projection, disc_kernel
+from link.air.radiometry import Levels
 from tests.link.air.golden import golden
 from tests.link.air.scenes import AIR, OPTICS, SHAPE, Shown, make
 

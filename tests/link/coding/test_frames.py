@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from link.coding import Blocks, Inbox, Outbox, ReedSolomon, crc32c
+from link.coding import Blocks, Inbox, Outbox
+from link.coding.crc import crc32c
 from link.coding.fountain import (
     MOST_BYTES,
     Gathering,
@@ -19,6 +20,7 @@ from link.coding.fountain import (
     unpack_file,
 )
 from link.coding.frames import Frame, read_frame, write_frame
+from link.coding.reed_solomon import ReedSolomon
 from link.layout import Layout
 from link.mode import Mode
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from link.coding import ReedSolomon
+from link.coding.reed_solomon import ReedSolomon
 from link.mode import PARITIES
 
 PARITY_OF_COUNT = "2fbd4fb4748494b9acd554627212eeb3ebed41191de1d36320ea49290b25abcf"

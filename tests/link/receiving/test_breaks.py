@@ -8,8 +8,9 @@ import pytest
 
 from link.layout import Layout, pilots
 from link.mode import Mode
-from link.receiving.clocking import PilotSignal, clock_by_pilots
 from link.receiving.phasing import fit_timing, nudge
+from link.receiving.pilots.clocking import clock_by_pilots
+from link.receiving.pilots.signal import PilotSignal
 from link.receiving.synthesis import Levels, Witnesses
 from link.timing import Timing
 from link.verdict import Cause

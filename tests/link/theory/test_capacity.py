@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from link.theory import (
-    binary_capacity,
-    count_capacity,
-    entropy,
-    one_bit_capacity,
-    poisson_best_duty,
-    poisson_capacity,
-)
+from link.theory import count_capacity, one_bit_capacity, poisson_capacity
+from link.theory.capacity import binary_capacity, entropy, poisson_best_duty
 from link.theory.information import fsc_information_rate
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import gammaincc
 
-from link.theory import charge_kernels, hard_patterns, survival
+from link.theory import hard_patterns
+from link.theory.charge import charge_kernels
+from link.theory.patterns import survival
 
 
 @pytest.mark.parametrize("q", [50, 1000])

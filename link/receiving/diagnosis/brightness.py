@@ -1,0 +1,36 @@
+"""Whether the panel is too bright or too dim."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from link.verdict import Cause, Verdict
+
+__all__ = ["SATURATED", "brightness_verdict"]
+
+_DIM: Final = 0.6
+"""Rate of the tags' white below which the panel is called dim."""
+SATURATED: Final = 0.5
+"""Share of pixels that fire at every tick, or rate of the tags' black, from which the sensor is
+saturated."""
+
+
+def brightness_verdict(white: float, black: float) -> Verdict | None:
+    """None if the light is right.
+
+    Args:
+        white, black: spikes a tick of the white and the black of the tags.
+    """
+    if black >= SATURATED:
+        return Verdict(
+            Cause.SATURATED,
+            f"black of the panel fires {black:.2f} times a tick; stop the lens down, raise the "
+            "threshold, or shade the panel",
+        )
+    if white < _DIM:
+        return Verdict(
+            Cause.DIM,
+            f"white of the panel fires {white:.2f} times a tick, so symbols are missed; open the "
+            "lens, lower the threshold, or show symbols of more ticks",
+        )
+    return None

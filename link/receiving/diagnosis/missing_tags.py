@@ -1,0 +1,178 @@
+"""The cause of failure if not all tags of a panel were found."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from link.layout import Layout
+from link.mode import TICKS, Mode
+from link.receiving.acquiring import Evidence
+from link.receiving.pilots.sequence import global_clock
+from link.receiving.recording import Recording
+from link.receiving.refining import project
+from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
+from link.verdict import Cause, Verdict
+
+__all__ = ["PEAK", "few_tags_verdict", "no_tag_verdict"]
+
+_SHINES: Final = 0.1
+"""Rate of the brightest pixels below which it is too dark to say what an image holds."""
+PEAK: Final = 6.5
+"""Standard deviations of the pilots' peak in a whole image that show that a panel sends."""
+_FILLS = 0.95
+"""Share of the image that light stands on from which it has no edge within it."""
+_LEAST: Final = 40
+"""Camera pixels to the shorter side of an image in which a panel's tags could stand: two of them,
+of ten modules, at two pixels each."""
+_TAGGED: Final = 96 * LEAST_MODULE
+"""Camera pixels to the shorter side of a panel's image below which its tags may be too small: it
+has at most so many of their modules (`link.layout`)."""
+_BLOB, _SHARP = 0.04, 0.03
+"""Share of the image that light stands on at least, and of its variance that is fine detail at
+most, of a panel out of focus."""
+
+
+def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
+    """The cause if one to three tags were found, or four that are of no mode."""
+    in_view = sorted(evidence.found.tags)
+    names = ("top left", "top right", "bottom right", "bottom left")
+    if len(in_view) == 4:
+        return Verdict(
+            Cause.NOISY,
+            "four tags are in view, but they are of no mode of this link; show one panel alone",
+        )
+    missing = [corner for corner in range(4) if corner not in in_view]
+    where = _missing_places(evidence, missing)
+    height, width = recording.shape
+    # A tag is read by its margin, so one that is cut there is as good as gone.
+    outside = [
+        corner
+        for corner, places in where.items()
+        if not ((places >= -0.5) & (places <= (width - 0.5, height - 0.5))).all()
+    ]
+    places_text = " and ".join(names[corner] for corner in missing)
+    if outside:
+        return Verdict(
+            Cause.OUT_OF_VIEW,
+            f"{len(in_view)} of 4 tags are in view; that at the {places_text} reaches beyond the "
+            "image's edge; aim the camera at the middle of the panel, or step back",
+        )
+    return Verdict(
+        Cause.OCCLUDED,
+        f"{len(in_view)} of 4 tags are in view; that at the {places_text} is hidden or unreadable, "
+        "though its place is within the image; clear the line of sight",
+    )
+
+
+def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
+    """Camera (x, y) of the corners, (4, 2), of the tags that were not found, half of their margin
+    included.
+
+    They follow from the tags that were found and from the size of the panel in their ids. A panel
+    of which one side is unknown is taken to be square.
+    """
+    import cv2
+
+    tags = evidence.found.tags
+    sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
+    known = [side for side in sides if side]
+    width, height = (side or (known[0] if known else 960) for side in sides)
+    try:
+        layout = Layout(Mode(width, height, 1, 1, "none", 32))
+    except ValueError:
+        return {}
+    panel = np.concatenate([tag_corners(layout, corner) for corner in tags])
+    camera = np.concatenate([tags[corner][1] for corner in tags])
+    if len(tags) > 1:
+        h, _ = cv2.findHomography(panel, camera, 0)
+    else:  # one small tag says little of perspective
+        part, _ = cv2.estimateAffine2D(panel, camera)
+        h = np.vstack([part, [0, 0, 1]]) if part is not None else None
+    if h is None or not np.isfinite(h).all():
+        return {}
+    out = {}
+    for corner in missing:
+        x, y = tag_places(layout)[corner]
+        inset = layout.module / 2 - 0.5  # half of the margin is enough
+        low, high = np.array([x, y]) + inset, np.array([x, y]) + layout.tag - 1 - inset
+        across = np.array([low[0], high[0], high[0], low[0]])
+        down = np.array([low[1], low[1], high[1], high[1]])
+        out[corner] = np.stack(project(np.asarray(h), across, down), axis=-1)
+    return out
+
+
+def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
+    """The cause if no tag was found."""
+    totals = recording.totals(2)
+    _, _, score = global_clock(totals, TICKS, 2000.0, 500.0)
+    sends = score >= PEAK
+    lit = evidence.rates > 0.5 * evidence.most
+    rows, columns = np.flatnonzero(lit.any(1)), np.flatnonzero(lit.any(0))
+    sharp = _sharpness(evidence.rates)
+    at_edge = (
+        lit[0].mean() > 0.2 or lit[-1].mean() > 0.2
+        or lit[:, 0].mean() > 0.2 or lit[:, -1].mean() > 0.2
+    )  # fmt: skip
+    figure = (
+        f"the pilots' peak is {score:.1f} standard deviations high"
+        if sends
+        else (f"no pilots show (peak {score:.1f} standard deviations)")
+    )
+    if len(rows) and len(columns):
+        figure += f", light stands on {lit.mean():.0%} of the image"
+    # What is far out of focus has no edge: it stands away from the image's, or on all of it.
+    apart = not at_edge and lit.mean() > _BLOB
+    blob = (apart or lit.mean() > _FILLS) and evidence.most > 0.05 and min(lit.shape) >= _LEAST
+    mirrored = find_tags(np.ascontiguousarray(evidence.rates[:, ::-1]))
+    if mirrored.tags:
+        return Verdict(
+            Cause.MIRRORED,
+            f"no tag is readable, but {len(mirrored.tags)} of 4 are in the image's mirror image "
+            f"({figure}); turn the recording's rows or columns round",
+        )
+    if sharp < _SHARP and blob:
+        return Verdict(
+            Cause.OUT_OF_FOCUS,
+            f"something bright is in view ({figure}), but no tag is readable and only {sharp:.1%} "
+            "of the image's variance is fine detail; focus the lens at the panel",
+        )
+    if sends and not at_edge:
+        small = f"{columns[-1] - columns[0] + 1} x {rows[-1] - rows[0] + 1}"
+        return Verdict(
+            Cause.OUT_OF_FOCUS if sharp < 2 * _SHARP else Cause.TOO_SMALL,
+            f"a panel sends ({figure}), about {small} camera pixels large, but no tag is readable; "
+            "focus the lens, or step nearer",
+        )
+    lit_box = len(rows) and len(columns) and not at_edge
+    shorter = min(columns[-1] - columns[0], rows[-1] - rows[0]) + 1 if lit_box else 0
+    if 0 < shorter < _TAGGED and evidence.most >= _SHINES:
+        size = f"{columns[-1] - columns[0] + 1} x {rows[-1] - rows[0] + 1}"
+        return Verdict(
+            Cause.TOO_SMALL,
+            f"what shines is {size} camera pixels large, and no tag is readable ({figure}): tags "
+            f"too small, whose modules need {LEAST_MODULE:g} camera pixels or more; step nearer, "
+            "or take a longer lens",
+        )
+    if evidence.most < _SHINES:
+        return Verdict(
+            Cause.DIM,
+            f"no tag is readable and the brightest pixels fire {evidence.most:.2g} times a tick "
+            f"({figure}); open the lens or lower the threshold",
+        )
+    return Verdict(
+        Cause.OUT_OF_VIEW,
+        f"no tag of a panel is in view ({figure}); aim the camera at the panel, or "
+        "step back where it is larger than the view",
+    )
+
+
+def _sharpness(rates: npt.NDArray[np.float32]) -> float:
+    """Share of an image's variance that is finer than about three pixels."""
+    import cv2
+
+    smooth = cv2.GaussianBlur(rates, (0, 0), 2.0)
+    all_of_it = float(np.var(rates))
+    return float(np.var(rates - smooth)) / all_of_it if all_of_it > 0 else 0.0
