@@ -24,15 +24,14 @@ _MEMORY_GIB = 4
 _DISK_GIB = 1
 _RUN_PROBE = """
 import numpy as np
-from cosim.opencl import open_device
-from sensor import EFFECTS
-from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, Span
-from sensor.pixel.plain import PlainPixels
+from cosim.compute.opencl import open_device
+from sensor import EFFECTS, make_pixels
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 model, n = ExactModel(100.0, 1, tuple(EFFECTS.values())), np.arange(64, dtype=np.uint32)
 spans = [Span(0, 64, np.arange(64) * 2**40)]
-plain, kernel = PlainPixels(model, n), KernelPixels(model, n, open_device())
-same = plain.expose(spans, 64) == kernel.expose(spans, 64)
+compiled, kernel = (make_pixels(model, n, device) for device in (None, open_device()))
+same = compiled.expose(spans, 64) == kernel.expose(spans, 64)
 print("agree" if same.all() else "differ")
 """
 
@@ -101,7 +100,7 @@ def _kernel() -> Check:
     """The chip's kernel is built and its bits are compared with plain numpy, in a child."""
     child = subprocess.run([sys.executable, "-c", _RUN_PROBE], capture_output=True, text=True)
     if child.stdout.strip() == "agree":
-        return Check("kernel", True, "built, and agrees with plain numpy on every bit")
+        return Check("kernel", True, "built, and agrees with the compiled form on every bit")
     last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
     last = last.removeprefix("cosim.errors.InputError: ")
     return Check(
