@@ -5,7 +5,7 @@ from display.observe.observers import CameraPlane, FixedEye, PursuingEye, eye_ti
 from display.observe.temporal import STAGES
 from display.observe.views import Observer, Views, panel_views
 from display.panels.fit import Fit, fit_words
-from display.panels.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
+from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.references.frames import FrameShow
 from display.references.projector import ProjectorShow, spread_errors
 from display.references.truth import TruthShow
@@ -18,13 +18,11 @@ from display.setting import DisplaySetting
 from display.window import Window, open_window
 
 __all__ = [
-    "DRIVES",
     "GL_INSTALL",
     "STAGES",
     "AnyRenderer",
     "CameraPlane",
     "DisplaySetting",
-    "Drive",
     "Fit",
     "FixedEye",
     "FramePanel",

@@ -5,6 +5,6 @@
 """
 
 from rtl_model.bringup.bench.stage import Stage
-from rtl_model.bringup.run import bring_up
+from rtl_model.bringup.run import BringUp, bring_up
 
-__all__ = ["Stage", "bring_up"]
+__all__ = ["BringUp", "Stage", "bring_up"]

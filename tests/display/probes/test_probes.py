@@ -9,7 +9,8 @@ from scipy import stats
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import pack_planes
-from display import DRIVES, FramePanel, GoldenRenderer, Projector, SpikePanel
+from display import FramePanel, GoldenRenderer, Projector, SpikePanel
+from display.drives import DRIVES
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import DRIVES, GoldenRenderer, Renderer, SpikePanel, Views, make_renderer
+from display import GoldenRenderer, Renderer, SpikePanel, Views, make_renderer
+from display.drives import DRIVES
 from display.render.golden import FOREVER
 
 pytestmark = pytest.mark.usefixtures("gl")

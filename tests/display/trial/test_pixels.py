@@ -8,7 +8,6 @@ import pytest
 from cosim import Clock
 from cosim.spikes.viform import pack_planes
 from display import (
-    DRIVES,
     CameraPlane,
     DisplaySetting,
     FixedEye,
@@ -16,6 +15,7 @@ from display import (
     PursuingEye,
     SpikePanel,
 )  # fmt: skip
+from display.drives import DRIVES
 from display.trial.pixels import PatchDisplay
 
 CLOCK = Clock(40_000)

@@ -1,4 +1,4 @@
-// What an observer that moves takes of spans of light: each shifted, bilinear, dark outside.
+// The image of a moving observer: spans of light, each shifted, bilinear, dark outside.
 //
 // Four neighbouring pixels of a row a fragment, as in drive.frag, which made the spans.
 
@@ -24,7 +24,7 @@ vec4 line(usampler2D span, int x, float f, int row) {
     return low * (1.0 - f) + vec4(low.yzw, high.x) * f;
 }
 
-#define LOOK(g, span) { \
+#define ADD_SPAN(g, span) { \
     vec4 a = table[2 * g], b = table[2 * g + 1]; \
     float sx = b.x + b.y * late, fx = sx - floor(sx); \
     int x = 4 * at.x + int(b.w) + int(floor(sx)); \

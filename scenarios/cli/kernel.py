@@ -1,0 +1,28 @@
+"""Whether the chip's OpenCL kernel agrees with its compiled form on every bit: run as a child of
+`viform doctor`, since a driver may abort the process."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.compute.opencl import open_device
+from sensor import EFFECTS, make_pixels
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
+
+__all__ = ["kernel_agrees"]
+
+_PIXELS = _CYCLES = 64
+
+
+def kernel_agrees() -> bool:
+    """Compares all effects at 100 e on 64 pixels and cycles. Raises InputError without a device."""
+    model = ExactModel(100.0, 1, tuple(EFFECTS.values()))
+    numbers = np.arange(_PIXELS, dtype=np.uint32)
+    spans = [Span(0, _CYCLES, np.arange(_PIXELS) * 2**40)]
+    compiled, kernel = (make_pixels(model, numbers, device) for device in (None, open_device()))
+    return bool((compiled.expose(spans, _CYCLES) == kernel.expose(spans, _CYCLES)).all())
+
+
+if __name__ == "__main__":
+    print("agree" if kernel_agrees() else "differ")
