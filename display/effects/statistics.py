@@ -1,4 +1,4 @@
-"""What a tile's light looks like on a panel: how it flutters and how it changes, relative to it.
+"""Statistics of a tile's light on a panel: its flutter and its changes, relative to its mean.
 
 Light is in packets Q a cycle, so its mean is the spike rate r. The latch rounds spikes up to edges,
 and noise of relative spread s moves them. Time enters in planes (cycles).
@@ -20,7 +20,7 @@ Values = npt.NDArray[np.float64]
 _RATES: Final = 9
 """Rates between a tile's least and most at which an estimate is tried."""
 _LATE: Final = 4.0
-"""Spreads by which an interval is longer, at most."""
+"""Relative spreads by which an interval is longer, at most."""
 
 
 def _bounds(scene: Summary) -> tuple[Values, Values]:

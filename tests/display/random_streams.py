@@ -9,15 +9,9 @@ import numpy.typing as npt
 
 from cosim import Clock, Summary
 from cosim.spikes.viform import pack_planes
-from display import (
-    CameraPlane,
-    DisplaySetting,
-    FixedEye,
-    Observer,
-    PursuingEye,
-    SpikePanel,
-)  # fmt: skip
+from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
 from display.drives import DRIVES
+from display.observe.views import Observer
 
 CLOCK = Clock(40_000)
 TILE = 16

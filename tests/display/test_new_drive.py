@@ -17,11 +17,12 @@ import pytest
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import unpack_planes
-from display import GoldenRenderer, Renderer, SpikePanel
+from display import Renderer, SpikePanel
 from display.chain.display import DisplayChain
 from display.drives import DRIVES, Drive
 from display.probes import metrics
 from display.probes.waveform import panel_light
+from display.render.golden import GoldenRenderer
 from display.trial.pixels import PanelPixels
 from scenarios.assemble.schema.scenario import export
 from scenarios.cli.entry import _main

@@ -10,9 +10,10 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import GoldenRenderer, Renderer, SpikePanel, Views, make_renderer
+from display import Renderer, SpikePanel, make_renderer
 from display.drives import DRIVES
-from display.render.golden import FOREVER
+from display.observe.views import Views
+from display.render.golden import FOREVER, GoldenRenderer
 
 pytestmark = pytest.mark.usefixtures("gl")
 
