@@ -54,6 +54,4 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
         return Bound(value, "estimate")
 
     source = "first-order emitter (SpikePanel.rise, decay), its light integrated by parts"
-    return Effect(
-        "emission rise and decay", source, Stream.NONE, "", str, bound, lambda scene: EMISSION
-    )
+    return Effect("emission rise and decay", source, Stream.NONE, bound, lambda scene: EMISSION)
