@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from sensor.device.ktc import ktc_electrons
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
-from sensor.latched.effects import ktc_electrons
 
 __all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
 

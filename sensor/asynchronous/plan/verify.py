@@ -25,8 +25,8 @@ from sensor.asynchronous.plan.effects import CONFIDENCE
 from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
 from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.device.pattern import DevicePattern
-from sensor.latched.effects import first_thresholds
 from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.thresholds import first_thresholds
 
 __all__ = [
     "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
