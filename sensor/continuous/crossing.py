@@ -19,7 +19,7 @@ from numba import njit, prange
 
 from sensor.continuous.state import CHUNK
 
-__all__ = ["edge", "jump", "tick_of"]
+__all__ = ["edge", "jump"]
 
 _PS = 1e12
 

@@ -13,7 +13,7 @@ from sensor.dynamic_range.converter import ConverterRule, converter_rule
 from sensor.dynamic_range.decibels import sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
 
-__all__ = ["OUTPUT", "Budget", "Choice", "Judged", "sweep"]
+__all__ = ["Budget", "Choice", "Judged", "sweep"]
 
 _TIE: Final = 6
 """Decimals of a dB to which two choices are alike; the cheaper goes first."""

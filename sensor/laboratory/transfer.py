@@ -10,7 +10,7 @@ import numpy as np
 from sensor.laboratory.bench import Bench, Stack, take_levels
 from sensor.laboratory.estimate import Estimate
 
-__all__ = ["PhotonTransfer", "measure_transfer", "slope_through_zero"]
+__all__ = ["PhotonTransfer", "measure_transfer"]
 
 
 @dataclass(frozen=True, eq=False)

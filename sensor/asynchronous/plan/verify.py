@@ -29,7 +29,7 @@ from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
 __all__ = [
-    "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
+    "KIND", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
     "verify",
 ]  # fmt: skip
 

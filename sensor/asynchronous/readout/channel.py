@@ -23,7 +23,7 @@ from numba import njit
 
 from sensor.asynchronous.model import Firings
 
-__all__ = ["Arbitration", "Buffer", "Channel", "ChannelModel", "Sent"]
+__all__ = ["Channel", "ChannelModel", "Sent"]
 
 Arbitration = Literal["fifo", "priority", "round-robin"]
 Buffer = Literal["pixel", "row", "fifo"]
