@@ -91,8 +91,8 @@ def payload_of(scenario: LinkScenario) -> Payload:
         return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
     path = Path(section.file)
 
-    def bad(given: str) -> InputError:
-        return InputError("link.file", "a file that can be read", f"{path} ({given})", "check it")
+    def bad(problem: str) -> InputError:
+        return InputError("link.file", "a file that can be read", f"{path} ({problem})", "check it")
 
     try:
         if path.is_dir():
@@ -176,14 +176,14 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
     phase = panel.phase
     if phase is None:
         phase = float(_random(scenario.seed, _STREAM_PHASE).random())
-    shown = SpikePanel(
+    spike_panel = SpikePanel(
         (panel.height, panel.width), _panel_clock(camera.clock, panel.clock_offset), 1.0, "impulse",
         rise=panel.rise, decay=panel.decay, row_scan=row_scan, fill=panel.fill,
         luminance=panel.luminance,
     )  # fmt: skip
     period = camera.clock.edge(1)
     return LinkSetting(
-        camera, shown, optics,
+        camera, spike_panel, optics,
         Aim((aim.offset_x, aim.offset_y), aim.rotation, (aim.tilt_x, aim.tilt_y), aim.vibration,
             aim.vibration_frequency, aim.occluded),
         AirSetting(
