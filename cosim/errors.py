@@ -2,13 +2,16 @@
 
 - `InputError`: something the user gave cannot be used (file, flag, scenario, machine without a
   device). The command line prints its one line and exits with 2.
+- `MissingPackages`: an `InputError` that system packages would mend. The launcher installs them.
 - `Interrupted`: the user stopped a run; its checkpoint stands and the text says how to go on.
 - Anything else is a fault of ours and keeps its traceback.
 """
 
 from __future__ import annotations
 
-__all__ = ["InputError", "Interrupted", "ViformError"]
+from collections.abc import Sequence
+
+__all__ = ["InputError", "Interrupted", "MissingPackages", "ViformError"]
 
 
 class ViformError(Exception):
@@ -16,10 +19,13 @@ class ViformError(Exception):
 
 
 class InputError(ViformError):
-    """A user's input cannot be used: what must be, what was given, how to mend it.
+    """A user's input cannot be used. The text is one line: "WHAT must be MUST, not GIVEN; MEND".
 
-    `what` names the thing ("sensor.clock"), `must` completes "must be", `given` completes "not",
-    `mend` is an instruction. The text is always one line.
+    Attributes:
+        what: name of the thing, such as "sensor.clock".
+        must: what it must be.
+        given: what it is.
+        mend: an instruction.
     """
 
     def __init__(self, what: str, must: str, given: str, mend: str) -> None:
@@ -30,9 +36,29 @@ class InputError(ViformError):
         return " ".join(f"{self.what} must be {self.must}, not {self.given}; {self.mend}".split())
 
 
+class MissingPackages(InputError):
+    """The machine lacks system packages.
+
+    Attributes:
+        packages: names of Debian's packages, empty where none would help.
+    """
+
+    def __init__(
+        self, what: str, must: str, given: str, mend: str, packages: Sequence[str] = ()
+    ) -> None:
+        super().__init__(what, must, given, mend)
+        self.packages = tuple(packages)
+        self.args = (what, must, given, mend, self.packages)
+
+
 class Interrupted(ViformError):
-    """A run was stopped by the user after `done` of `total` cycles, or what `unit` says; nothing is
-    lost."""
+    """A run was stopped by the user; nothing is lost.
+
+    Attributes:
+        done, total: work done and work in all, in `unit`.
+        mend: how to go on.
+        unit: of the work; cycles by default.
+    """
 
     def __init__(self, done: int, total: int, mend: str, unit: str = "cycles") -> None:
         self.done, self.total, self.mend, self.unit = done, total, mend, unit

@@ -1,53 +1,18 @@
-"""Spikes to light: panels, the renderer, observers, and how good what they see is."""
+"""Spikes to light: panels, renderers, observers, and the quality of what they receive."""
 
-from display.observe.integration import LightPlanes, ObserverImages, Span
-from display.observe.observers import CameraPlane, FixedEye, PursuingEye, eye_time
-from display.observe.temporal import STAGES
-from display.observe.views import Observer, Views, panel_views
-from display.panels.fit import Fit, fit_words
-from display.panels.panel import DRIVES, Drive, FramePanel, Projector, SpikePanel
-from display.references.frames import FrameShow
-from display.references.projector import ProjectorShow, spread_errors
-from display.references.truth import TruthShow
+from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.observe.views import panel_views
+from display.panels.fit import fit_words
+from display.panels.panel import SpikePanel
 from display.render.context import GL_INSTALL, probe_gl
-from display.render.factory import AnyRenderer, make_renderer
-from display.render.golden import GoldenRenderer
+from display.render.factory import make_renderer
 from display.render.plane_by_plane import PlaneByPlane
 from display.render.renderer import Renderer
 from display.setting import DisplaySetting
 from display.window import Window, open_window
 
 __all__ = [
-    "DRIVES",
-    "GL_INSTALL",
-    "STAGES",
-    "AnyRenderer",
-    "CameraPlane",
-    "DisplaySetting",
-    "Drive",
-    "Fit",
-    "FixedEye",
-    "FramePanel",
-    "FrameShow",
-    "GoldenRenderer",
-    "LightPlanes",
-    "Observer",
-    "ObserverImages",
-    "PlaneByPlane",
-    "Projector",
-    "ProjectorShow",
-    "PursuingEye",
-    "Renderer",
-    "Span",
-    "SpikePanel",
-    "TruthShow",
-    "Views",
-    "Window",
-    "eye_time",
-    "fit_words",
-    "make_renderer",
-    "open_window",
-    "panel_views",
+    "GL_INSTALL", "CameraPlane", "DisplaySetting", "FixedEye", "PlaneByPlane", "PursuingEye",
+    "Renderer", "SpikePanel", "Window", "fit_words", "make_renderer", "open_window", "panel_views",
     "probe_gl",
-    "spread_errors",
 ]  # fmt: skip

@@ -8,9 +8,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cosim import Clock, InputError, seconds_to_ps
+from cosim.config.choice import Choice
 from cosim.config.quantity import Quantity, Section, Share, Time
+from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
-from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.setting import DisplaySetting
 
 __all__ = ["OBSERVERS", "DisplaySection"]
@@ -32,7 +34,7 @@ class DisplaySection(Section):
         description="serial:PORT or serial:PORT,BAUD: a board shows the planes, and no light is "
         "rendered; PORT as in sensor.source",
     )
-    drive: Literal[DRIVES] = Field(  # type: ignore[valid-type]
+    drive: Annotated[str, Choice(DRIVES)] = Field(
         default="causal", description="how a pixel makes light of its spikes"
     )
     observer: Literal[OBSERVERS] = Field(  # type: ignore[valid-type]

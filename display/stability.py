@@ -17,7 +17,7 @@ from cosim.run.case import Case
 from cosim.spikes.viform import pack_planes
 from display.observe.observers import CameraPlane, PursuingEye
 from display.observe.views import Views
-from display.panels.panel import DRIVES, Drive, SpikePanel
+from display.panels.panel import SpikePanel
 from display.render.golden import GoldenRenderer
 
 __all__ = ["SHOWING", "Renderers"]
@@ -26,6 +26,8 @@ Renderers = Callable[[SpikePanel, int, int], Any]
 """(panel, planes to a span, images) -> a renderer, of the interface of `GoldenRenderer`."""
 Values = npt.NDArray[np.float64]
 CLOCK: Final = Clock(40_000)
+DRIVES: Final = ("impulse", "hold", "causal")
+"""Drives whose exact light is known here."""
 MOST: Final = 2**32 - 1
 """An age that no longer grows."""
 
@@ -56,7 +58,7 @@ def _light(renderer: Any, words: npt.NDArray[np.uint32], planes: int) -> float:
     return float(renderer.take(0)[0, 0])
 
 
-def _drives(at: Sequence[int], planes: int, drive: Drive, age: int | None = None) -> list[Fraction]:
+def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) -> list[Fraction]:
     """Packets of light in each plane, in Python's integers. age: planes since a spike before."""
     tau, made = 0, []
     for n in range(planes):
@@ -108,7 +110,7 @@ def ages(make: Renderers) -> float:
                 state["seen"] = np.ones_like(state["seen"])
                 renderer.restore(state)
             renderer.step(_spikes(at, planes), planes, None)
-            due = _drives(at, planes, drive, age)
+            due = _levels(at, planes, drive, age)
             given = np.asarray(renderer.light, np.float64)[:, 0, 0]
             error = np.abs(given - np.array([float(d) for d in due]))
             worst = max(worst, float(np.max(np.where(np.isfinite(error), error, np.inf))))

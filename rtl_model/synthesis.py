@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from cosim import InputError
+from cosim.errors import MissingPackages
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import VERILOG
 
@@ -74,7 +75,9 @@ def synthesise(
     """
     yosys = shutil.which("yosys")
     if yosys is None:
-        raise InputError("yosys", "be installed", "no such program", "apt-get install yosys")
+        raise MissingPackages(
+            "yosys", "be installed", "no such program", "apt-get install yosys", ["yosys"]
+        )
     if settings is None:
         settings = (geometry or Geometry()).verilog
     chosen = "".join(f" -set {name} {value}" for name, value in settings.items())

@@ -19,9 +19,9 @@ settings.load_profile("viform")
 LONG = (
     "test_stability.py", "test_joint.py", "test_fast.py", "test_run_link.py", "test_receiving.py",
     "test_convert_image.py", "test_pixel_exact.py", "test_link_plan.py", "test_cli.py",
-    "test_sun_and_stars.py", "test_transmission.py", "test_boxes.py", "test_run.py",
+    "test_asynchronous.py", "test_transmission.py", "test_boxes.py", "test_run.py",
     "test_probes.py", "test_chain.py", "test_link_theory.py", "test_capacity.py", "test_glass.py",
-    "test_first_spike.py", "test_comparison.py", "test_shockwave.py",
+    "test_coding.py", "test_comparison.py", "test_shockwave.py",
 )  # fmt: skip
 """Files that take longest, the longest first."""
 

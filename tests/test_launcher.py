@@ -47,7 +47,20 @@ case "$*" in
         if [ -e "$BOX/pip.sleeps" ]; then sleep 1; fi
         if [ -e "$BOX/pip.fails" ]; then echo no such package; exit 1; fi
         if [ -e "$BOX/pip.dies" ]; then echo Installing collected packages: x; kill -9 $PPID; fi ;;
-    */bin/viform*) shift; printf '<%s>' "$@" ;;
+    */bin/viform*)
+        shift
+        # As scenarios/cli/packages.py does: the command asks for what the file `lacks` names.
+        if [ -e "$BOX/lacks" ] && [ -n "${{VIFORM_LAUNCHER-}}" ]; then
+            while read -r package; do
+                case " $VIFORM_ASKED " in
+                    *" $package "*) ;;
+                    *) VIFORM_INSTALL="${{VIFORM_INSTALL:+$VIFORM_INSTALL }}$package" ;;
+                esac
+            done <"$BOX/lacks"
+            [ -z "${{VIFORM_INSTALL-}}" ] ||
+                {{ export VIFORM_INSTALL && exec "$VIFORM_LAUNCHER" "$@"; }}
+        fi
+        printf '<%s>' "$@" ;;
 esac
 """
 
@@ -55,21 +68,7 @@ FAKE_APT = """#!/bin/sh
 echo "apt-get $*" >>"$BOX/calls"
 echo apt talks
 if [ -e "$BOX/apt.fails" ]; then echo E: no network; exit 100; fi
-case "$*" in *install*pocl-opencl-icd*)
-    mkdir -p "$BOX/etc/OpenCL/vendors" "$BOX/usr/lib/arch"; touch "$BOX/usr/lib/arch/libpocl.so.2"
-    printf libpocl.so.2 >"$BOX/etc/OpenCL/vendors/pocl.icd" ;;
-esac
-case "$*" in *install*ocl-icd-libopencl1*)
-    mkdir -p "$BOX/usr/lib/arch"; touch "$BOX/usr/lib/arch/libOpenCL.so.1" ;;
-esac
-case "$*" in *install*libegl1*)
-    mkdir -p "$BOX/usr/lib/arch/dri" "$BOX/usr/share/glvnd/egl_vendor.d"
-    touch "$BOX/usr/share/glvnd/egl_vendor.d/50_mesa.json" "$BOX/usr/lib/arch/dri/swrast_dri.so"
-    touch "$BOX/usr/lib/arch/libEGL.so.1" "$BOX/usr/lib/arch/libGL.so.1" ;;
-esac
-case "$*" in *install*verilator*)
-    for name in verilator g++ make; do ln -s apt-get "$BOX/bin/$name"; done ;;
-esac
+case "$*" in *install*) rm -f "$BOX/lacks" ;; esac
 case "$*" in *install*python3-venv*)
     rm -f "$BOX/python3.lacks-venv"
     if [ -e "$BOX/python3.apt" ]; then ln -s "$BOX/python3.apt" "$BOX/bin/python3"; fi ;;
@@ -109,21 +108,12 @@ class Box:
         text = FAKE_PYTHON.format(name=name.split("/")[-1], version=version, unfit=int(not fit))
         self.script(f"bin/{name}", text)
 
-    def opencl(self) -> None:
-        self.touch("etc/OpenCL/vendors/pocl.icd", "usr/lib/x86_64-linux-gnu/libOpenCL.so.1")
-        self.touch("usr/lib/x86_64-linux-gnu/libpocl.so.2")
-        (self.root / "etc/OpenCL/vendors/pocl.icd").write_text("libpocl.so.2")
-
-    def egl(self) -> None:
-        self.touch("usr/share/glvnd/egl_vendor.d/50_mesa.json", "usr/lib/arch/dri/swrast_dri.so")
-        self.touch("usr/lib/arch/libEGL.so.1", "usr/lib/arch/libGL.so.1")
-
-    def rtl(self) -> None:
-        for name in ("verilator", "g++", "make", "iverilog", "yosys"):
-            self.script(f"bin/{name}", "#!/bin/sh\n")
+    def lacks(self, *packages: str) -> None:
+        """What the command will ask for, until apt-get has installed it."""
+        (self.root / "lacks").write_text("".join(f"{package}\n" for package in packages))
 
     def apt(self) -> None:
-        """An apt-get that brings OpenCL, EGL, the venv module and Python, in name."""
+        """An apt-get that brings the venv module, Python and what the command lacks, in name."""
         self.script("bin/apt-get", FAKE_APT)
 
     def sudo(self, *, allowed: bool) -> None:
@@ -162,11 +152,7 @@ class Box:
 
 @pytest.fixture
 def box(tmp_path):
-    made = Box(tmp_path)
-    made.opencl()
-    made.egl()
-    made.rtl()
-    return made
+    return Box(tmp_path)
 
 
 def pips(calls: list[str]) -> list[str]:
@@ -409,109 +395,83 @@ def test_the_first_fit_python_is_taken_and_another_can_be_asked_for(box):
     )
 
 
-def test_root_installs_what_is_missing(tmp_path):
+OPENCL = ("pocl-opencl-icd", "ocl-icd-libopencl1")
+
+
+def installs(calls: list[str]) -> list[str]:
+    asked = [call for call in calls if call.startswith("apt") and "install" in call]
+    return [call.split("recommends ")[1] for call in asked]
+
+
+def test_root_installs_python_and_then_what_the_command_lacks(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python("../python3.apt")
     box.apt()
     result = box.run("run", "film")
     assert (result.returncode, result.stdout) == (0, "<run><film>")
     assert result.stderr == (
-        "viform: installing system packages: python3 python3-venv pocl-opencl-icd "
-        "ocl-icd-libopencl1\n"
+        "viform: installing system packages: python3 python3-venv\n"
         "viform: making .venv (once, about a minute)\n"
     )
     assert [call for call in box.calls() if call.startswith("apt")] == [
         "apt-get update -q",
         "apt-get -o DPkg::Lock::Timeout=600 install -y -q --no-install-recommends python3 "
-        "python3-venv pocl-opencl-icd ocl-icd-libopencl1",
+        "python3-venv",
     ]
+    box.lacks(*OPENCL)
+    result = box.run("run", "film", "--set", "a=b c", "")
+    assert (result.returncode, result.stdout) == (0, "<run><film><--set><a=b c><>")
+    assert result.stderr == f"viform: installing system packages: {' '.join(OPENCL)}\n"
+    calls = box.calls()
+    assert (made(calls), pips(calls), installs(calls)) == (0, [], [" ".join(OPENCL)])
     box.run("run", "film")
     assert len(box.calls()) == 1
 
 
-def test_only_the_commands_that_need_opencl_install_it(tmp_path):
+def test_a_command_that_lacks_nothing_asks_for_nothing(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
     box.apt()
-    for command in ("list", "doctor", "convert"):
+    for command in ("list", "doctor", "run", "test"):
         assert box.run(command).returncode == 0
-    assert not [call for call in box.calls() if call.startswith("apt")]
-    assert box.run("run", "film", "--device", "numba").stdout == "<run><film><--device><numba>"
-    assert box.run("bench", "sensor", "--device=numba").stderr == ""
-    assert not [call for call in box.calls() if call.startswith("apt")]
-    result = box.run("bench", "sensor")
-    assert result.stderr == (
-        "viform: installing system packages: pocl-opencl-icd ocl-icd-libopencl1\n"
-    )
-    calls = box.calls()
-    assert made(calls) == 0
-    assert len([call for call in calls if call.startswith("apt")]) == 2
+    assert installs(box.calls()) == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "shows"),
-    [
-        (("run",), True),
-        (("run", "glass", "--json"), True),
-        (("run", "film"), False),
-        (("run", "film", "--set", "display.drive=hold"), True),
-        (("run", "glass", "--set", "display.renderer=numpy"), False),
-        (("run", "mine.toml"), True),
-        (("run", "other.toml"), False),
-        (("run", "--out", "film-9", "film"), False),
-        (("accuracy", "glass"), True),
-        (("accuracy", "film"), False),
-        (("plan", "glass"), False),
-        (("bench",), True),
-        (("bench", "--json", "display"), True),
-        (("bench", "sensor", "--json"), False),
-        (("list",), False),
-        (("test", "-k", "house"), True),
-        (("live", "film"), True),
-    ],
-)  # fmt: skip
-def test_only_what_shows_a_display_installs_egl(tmp_path, arguments, shows):
+def test_a_command_may_ask_twice_but_for_no_package_twice(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
     box.apt()
-    box.opencl()
-    box.rtl()
-    for name, text in (("glass", "[display]\n"), ("film", "# [display]\n[sensor]\n")):
-        (box.clone / "scenarios/files").mkdir(parents=True, exist_ok=True)
-        (box.clone / f"scenarios/files/{name}.toml").write_text(text)
-    (box.root / "mine.toml").write_text('title = "x"\n[sensor]\n[display]\ndrive = "hold"')
-    (box.root / "other.toml").write_text("[sensor]\n")
-    result = box.run(*arguments)
-    assert result.returncode == 0
-    wanted = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
-    assert (f"installing system packages: {wanted}" in result.stderr) is shows
-    assert "installing system packages" not in box.run(*arguments).stderr
-
-
-def test_what_a_removed_driver_leaves_behind_is_none(tmp_path):
-    box = Box(tmp_path, uid=0)
-    box.python()
-    box.apt()
-    box.opencl()
-    box.egl()
-    library = box.root / "usr/lib/x86_64-linux-gnu/libpocl.so.2"
-    box.run("run")
+    # An apt-get that brings nothing: the command goes on after it has asked for everything once.
+    box.script("bin/apt-get", FAKE_APT.replace('rm -f "$BOX/lacks"', 'echo libegl1 >>"$BOX/lacks"'))
+    box.run("list")
     box.calls()
-    assert (box.run("run").stderr, len(box.calls())) == ("", 1)
-    library.unlink()
-    assert "installing system packages: pocl-opencl-icd" in box.run("run").stderr
-    (box.root / "usr/lib/arch/libpocl.so.2").unlink()
-    # A driver may name its library by its path, or stand where only the linker's cache knows.
-    icd = box.root / "etc/OpenCL/vendors/other.icd"
-    icd.write_text(f"{box.root}/opt/libother.so\n")
-    assert "installing" in box.run("run").stderr
-    (box.root / "usr/lib/arch/libpocl.so.2").unlink()
-    box.touch("opt/libother.so")
-    assert box.run("run").stderr == ""
-    icd.write_text("libother.so\n")
-    cache = 'echo "        libother.so (libc6,x86-64) => /opt/lib/libother.so"'
-    box.script("usr/sbin/ldconfig", f"#!/bin/sh\n{cache}\n")
-    assert box.run("run").stderr == ""
+    box.lacks(*OPENCL)
+    result = box.run("run", "glass")
+    assert (result.returncode, result.stdout) == (0, "<run><glass>")
+    assert installs(box.calls()) == [" ".join(OPENCL), "libegl1"]
+
+
+def test_without_apt_nobody_is_asked(tmp_path):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    box.lacks(*OPENCL)
+    result = box.run("run", VIFORM_NO_APT="1")
+    assert (result.returncode, result.stdout) == (0, "<run>")
+    assert installs(box.calls()) == []
+
+
+def test_the_tests_take_another_environment_and_any_packages(tmp_path):
+    box = Box(tmp_path, uid=0)
+    box.python()
+    box.apt()
+    box.lacks("verilator", "g++", "iverilog")
+    result = box.run("test", "-k", "house")
+    assert result.stdout == "<test><-k><house>"
+    assert result.stderr.splitlines()[1] == (
+        "viform: installing system packages: verilator g++ iverilog"
+    )
+    assert pips(box.calls())[0].endswith("requirements-dev.lock")
 
 
 def test_a_user_with_sudo_installs_by_it(tmp_path):
@@ -535,9 +495,7 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     box.touch("var/lib/apt/lists/mirror_Packages.lz4")
     if sudo == "refuses":
         box.sudo(allowed=False)
-    box.egl()
-    box.rtl()
-    line = "`sudo apt-get install -y python3 python3-venv pocl-opencl-icd ocl-icd-libopencl1`"
+    line = "`sudo apt-get install -y python3 python3-venv`"
     without = box.run("run")
     assert without.returncode == 2
     assert without.stderr == (
@@ -556,60 +514,17 @@ def test_without_rights_it_prints_the_line_and_goes_on_if_it_can(tmp_path, sudo)
     )
 
     (box.root / "python3.lacks-venv").unlink()
+    box.lacks(*OPENCL)
     result = box.run("test")
     assert (result.returncode, result.stdout) == (0, "<test>")
-    assert result.stderr.splitlines()[0] == (
-        "viform: `test` needs OpenCL, which this user cannot install here: run `sudo apt-get "
-        "install -y pocl-opencl-icd ocl-icd-libopencl1`"
-    )
+    assert result.stderr.splitlines()[1:] == [
+        f"viform: `test` needs {' '.join(OPENCL)}, which this user cannot install here: run `sudo "
+        f"apt-get install -y {' '.join(OPENCL)}`"
+    ]
     assert not [call for call in box.calls() if call.startswith("apt")]
     assert box.run("test", VIFORM_NO_APT="1").stderr == ""
     # These say so themselves, in one line.
     assert [box.run(command).stderr for command in ("run", "bench")] == ["", ""]
-
-
-def test_verilator_comes_with_the_commands_that_compile_verilog(tmp_path):
-    box = Box(tmp_path, uid=0)
-    box.python()
-    box.apt()
-    box.opencl()
-    box.egl()
-    for line in (
-        "board bringup --port /dev/ttyUSB0",
-        "board virtual --level model",
-        "board bringup --level model",
-        "board replay a.log",
-        "board regs --list",
-        "run step --set sensor.source=serial:virtual",
-        "run bring-up --set board.port=/dev/ttyUSB0",
-        "run film",
-    ):
-        assert box.run(*line.split()).returncode == 0
-    assert not [call for call in box.calls() if call.startswith("apt")]
-    assert box.run("board", "identify").stdout.startswith("<board>")  # a virtual one
-    installs = [call for call in box.calls() if "install" in call and call.startswith("apt")]
-    assert [call.split("recommends ")[1] for call in installs] == ["verilator g++ zlib1g-dev"]
-    assert box.run("run", "bring-up").stderr == ""
-
-
-def test_yosys_comes_only_where_cells_are_counted(tmp_path):
-    box = Box(tmp_path, uid=0)
-    box.python()
-    box.apt()
-    for line in (
-        "board gateware ulx3s-25f --out d",
-        "board gateware --list --cells",
-        "board gateware ulx3s-25f --cells --help",
-        "link ber gateware --cells",
-    ):
-        assert box.run(*line.split()).returncode == 0
-    assert not [call for call in box.calls() if call.startswith("apt")]
-    counted = box.run(*["board", "gateware", "ulx3s-25f", "--json", "--cells", "--out", "d"])
-    assert counted.stdout.startswith("<board><gateware>")
-    installs = [call for call in box.calls() if "install" in call and call.startswith("apt")]
-    assert [call.split("recommends ")[1] for call in installs] == ["yosys"]
-    box.rtl()
-    assert "installing" not in box.run("board", "gateware", "x", "--cells", "--out", "d").stderr
 
 
 def test_a_failed_apt_shows_its_end(tmp_path):
@@ -617,7 +532,7 @@ def test_a_failed_apt_shows_its_end(tmp_path):
     box.python()
     box.apt()
     box.touch("apt.fails")
-    box.egl()
+    box.lacks(*OPENCL)
     result = box.run("run")
     assert (result.returncode, result.stdout) == (2, "")
     assert "E: no network\n" in result.stderr
@@ -630,13 +545,12 @@ def test_a_failed_apt_shows_its_end(tmp_path):
 def test_elsewhere_than_debian_the_packages_are_named(tmp_path):
     box = Box(tmp_path, uid=0)
     box.python()
-    box.egl()
-    box.rtl()
+    box.lacks(*OPENCL)
     result = box.run("test")
     assert result.stdout == "<test>"
-    assert result.stderr.splitlines()[0] == (
-        "viform: `test` needs OpenCL, which this user cannot install here: install what Debian "
-        "calls pocl-opencl-icd ocl-icd-libopencl1"
+    assert result.stderr.splitlines()[1] == (
+        "viform: `test` needs pocl-opencl-icd ocl-icd-libopencl1, which this user cannot install "
+        "here: install what Debian calls pocl-opencl-icd ocl-icd-libopencl1"
     )
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.errors import InputError
+from cosim.errors import InputError, MissingPackages
 
 __all__ = [
     "INSTALL",
@@ -27,12 +27,14 @@ __all__ = [
     "cache_folder",
     "choose_device",
     "open_device",
+    "opencl_packages",
     "prepare_caches",
     "probe",
 ]
 
-INSTALL = "apt-get install pocl-opencl-icd ocl-icd-libopencl1"
-"""What makes an OpenCL device of the processor on Debian."""
+_PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
+"""Debian's packages that make an OpenCL device of the processor."""
+INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
 _PROBE = """
 import json, pyopencl as cl
@@ -93,9 +95,14 @@ def probe() -> list[dict[str, Any]]:
     return devices
 
 
-def _no_device(
-    value: str, remedy: str = f"install one ({INSTALL}) or pass --device numba"
-) -> InputError:
+def opencl_packages() -> tuple[str, ...]:
+    """Debian's packages that bring a device; none where the user has pointed the loader at drivers
+    in other places."""
+    elsewhere = os.environ.get("OCL_ICD_VENDORS") or os.environ.get("OCL_ICD_FILENAMES")
+    return () if elsewhere else _PACKAGES
+
+
+def _no_device(value: str, remedy: str) -> InputError:
     return InputError("the OpenCL device", "one that this machine has", value, remedy)
 
 
@@ -122,7 +129,10 @@ def open_device(wanted: str | None = None) -> Device:
     except cl.Error:  # the loader reports "no platform" as an error
         present = []
     if not present:
-        raise _no_device("none at all")
+        raise MissingPackages(
+            "the OpenCL device", "one that this machine has", "none at all",
+            f"install one ({INSTALL}) or pass --device numba", opencl_packages(),
+        )  # fmt: skip
     names = [f"{p.name.strip()}: {d.name.strip()}" for p, d in present]
     if wanted is not None:
         hits = [i for i, name in enumerate(names) if wanted.lower() in name.lower()]

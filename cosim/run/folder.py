@@ -8,7 +8,7 @@ import os
 import shlex
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cosim import InputError
@@ -103,10 +103,18 @@ def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
 
 @contextmanager
 def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) -> Iterator[Path]:
-    """Makes the run's folder and keeps every other run out of it while this one lasts. goes_on:
-    whether the command has --resume, for the one who must make room on the disk."""
+    """Makes the run's folder and keeps every other run out of it while this one lasts. A folder
+    that it has made and that is still empty at the end, after an error, is removed.
+
+    Args:
+        name: short name of the scenario.
+        out: folder; runs/<name>-<n> if None.
+        resume: whether the run continues in a folder that an interrupted run has left.
+        goes_on: whether the command has --resume, which a message about a full disk names.
+    """
     folder = output_folder(name, out, resume)
     while True:
+        new = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=out is not None)
             break
@@ -127,6 +135,9 @@ def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) 
         with room_for("the run", folder, "" if goes_on else "run it again with another --out"):
             yield folder
     finally:
+        if new:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
         os.close(handle)
 
 

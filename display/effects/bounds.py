@@ -33,9 +33,9 @@ def proven(scene: Summary, panel: SpikePanel, observer: Observer, change: Change
     r less what the phases of its spikes take off: sum w_n (L_n - r) is, summed by parts, less than
     the variation of the weights, as the spikes are less than one off r t.
     """
-    top = 1 / panel.pulse if panel.drive == "impulse" and panel.decay > 0 else 1.0
+    top = 1 / panel.share if panel.decay > 0 else 1.0
     loss = 2 * steps(observer, panel, scene.cycles).half
-    plain = panel.drive == "impulse" and panel.rise == panel.decay == 0
+    plain = panel.packets and panel.rise == panel.decay == 0
     # A pixel whose light is lost at the run's ends has less than its rate.
     loss = loss + change.lost if plain else math.inf
     return np.asarray((change.half + change.travel) * top / base(scene, loss))
@@ -50,12 +50,12 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     """
     contrast = spread(scene)
     moving = np.asarray(scene.planes) > 0
-    likely = change.root * flutter(scene, panel.drive, reach)
+    likely = change.root * flutter(scene, panel.scheme, reach)
     likely = likely + JUMP * 2 * change.spans * contrast * moving
     likely = likely + 2 * change.travel * contrast + change.lost * (1 + contrast)
-    likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.drive, np.inf)
-    if panel.drive != "impulse":  # dark up to the second spike
-        late, planes = unlit_rate(scene, change.unseen)
+    likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.scheme, np.inf)
+    if not panel.packets:  # dark up to the first or second spike
+        late, planes = unlit_rate(scene, change.unseen, panel.scheme.spikes)
         apart = np.minimum(change.travel, change.travelled * np.sqrt(planes))
         likely = likely + late * (change.jump + apart)
     return np.asarray(likely)

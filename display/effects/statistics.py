@@ -1,4 +1,4 @@
-"""What a tile's light looks like on a panel: how it flutters and how it changes, relative to it.
+"""Statistics of a tile's light on a panel: its flutter and its changes, relative to its mean.
 
 Light is in packets Q a cycle, so its mean is the spike rate r. The latch rounds spikes up to edges,
 and noise of relative spread s moves them. Time enters in planes (cycles).
@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.plan.effects import Summary
+from display.drives import Drive
 
 __all__ = ["base", "flutter", "spread", "unlit_rate", "unsteady", "worst_rate"]
 
@@ -19,7 +20,7 @@ Values = npt.NDArray[np.float64]
 _RATES: Final = 9
 """Rates between a tile's least and most at which an estimate is tried."""
 _LATE: Final = 4.0
-"""Spreads by which an interval is longer, at most."""
+"""Relative spreads by which an interval is longer, at most."""
 
 
 def _bounds(scene: Summary) -> tuple[Values, Values]:
@@ -55,12 +56,12 @@ def spread(scene: Summary) -> Values:
     return np.asarray((high - low) / np.maximum(high + low, 2 * max(scene.floor, 1e-300)))
 
 
-def unlit_rate(scene: Summary, unseen: int) -> tuple[Values, Values]:
-    """Rate, over the mean or the floor, of the brightest of a tile's pixels that may be without a
-    second spike (and so dark in a hold) when the first `unseen` planes are over: two intervals,
-    each up to _LATE spreads longer. And the planes of an interval of such a pixel."""
+def unlit_rate(scene: Summary, unseen: int, spikes: int) -> tuple[Values, Values]:
+    """Rate, over the mean or the floor, of the brightest of a tile's pixels that may be without so
+    many spikes (and so dark) when the first `unseen` planes are over: as many intervals, each up to
+    _LATE spreads longer. And the planes of an interval of such a pixel."""
     low, high = _bounds(scene)
-    at = np.minimum(high, 2 * (1 + _LATE * scene.spread) * scene.slack / max(unseen, 1))
+    at = np.minimum(high, spikes * (1 + _LATE * scene.spread) * scene.slack / max(unseen, 1))
     late = np.where(at < low, 0.0, at / np.maximum(at, max(scene.floor, 1e-300)))
     return late, 1 / np.maximum(at, 1e-12)
 
@@ -74,31 +75,19 @@ def _interval(scene: Summary, rate: Values) -> Values:
     return np.asarray(noise + rate**2 / 6)
 
 
-def flutter(scene: Summary, drive: str, reach: float) -> Values:
-    """Standard deviation of a plane's light about its mean, over the mean or the floor, times the
-    root of the planes for which it stays the same.
-
-    impulse: a plane has a packet or none, r (1 - r), planes apart. hold, causal: as 1 / tau varies,
-    for 1 / r planes; of weights that turn within `reach` planes an interval that lasts longer shows
-    only its jumps, r reach^2 / 5 (a jump anywhere in a span whose weights rise evenly).
-    """
+def flutter(scene: Summary, drive: Drive, reach: float) -> Values:
+    """(tiles,) standard deviation of a plane's light about its mean, over the mean or the floor,
+    times the root of the planes for which it stays the same. reach: planes within which changed
+    weights turn."""
     rate = worst_rate(scene)
-    if drive == "impulse":
-        deviation = np.sqrt(rate * np.maximum(1 - rate, 0.1))
-    else:
-        last = np.minimum(1 / np.maximum(rate, 1e-12), rate * reach**2 / 5)
-        deviation = rate * np.sqrt(_interval(scene, rate) * last)
+    deviation = drive.flutter(rate, _interval(scene, rate), reach)
     return np.asarray((deviation / np.maximum(rate, max(scene.floor, 1e-300))).max(axis=0))
 
 
-def unsteady(scene: Summary, drive: str, swing: float) -> Values:
-    """How far the light goes up and down in a plane, over the mean or the floor. swing: of a
-    packet, in Q a cycle. hold and causal go with each spike: sqrt(2) of the deviation of 1 / tau,
-    and there and back between the tile's ends where the light moves."""
+def unsteady(scene: Summary, drive: Drive, swing: float) -> Values:
+    """(tiles,) how far the light goes up and down in a plane, over the mean or the floor. swing: of
+    the emitter with a packet, in Q a cycle."""
     rate = worst_rate(scene)
-    if drive == "impulse":
-        each = np.full_like(rate, 2 * swing)
-    else:
-        moving = 2 * spread(scene) * (np.asarray(scene.planes) > 0)
-        each = rate * (np.sqrt(2 * _interval(scene, rate)) + moving)
+    motion = 2 * spread(scene) * (np.asarray(scene.planes) > 0)
+    each = drive.unsteadiness(rate, _interval(scene, rate), motion, swing)
     return np.asarray((rate * each / np.maximum(rate, max(scene.floor, 1e-300))).max(axis=0))

@@ -1,7 +1,7 @@
 """How an observer's weights of planes change when time is resolved more coarsely.
 
-An image is the sum over planes n of w_n L_n, the w_n adding up to 1. Whatever changes them by d_n
-(adding up to 0 within a span) changes the image by the sum of d_n L_n, so for any light
+An image is the sum over planes n of w_n L_n; the w_n add up to 1. A change of the weights by d_n
+(adding up to 0 within a span) changes the image by the sum of d_n L_n. So for any light
 
     |sum d_n L_n| <= half (max L - min L),  half = 1/2 sum |d_n|        (1)
 
@@ -17,8 +17,9 @@ and for light that jumps once at any moment by A
 
     |change| <= jump A,  jump = max over spans of 1/2 sum |d_n|             (4)
 
-A moving eye takes plane n from another place: delta_n pixels off, which changes bilinear light by
-at most min(|delta_n|, 1) of the difference between neighbours: travel = sum w_n min(|delta_n|, 1).
+For a moving eye the place of plane n changes too, by delta_n pixels. That changes bilinear light
+by at most min(|delta_n|, 1) of the difference between neighbours:
+travel = sum w_n min(|delta_n|, 1).
 """
 
 from __future__ import annotations
@@ -37,26 +38,31 @@ from display.panels.panel import SpikePanel
 __all__ = ["Change", "delay_change", "effective_planes", "span_change", "steps"]
 
 _CHUNK: Final = 1 << 14
-"""Planes looked at together: whole spans of 64."""
+"""Planes that are evaluated together: whole spans of 64."""
 _NOTHING: Final = 1e-6
-"""An image of less weight than this sees none of the run."""
+"""An image of less weight than this takes no light of the run."""
 Instants = npt.NDArray[np.int64]
 
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _remembered(made: F) -> F:
-    """The last answers are kept: a plan and its tiles ask for the same ones."""
-    return cast(F, lru_cache(maxsize=64)(made))
+def _cached(function: F) -> F:
+    """Caches the last results: a plan asks for the same ones many times."""
+    return cast(F, lru_cache(maxsize=64)(function))
 
 
 @dataclass(frozen=True)
 class Change:
-    """See above; each the most over the images and over the panel's first and last row, for images
-    whose weights add up to 1. travelled: root of the sum of the squares of w_n min(|delta_n|, 1).
-    lost: |sum d_n|, weight that falls beyond the run. grain: sqrt(sum w_n^2). unseen: planes
-    before the first that an image sees.
+    """A change of weights: the largest over the images and the panel's first and last row, for
+    images whose weights add up to 1.
+
+    Attributes:
+        half, root, spans, jump, travel: see the module's equations.
+        travelled: sqrt(sum (w_n min(|delta_n|, 1))^2).
+        lost: |sum d_n|, weight that falls beyond the run.
+        grain: sqrt(sum w_n^2).
+        unseen: planes before the first that an image integrates.
     """
 
     half: float
@@ -71,7 +77,7 @@ class Change:
 
 
 def _chunks(observer: Observer, panel: SpikePanel, planes: int) -> Iterator[tuple[int, Instants]]:
-    """First plane and edges of the planes of every chunk that some image sees."""
+    """First plane and edges of the planes of every chunk that some image integrates."""
     for first in range(0, planes, _CHUNK):
         edges = range(first, min(first + _CHUNK, planes) + 1)
         ends = np.array([panel.start(edges[0]), panel.start(edges[-1])], np.int64)
@@ -87,7 +93,7 @@ def _means(values: Values, batch: int) -> Values:
 
 
 class _Sums:
-    """What a Change is made of, chunk by chunk."""
+    """The sums of a Change, chunk by chunk."""
 
     def __init__(self, images: int) -> None:
         (
@@ -105,9 +111,9 @@ class _Sums:
 
     def add(self, first: int, change: Values, weight: Values, away: Values, span: int) -> None:
         size = np.abs(change)
-        seen = ((weight > _NOTHING) | (np.abs(change) > _NOTHING)).any(axis=0)
-        if self.unseen < 0 and seen.any():
-            self.unseen = first + int(np.argmax(seen))
+        used = ((weight > _NOTHING) | (np.abs(change) > _NOTHING)).any(axis=0)
+        if self.unseen < 0 and used.any():
+            self.unseen = first + int(np.argmax(used))
         self.whole += weight.sum(axis=1)
         self.lost += change.sum(axis=1)
         self.half += size.sum(axis=1) / 2
@@ -120,12 +126,12 @@ class _Sums:
         self.travel += moved.sum(axis=1)
         self.travelled += (moved**2).sum(axis=1)
 
-    def made(self) -> Change:
-        seen = self.whole > _NOTHING
-        whole = np.where(seen, self.whole, 1.0)
+    def change(self) -> Change:
+        used = self.whole > _NOTHING
+        whole = np.where(used, self.whole, 1.0)
 
         def most(values: Values) -> float:
-            return float(np.where(seen, values / whole, 0.0).max(initial=0.0))
+            return float(np.where(used, values / whole, 0.0).max(initial=0.0))
 
         return Change(
             most(self.half), most(np.sqrt(self.root)), most(np.sqrt(self.spans)), most(self.jump),
@@ -140,11 +146,11 @@ def _worse(one: Change, other: Change) -> Change:
 
 
 def _apart(one: tuple[Values, Values], other: tuple[Values, Values]) -> Values:
-    """Pixels between two shifts, down and along added up."""
+    """Pixels between two shifts, sum of rows and columns."""
     return np.abs(one[0] - other[0]) + np.abs(one[1] - other[1])
 
 
-@_remembered
+@_cached
 def span_change(
     observer: Observer, panel: SpikePanel, planes: int, fine: int, coarse: int
 ) -> Change:
@@ -155,7 +161,7 @@ def span_change(
 
 
 def _rows(panel: SpikePanel) -> tuple[int, int]:
-    """How late the first row is shown, and the last."""
+    """Delay of the first row and of the last, ps."""
     return 0, round(panel.row_delay)
 
 
@@ -175,10 +181,10 @@ def _span_change(
             middles.append(np.repeat(middle, last - first))
         away = _apart(*(observer.shifts(m) for m in middles))
         sums.add(begin, change, weight, away, coarse)
-    return sums.made()
+    return sums.change()
 
 
-@_remembered
+@_cached
 def delay_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -> Change:
     """All light `late` picoseconds later."""
     sums = _Sums(observer.images)
@@ -188,19 +194,19 @@ def delay_change(observer: Observer, panel: SpikePanel, planes: int, late: int) 
         middle = (at[:-1] + at[1:]) // 2
         away = _apart(observer.shifts(middle), observer.shifts(middle + late))
         sums.add(begin, later - weight, np.maximum(weight, later), away, len(at) - 1)
-    return sums.made()
+    return sums.change()
 
 
 def effective_planes(observer: Observer, panel: SpikePanel, planes: int) -> float:
-    """As many planes as the image has that sees the fewest: 1 / sum w_n^2."""
+    """Effective number of planes, 1 / sum w_n^2, of the image that has the fewest."""
     grain = steps(observer, panel, planes).grain
     return 1 / grain**2 if grain > 0 else float(planes)
 
 
-@_remembered
+@_cached
 def steps(observer: Observer, panel: SpikePanel, planes: int) -> Change:
-    """Each plane's weight for that of the plane before: of light that is a plane late. A weight at
-    the run's ends steps from and to nothing."""
+    """Each plane's weight for that of the plane before, as of light that is a plane late. At the
+    run's ends a weight steps from and to nothing."""
     plane = panel.start(1) - panel.start(0)
     first, last = (
         delay_change(observer, replace(panel, transport=panel.transport + late), planes, plane)

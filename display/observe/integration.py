@@ -1,8 +1,8 @@
-"""Images that an observer makes of light told as planes over spans of time.
+"""Images of an observer, integrated from planes of light that shine over spans of time.
 
 A span of constant light that moves on the retina is split until it moves a quarter of a pixel in a
-part; the parts' bilinear shifts add up to a small kernel per image, so that a hold of 60 Hz that
-smears over 67 pixels is one pass of 68 taps along the rows and not 267 shifted pictures.
+part. The parts' bilinear shifts add up to a small kernel per image, so that a hold of 60 Hz that
+smears over 67 pixels is one pass of 68 taps along the rows instead of 267 shifted pictures.
 """
 
 from __future__ import annotations
@@ -25,15 +25,22 @@ Instants = npt.NDArray[np.int64]
 Gain = Callable[[Instants, Instants], Values]
 """Mean gain over [start, stop) of each of many times."""
 MOTION_STEP = 0.25
-"""Pixels that light may move on the retina within a part of a span; it is seen where it is in the
-middle of the part."""
+"""Pixels that light may move on the retina within a part of a span; its place is that of the middle
+of the part."""
 NEGLIGIBLE = 1e-9
 """Weight of a span in an image below which it is left out."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """Light of plane `plane` from `start` to `stop` (ps), times `gain`, in at least `parts`."""
+    """A time in which a plane shines.
+
+    Attributes:
+        plane: its number.
+        start, stop: ps.
+        gain: factor over time, None for 1.
+        parts: parts that the span is split into, at least.
+    """
 
     plane: int
     start: int
@@ -44,17 +51,22 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class LightPlanes:
-    """planes: (n, H, W) float32, or uint8 of 0 and 1; relative to white; what made them may write
-    over them when it is asked for the next. spans: when they shine."""
+    """Planes of light, and when they shine.
+
+    Attributes:
+        planes: (n, H, W) float32, or uint8 of 0 and 1, white = 1. Valid until the next ones are
+            asked for: their maker reuses the memory.
+        spans: when they shine.
+    """
 
     planes: npt.NDArray[Any]
     spans: list[Span]
 
     def smaller(self, by: int) -> LightPlanes:
-        """The same with the means over `by` x `by` pixels, whole ones, as pixels."""
+        """The means over whole squares of `by` x `by` pixels."""
         if by == 1:
             return self
-        from display.observe.row_kernels import by_rows, shrink  # brings numba with it
+        from display.observe.row_kernels import by_rows, shrink  # imports numba, 0.4 s
 
         n, height, width = self.planes.shape
         if not 1 <= by <= min(height, width):
@@ -66,8 +78,13 @@ class LightPlanes:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Parts of all spans of one `LightPlanes`: their plane (n,), and weight, shift down and along
-    (images, n) each."""
+    """Parts of all spans of one `LightPlanes`.
+
+    Attributes:
+        plane: (n,) numbers of planes.
+        weight: (images, n).
+        down, along: (images, n) shift across rows and along them, pixels.
+    """
 
     plane: npt.NDArray[np.int64]
     weight: Values
@@ -100,12 +117,12 @@ def _parts(spans: list[Span], observer: Observer) -> _Parts:
 
 
 def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any], ...]]:
-    """Of each image: planes, whole-pixel shifts down and along, and weights, one of each a tap."""
+    """For each image the taps: planes, whole-pixel shifts down and along, and weights."""
     height, width = shape
     taps = []
     for weight, y, x in zip(parts.weight, parts.down, parts.along, strict=True):
-        seen = (weight != 0) & (np.abs(y) < height) & (np.abs(x) < width)
-        plane, w, y, x = parts.plane[seen], weight[seen], y[seen], x[seen]
+        used = (weight != 0) & (np.abs(y) < height) & (np.abs(x) < width)
+        plane, w, y, x = parts.plane[used], weight[used], y[used], x[used]
         row, column = np.floor(y), np.floor(x)
         fy, fx = y - row, x - column
         share = [w * b * a for b in (1 - fy, fy) for a in (1 - fx, fx)]
@@ -115,15 +132,15 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
             np.concatenate([column + a for a in (0, 1, 0, 1)]).astype(np.int64),
         ])  # fmt: skip
         every = np.concatenate(share)
-        kept = every != 0
-        if not kept.any() or np.abs(w).sum() < NEGLIGIBLE:
+        nonzero = every != 0
+        if not nonzero.any() or np.abs(w).sum() < NEGLIGIBLE:
             taps.append((*np.zeros((3, 0), np.int64), np.zeros(0)))
             continue
         # One number for a place, so that equal ones are found at once.
         span = np.array([2 * height + 4, 2 * width + 4])
         number = (places[0] * span[0] + places[1] + height + 1) * span[1] + places[2] + width + 1
-        _, first, which = np.unique(number[kept], return_index=True, return_inverse=True)
-        taps.append((*places[:, kept][:, first], np.bincount(which, every[kept])))
+        _, first, which = np.unique(number[nonzero], return_index=True, return_inverse=True)
+        taps.append((*places[:, nonzero][:, first], np.bincount(which, every[nonzero])))
     return taps
 
 
@@ -135,17 +152,17 @@ class ObserverImages:
         self.shape = shape
         self.images = np.zeros((observer.images, *shape), np.float32)
 
-    def add(self, lit: LightPlanes) -> None:
-        """Looks at what shines: weights and bilinear shifts as `Observer` says."""
-        if lit.planes.shape[1:] != self.shape:
-            raise ValueError(f"planes must be of {self.shape} pixels, not {lit.planes.shape[1:]}")
-        if not lit.spans:
+    def add(self, light: LightPlanes) -> None:
+        """Integrates the planes, with the weights and bilinear shifts of the observer."""
+        if light.planes.shape[1:] != self.shape:
+            raise ValueError(f"planes must be of {self.shape} pixels, not {light.planes.shape[1:]}")
+        if not light.spans:
             return
-        taps = _taps(_parts(lit.spans, self.observer), self.shape)
+        taps = _taps(_parts(light.spans, self.observer), self.shape)
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
-        from display.observe.row_kernels import by_rows, look  # brings numba with it
+        from display.observe.row_kernels import add_images, by_rows  # imports numba, 0.4 s
 
         plane, down, along = (np.concatenate([t[k] for t in taps]) for k in range(3))
         weight = np.concatenate([t[3] for t in taps]).astype(np.float32)
@@ -154,8 +171,8 @@ class ObserverImages:
         begin = np.concatenate([[0], np.cumsum(counts)])
         pad = int(np.abs(along).max())
         place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
-        given = (lit.planes, pad, lines[0], lines[1], begin, place, weight, self.images)
-        by_rows(look, self.shape[0], *given)
+        given = (light.planes, pad, lines[0], lines[1], begin, place, weight, self.images)
+        by_rows(add_images, self.shape[0], *given)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The images."""

@@ -82,8 +82,8 @@ class CameraPlane(_Still):
 
     def weights(self, start: Instants, stop: Instants) -> Values:
         first = np.array(self.instants, np.int64)[:, None] - self.exposure // 2
-        lit = np.minimum(stop, first + self.exposure) - np.maximum(start, first)
-        return np.maximum(lit, 0) / self.exposure
+        exposed = np.minimum(stop, first + self.exposure) - np.maximum(start, first)
+        return np.maximum(exposed, 0) / self.exposure
 
 
 @dataclass(frozen=True)

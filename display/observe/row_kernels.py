@@ -1,7 +1,7 @@
-"""Planes of light added to images, each through a small kernel of shifts, compiled.
+"""Row kernels: planes of light added to images, binary planes, and reduced pictures; compiled.
 
-Rows are shared out to threads, each of which runs a compiled function without the interpreter's
-lock: compiled with numba's own threads (parallel=True) these took three times as long to compile.
+Rows are distributed over threads that run compiled functions without the interpreter's lock: with
+numba's own threads (parallel=True) these took three times as long to compile.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["by_rows", "carry_errors", "look", "shrink"]
+__all__ = ["add_images", "by_rows", "carry_errors", "shrink"]
 
 
 @cache
@@ -80,7 +80,7 @@ def _add_eight(total, lines, place, weight, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def look(first, stop, planes, pad, plane, down, begin, place, weight, images):  # type: ignore[no-untyped-def]
+def add_images(first, stop, planes, pad, plane, down, begin, place, weight, images):  # type: ignore[no-untyped-def]
     """Rows `first` to `stop` of images: images[i, y, x] += sum over taps t of image i of weight[t]
     · planes[plane[m], y + down[m], x + s], dark outside.
 

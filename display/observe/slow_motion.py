@@ -17,11 +17,20 @@ Values = npt.NDArray[np.floating[Any]]
 
 
 class SlowMotion:
-    """Which exposures there are: back to back from `begin` to `end` (ps), of `exposure` ps each,
-    reduced to the means over `by` x `by` pixels.
+    """Exposures back to back from `begin` to `end`, reduced to means over `by` x `by` pixels.
 
-    A display whose renderer makes images of any `Observer` gives it `camera(first, stop)`, the
-    exposures that its planes touch (`touched`), and keeps each whole one with `Film.keep`.
+    A display whose renderer makes images of any `Observer` is given `camera(first, stop)`, the
+    exposures that its planes touch (`touched`), and passes each complete one to `Film.keep`.
+
+    Args:
+        shape: (height, width) of the display.
+        begin, end: ps.
+        exposure: ps.
+        by: pixels to a side of the squares that are averaged.
+
+    Attributes:
+        shape: (height, width) of the reduced pictures.
+        count: number of exposures.
     """
 
     def __init__(
@@ -43,15 +52,20 @@ class SlowMotion:
         )
 
     def touched(self, start: int, stop: int) -> tuple[int, int]:
-        """The first exposure that has light of `start` to `stop` (ps), and the first after it."""
+        """First exposure with light of `start` to `stop` (ps), and the end of those exposures."""
         first = min(max((start - self.begin) // self.exposure, 0), self.count)
         last = -(-(stop - self.begin) // self.exposure)
         return first, min(max(last, first), self.count)
 
 
 class Film:
-    """The exposures of one display: `frames` (count, h, w) uint8 through the sRGB curve, of which
-    the first `done` are whole."""
+    """The exposures of one display.
+
+    Attributes:
+        motion: which exposures there are.
+        frames: (count, h, w) uint8, with the sRGB curve applied.
+        done: number of complete exposures.
+    """
 
     def __init__(self, motion: SlowMotion) -> None:
         self.motion = motion
@@ -60,27 +74,27 @@ class Film:
         self._open: dict[int, npt.NDArray[np.float32]] = {}
 
     def keep(self, index: int, plane: Values) -> None:
-        """Exposure `index` as a display's renderer has made it whole, (H, W), white = 1."""
+        """Stores a complete exposure of a renderer, (H, W), white = 1."""
         whole = LightPlanes(plane.astype(np.float32, copy=False)[None], [])
         self.frames[index] = for_display(whole.smaller(self.motion.by).planes[0])
 
-    def add(self, lit: LightPlanes) -> None:
-        """Light of a display that is told as planes over time."""
-        if not lit.spans:
+    def add(self, light: LightPlanes) -> None:
+        """Adds light of a display to the exposures that it falls on."""
+        if not light.spans:
             return
         motion = self.motion
         first, stop = motion.touched(
-            min(s.start for s in lit.spans), max(s.stop for s in lit.spans)
+            min(s.start for s in light.spans), max(s.stop for s in light.spans)
         )
         if first == stop:
             return
-        looker = ObserverImages(motion.camera(first, stop), motion.shape)
-        looker.add(lit.smaller(motion.by))
-        for index, image in enumerate(looker.images, first):
+        images = ObserverImages(motion.camera(first, stop), motion.shape)
+        images.add(light.smaller(motion.by))
+        for index, image in enumerate(images.images, first):
             self._open[index] = self._open[index] + image if index in self._open else image
 
     def close(self, until: int) -> None:
-        """All light before `until` (ps) has come: exposures that end by then are whole."""
+        """Completes the exposures that end by `until` (ps): all light before it has been added."""
         motion = self.motion
         stop = min(max((until - motion.begin) // motion.exposure, self.done), motion.count)
         for index in range(self.done, stop):

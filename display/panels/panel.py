@@ -7,14 +7,11 @@ no frames: each pixel follows its own spikes, a plane of the stream after anothe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from cosim import PS, Clock
+from display.drives import DRIVES, Drive
 
-__all__ = ["DRIVES", "Drive", "FramePanel", "Projector", "SpikePanel", "metric_key"]
-
-Drive = Literal["impulse", "hold", "causal"]
-DRIVES: tuple[Drive, ...] = ("impulse", "hold", "causal")
+__all__ = ["FramePanel", "Projector", "SpikePanel", "metric_key"]
 
 
 @dataclass(frozen=True)
@@ -22,28 +19,27 @@ class SpikePanel:
     """A panel that shows a spike stream without frames.
 
     In plane n (the cycle of the stream's clock in which the spike latched in cycle n is shown) a
-    pixel is driven with x packets of light Q a cycle. With its last spike `age` planes ago (0 in
-    the spike's own plane) and the one before that `tau` planes earlier:
+    pixel is driven with x packets of light Q a cycle: the level of its drive.
 
-    - impulse: x = 1 where age = 0, else 0;
-    - hold: x = 1 / tau;
-    - causal: x = 1 / max(tau, age).
-
-    Before a second spike there is no tau: hold and causal are dark then.
-
-    shape: (height, width). clock: the stream's. white_rate: spikes a cycle shown as white. pulse:
-    share of the cycle in which impulse emits its packet, at 1 / pulse times the drive. rise, decay:
-    seconds, time constants with which the emitter follows its drive, y' = (x - y) / rise while
-    x > y, / decay while x < y; 0 follows at once. row_scan: share of a cycle over which the rows
-    are driven one after another: row r starts row_scan · r / height of a cycle late. transport:
-    picoseconds from the stream's latch to the panel's first row. fill: share of a pixel's area that
-    emits. luminance: of white, cd/m2, mean over the pixel's area.
+    Attributes:
+        shape: (height, width).
+        clock: of the stream.
+        white_rate: spikes a cycle shown as white.
+        drive: name of the drive, of `DRIVES`.
+        pulse: share of the cycle in which a drive of packets emits, at 1 / pulse times its level.
+        rise, decay: s, time constants with which the emitter follows its drive,
+            y' = (x - y) / rise while x > y, / decay while x < y; 0 follows at once.
+        row_scan: share of a cycle over which the rows are driven one after another: row r starts
+            row_scan r / height of a cycle late.
+        transport: ps from the stream's latch to the panel's first row.
+        fill: share of a pixel's area that emits.
+        luminance: of white, cd/m2, mean over the pixel's area.
     """
 
     shape: tuple[int, int]
     clock: Clock
     white_rate: float
-    drive: Drive = "causal"
+    drive: str = "causal"
     pulse: float = 1.0
     rise: float = 0.0
     decay: float = 0.0
@@ -66,6 +62,21 @@ class SpikePanel:
             raise ValueError(f"drive must be one of {', '.join(DRIVES)}, not {self.drive}")
         if min(self.rise, self.decay, self.transport) < 0:
             raise ValueError("rise, decay and transport must not be negative")
+
+    @property
+    def scheme(self) -> Drive:
+        """The drive itself."""
+        return DRIVES[self.drive]
+
+    @property
+    def packets(self) -> bool:
+        """Whether the light of a spike is a packet in its own plane."""
+        return self.scheme.spikes == 0
+
+    @property
+    def share(self) -> float:
+        """Share of a cycle in which the pixel is driven."""
+        return self.pulse if self.packets else 1.0
 
     @property
     def row_delay(self) -> float:

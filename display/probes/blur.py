@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.drives import DRIVES
+from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
 from display.probes.light import edge_light, settling_cycles
 from display.probes.waveform import every_drive
@@ -158,7 +159,7 @@ def spike_blur(
     found = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         light_shown = light_of[planes]
-        lit = panel.pulse if drive == "impulse" and panel.rise == panel.decay == 0 else 1.0
+        lit = replace(panel, drive=drive).share if panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
         profile = retina(np.repeat(light_shown, count, axis=0), times, x, side)

@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Viform
-from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.drives import DRIVES
+from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
 from display.probes.light import settling_cycles, steady_light
 from display.probes.waveform import every_drive, panel_light

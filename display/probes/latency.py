@@ -34,7 +34,8 @@ import numpy.typing as npt
 
 from cosim import PS, Clock, Viform
 from cosim.spikes.viform import unpack_planes
-from display.panels.panel import DRIVES, FramePanel, Projector, SpikePanel
+from display.drives import DRIVES
+from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
 from display.probes.light import phased_light, settling_cycles
 from display.probes.waveform import panel_light
@@ -151,24 +152,24 @@ def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) 
 
 def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
     shape, origin = edges.stream.shape, edges.cycle - 1
-    own = replace(panel, shape=shape)
+    own = replace(panel, shape=shape, drive=drive)
     x = panel_light(edges.stream, replace(own, rise=0.0, decay=0.0), drive)
     lit = slice((edges.cycle + len(x)) // 2, None)
     if edges.way == "fall":
         lit = slice(edges.cycle // 2, edges.cycle)
     half = half_way(0.0, float(x[lit].mean()))
     starts = np.array([panel.start(n) for n in range(origin, len(x) + 1)], np.float64)
-    seen, pulse = x[origin:], own.pulse if drive == "impulse" else 1.0
+    light, pulse = x[origin:], own.share
     if pulse < 1:
         ends = starts[:-1] + pulse * np.diff(starts)
         starts = np.append(np.stack([starts[:-1], ends], axis=1).ravel(), starts[-1])
-        seen = np.stack([seen / pulse, np.zeros_like(seen)], axis=1).reshape(-1, seen.shape[1])
+        light = np.stack([light / pulse, np.zeros_like(light)], axis=1).reshape(-1, light.shape[1])
     if edges.way == "fall" and own.rise > 0:  # the emitter has settled before
         starts = np.append(starts[0] - 1e3 * own.rise * PS, starts)
-        seen = np.concatenate([np.full((1, seen.shape[1]), 2 * half), seen])
+        light = np.concatenate([np.full((1, light.shape[1]), 2 * half), light])
     passed = risen if edges.way == "rise" else fallen
     row = np.repeat(np.arange(shape[0]), shape[1]) * (own.row_delay / shape[0])
-    when = passed(starts, seen, half, own.rise * PS, own.decay * PS) + row
+    when = passed(starts, light, half, own.rise * PS, own.decay * PS) + row
     hold = when - (end + panel.transport + row)
     if edges.way == "fall":
         hold = np.maximum(hold, 0.0)

@@ -8,6 +8,7 @@ sum over a patch cost little.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,10 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Viform
+from display.drives import DRIVES
+from display.drives.compiled import compiled, level, remember
 from display.panels.emitter import gone_in, relax
-from display.panels.panel import DRIVES, SpikePanel
+from display.panels.panel import SpikePanel
 
 __all__ = ["every_drive", "panel_light"]
 
@@ -24,8 +27,6 @@ _LINE: Final = 4096
 """Planes of a pixel that are laid out at a time."""
 _SHORT: Final = 8
 """Planes that are laid out at once: grey fires more often."""
-_AGES: Final = 1024
-"""Planes since a spike whose inverse is looked up."""
 _LONG: Final = 10**8
 """Pixel-planes from which on two threads share the pixels."""
 _DE_BRUIJN: Final = np.uint32(0x077CB531)
@@ -36,7 +37,6 @@ _PLACES: Final = np.array(
 """Of the one bit in a word: where it is, by the top five bits of its product with a de Bruijn
 sequence (Leiserson, Prokop and Randall, 1998)."""
 Values = npt.NDArray[np.float64]
-_CODE: Final[dict[str, int]] = {name: n for n, name in enumerate(DRIVES)}
 
 
 @njit(cache=True, nogil=True)
@@ -76,54 +76,62 @@ def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
         row[n] += a
 
 
-@njit(cache=True, nogil=True)
 def _show(  # type: ignore[no-untyped-def]
-    words, cycles, drive, pulse, rise, decay, span, group, light,
+    words, cycles, spikes, pulse, rise, decay, span, group, light,
 ):  # fmt: skip
-    """Adds the light of each plane of each pixel to light[group[pixel], plane // span].
+    """Adds the light of each plane of each pixel to light[group[pixel], plane // span]; compiled
+    for a drive.
 
-    words: (pixels, words), so that a pixel's lie side by side.
-    rise, decay: the time constants in planes, 0 for none. A pixel's drive is laid out from spike to
-    spike in a line that stays in the cache.
+    words: (pixels, words), so that a pixel's lie side by side. spikes: see `Drive`. rise, decay:
+    the time constants in planes, 0 for none. A pixel's drive is laid out from spike to spike in a
+    line that stays in the cache.
     """
-    share = pulse if drive == 0 else 1.0
     reach = max(_LINE // span, 1) * span
     line = np.empty(reach + _SHORT)
-    younger = 1.0 / np.arange(1, _AGES + _SHORT + 1)  # held light of this age is no brighter
     slow = rise > 0 or decay > 0
-    up, down = gone_in(share, rise), gone_in(share, decay)
-    up_after, down_after = gone_in(1.0 - share, rise), gone_in(1.0 - share, decay)
+    up, down = gone_in(pulse, rise), gone_in(pulse, decay)
+    up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[0]):
         row = light[group[pixel]]
-        tau, age, seen, level, x = 0, 0, False, 0.0, 0.0
+        tau, age, memory, emitted = 1.0, 0.0, 0.0, 0.0
+        count, lit = 0, False  # lit: between spikes
         for first in range(0, cycles, reach):
             stop = min(first + reach, cycles)
             n = first
             while n < stop:
                 m = _next_spike(words, pixel, n, stop)
-                at, done = n - first, 0
-                if age < _AGES:
-                    # So many whatever comes: the next spike's planes are laid over what is too
-                    # much, and a loop of known length is much faster than a short one.
+                at = n - first
+                # At least _SHORT planes, whatever comes: the next spike overwrites the excess. A
+                # loop of known length is much faster than a short one.
+                if lit:
                     for k in range(_SHORT):
-                        line[at + k] = min(x, younger[age + k]) if drive == 2 else x
-                    done = _SHORT
-                for k in range(done, m - n):
-                    line[at + k] = min(x, 1.0 / (age + 1 + k)) if drive == 2 else x
+                        line[at + k] = level(age + 1.0 + k, tau, memory)
+                    for k in range(_SHORT, m - n):
+                        line[at + k] = level(age + 1.0 + k, tau, memory)
+                else:
+                    for k in range(_SHORT):
+                        line[at + k] = 0.0
+                    for k in range(_SHORT, m - n):
+                        line[at + k] = 0.0
                 age += m - n
                 if m < stop:
-                    age += 1
-                    if seen:
+                    age += 1.0
+                    if count == 0:
+                        memory = remember(memory, 0.0, 0.0)
+                    else:
+                        memory = remember(memory, tau if count > 1 else 0.0, age)
                         tau = age
-                        x = 1.0 / tau if drive > 0 else 0.0
-                    line[m - first] = 1.0 if drive == 0 else x
-                    age, seen = 0, True
+                    age = 0.0
+                    if count < 2:
+                        count += 1
+                        lit = 0 < spikes <= count
+                    line[m - first] = level(age, tau, memory) if count >= spikes else 0.0
                 n = m + 1
             if slow:
                 for k in range(stop - first):
-                    total, level = relax(line[k] / share, share, level, up, down)
-                    if share < 1.0:
-                        after, level = relax(0.0, 1.0 - share, level, up_after, down_after)
+                    total, emitted = relax(line[k] / pulse, pulse, emitted, up, down)
+                    if pulse < 1.0:
+                        after, emitted = relax(0.0, 1.0 - pulse, emitted, up_after, down_after)
                         total += after
                     line[k] = total
             slot = first // span
@@ -153,12 +161,13 @@ def panel_light(
         raise ValueError(f"groups must be of {height} x {width} pixels, not {groups.size}")
     cycles = stream.cycles // span * span
     words = np.ascontiguousarray(stream.words.reshape(len(stream.words), -1).T)
-    hz = panel.clock.hz
+    hz, scheme = panel.clock.hz, DRIVES[drive]
+    pulse, show = replace(panel, drive=drive).share, compiled(_show, scheme)
 
     def some(pixels: slice) -> Values:
         light = np.zeros((int(groups.max()) + 1, cycles // span))
-        _show(
-            words[pixels], cycles, _CODE[drive], panel.pulse, panel.rise * hz, panel.decay * hz,
+        show(
+            words[pixels], cycles, scheme.spikes, pulse, panel.rise * hz, panel.decay * hz,
             span, groups[pixels], light,
         )  # fmt: skip
         return light

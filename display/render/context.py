@@ -15,17 +15,21 @@ from typing import Any
 import moderngl
 
 from cosim import InputError
+from cosim.errors import MissingPackages
 
-__all__ = ["DRAW_BUFFERS", "GL_INSTALL", "check_alive", "lost", "open_context", "probe_gl"]
+__all__ = [
+    "DRAW_BUFFERS", "GL_INSTALL", "check_alive", "gl_packages", "lost", "open_context", "probe_gl",
+]  # fmt: skip
 
-GL_INSTALL = "apt-get install -y libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
-"""What makes a headless GL of the processor on Debian."""
+_DEBIAN = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri")
+"""Debian's packages that make a headless GL of the processor."""
+GL_INSTALL = f"apt-get install -y {' '.join(_DEBIAN)}"
 GL = 330
 """Least version: integer textures and outputs, explicit locations, bits of floats."""
 DRAW_BUFFERS = 8
-"""Targets of one draw, GL 3.3's least. The state takes up to three of them."""
-UNITS = 7
-"""Textures that a fragment reads: four of words, three of state."""
+"""Targets of one draw, GL 3.3's least. The state takes up to four of them."""
+UNITS = 8
+"""Textures that a fragment reads: four of words, four of state."""
 _BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 """The default backend wants a window system, the default names those of -dev packages."""
 INSTEAD = "or --set display.renderer=numpy, slower"
@@ -72,11 +76,19 @@ def open_context() -> moderngl.Context:
     return context
 
 
+def gl_packages() -> tuple[str, ...]:
+    """Debian's packages that bring a headless GL; none where the user has pointed the loader at
+    drivers in other places."""
+    loader = ("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS")
+    return () if any(os.environ.get(name) for name in loader) else _DEBIAN
+
+
 def _refused(exc: Exception) -> InputError:
     text = " ".join(str(exc).split())
     for words, what, must, given in _CAUSES:
         if words in text.lower():
-            return InputError(what, must, f"{given} ({text})", _PACKAGES)
+            packages = gl_packages() if given == "missing" else ()
+            return MissingPackages(what, must, f"{given} ({text})", _PACKAGES, packages)
     return InputError("the GL context", "one that can be made", f"refused ({text})", _PACKAGES)
 
 

@@ -9,10 +9,14 @@ uniform usampler2D words0, words1, words2, words3;
 uniform uint skip;    // bits of the word before the first plane, where less than a word is drawn
 uniform int height;
 
-#if HOLDS
+#if INTERVALS
 uniform usampler2D tau_before, age_before;
 layout(location = 0) out uvec4 tau_after;
 layout(location = 1) out uvec4 age_after;
+#endif
+#if MEMORY
+uniform usampler2D memory_before;                    // bits of floats, as those of spans
+layout(location = 2) out uvec4 memory_after;
 #endif
 #if EMITS
 uniform usampler2D level_before;
@@ -66,17 +70,26 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
 #define EMIT(x) part += x;
 #endif
 
-// A plane, bit n of the word. run: planes since the last spike, infinite before the first.
-#if HOLDS
+// A plane, bit n of the word. run: planes since the last spike, infinite before the first. held:
+// 1 / tau. LEVEL and REMEMBER are the drive's expressions.
+#if MEMORY
+#define UPDATE memory = mix(memory, REMEMBER, spike);
+#else
+#define UPDATE
+#endif
+#define AGE mix(run, vec4(0.0), spike)
+#if INTERVALS
 #define PLANE(n) { \
     vec4 inverse = 1.0 / run; \
-    bvec4 spike = notEqual(w & (1u << uint(n)), uvec4(0u)); \
+    uvec4 fired = (w >> uint(n)) & 1u; \
+    bvec4 spike = notEqual(fired, uvec4(0u)); \
+    UPDATE \
     held = mix(held, inverse, spike); \
+    vec4 x = LEVEL; \
     run = mix(run + 1.0, vec4(1.0), spike); \
-    vec4 x = HELD; \
     EMIT(x) }
 #else
-#define PLANE(n) { vec4 x = vec4((w >> uint(n)) & 1u); EMIT(x) }
+#define PLANE(n) { uvec4 fired = (w >> uint(n)) & 1u; vec4 x = LEVEL; EMIT(x) }
 #endif
 #define COUNT(shift, mask) part += ones((w >> shift) & mask);
 #define PART { light += part; part = vec4(0.0); }
@@ -121,17 +134,20 @@ void main() {
     for (int i = 0; i < IMAGES; i++) few_late[i] = late[i] = vec4(0.0);
 #endif
 #endif
-#if HOLDS
+#if INTERVALS
     uvec4 tau = texelFetch(tau_before, at, 0), age = texelFetch(age_before, at, 0);
     vec4 never = vec4(uintBitsToFloat(0x7F800000u));
     vec4 held = mix(1.0 / vec4(tau), vec4(0.0), equal(tau, uvec4(0u)));
     vec4 run = mix(vec4(age), never, equal(age, uvec4(0u)));
 #endif
+#if MEMORY
+    vec4 memory = uintBitsToFloat(texelFetch(memory_before, at, 0));
+#endif
 #if EMITS
     uvec4 level = texelFetch(level_before, at, 0);
 #endif
     BODY
-#if HOLDS
+#if INTERVALS
     // Without a spike the state grows older, up to FOREVER; with one, it is what `run` counted.
     bvec4 fired = notEqual(any_spike, uvec4(0u));
     uvec4 older = pick(min(age, uvec4(FOREVER - PLANES)) + PLANES, uvec4(0u), equal(age, uvec4(0u)));
@@ -139,6 +155,9 @@ void main() {
     vec4 interval = min(floor(1.0 / held + 0.5), vec4(4294967040.0));
     uvec4 new_tau = pick(uvec4(interval), uvec4(0u), equal(held, vec4(0.0)));
     tau_after = pick(tau, new_tau, fired);
+#endif
+#if MEMORY
+    memory_after = floatBitsToUint(memory);
 #endif
 #if EMITS
     level_after = level;

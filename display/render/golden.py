@@ -15,28 +15,27 @@ from cosim.spikes.viform import WORD
 from display.observe.views import Views
 from display.panels.panel import SpikePanel
 
-__all__ = ["FOREVER", "GoldenRenderer", "drive_level"]
+__all__ = ["FOREVER", "GoldenRenderer"]
 
 FOREVER = np.uint32(2**32 - 1)
 """An age that no longer grows."""
 Values = npt.NDArray[np.float64]
-Ages = npt.NDArray[np.uint32]
-
-
-def drive_level(drive: str, spike: npt.NDArray[np.bool_], tau: Ages, age: Ages) -> Values:
-    """Packets of light a cycle, from the state within a plane (see `SpikePanel`)."""
-    if drive == "impulse":
-        return spike.astype(np.float64)
-    span = tau if drive == "hold" else np.maximum(tau, age)
-    return np.where(tau > 0, 1.0 / np.maximum(span, np.uint32(1)), 0.0)
 
 
 class GoldenRenderer:
-    """A panel seen by observers, exact in float64 and slow.
+    """A panel and the images of its observers, exact in float64 and slow.
 
-    panel: what is shown. batch: planes to a span of light. images: how many the observers make.
-    State: per pixel `tau` and `age` (uint32; tau 0: no interval yet; age only counts once there was
-    a spike, `seen`), and the emitter's level at the end of the last plane.
+    Args:
+        panel: what is shown.
+        batch: planes to a span of light.
+        images: number of images that observers take.
+
+    Attributes:
+        tau, age: of each pixel, uint32; tau is 0 before the second spike, age counts from the first
+            spike on (`seen`).
+        memory: of each pixel, float64, what the drive remembers.
+        level: of each pixel's emitter at the end of the last plane, packets a cycle.
+        light: of the last block, (spans, height, width) float64, packets Q summed over each span.
     """
 
     name = "numpy, float64"
@@ -45,10 +44,9 @@ class GoldenRenderer:
         self.panel, self.batch = panel, batch
         self.tau, self.age = (np.zeros(panel.shape, np.uint32) for _ in range(2))
         self.seen = np.zeros(panel.shape, np.bool_)
-        self.level = np.zeros(panel.shape)
+        self.level, self.memory = np.zeros(panel.shape), np.zeros(panel.shape)
         self._images = np.zeros((images, *panel.shape))
         self.light = np.zeros((0, *panel.shape))
-        """Of the last block: (spans, height, width) float64, packets Q summed over each span."""
 
     def step(self, words: npt.NDArray[np.uint32], cycles: int, views: Views | None) -> None:
         """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
@@ -62,16 +60,21 @@ class GoldenRenderer:
             self.light[n // self.batch] += self._plane(spike)
         if views is not None:
             for image in range(views.images):
-                self._look(image, views)
+                self._integrate(image, views)
 
     def _plane(self, spike: npt.NDArray[np.bool_]) -> Values:
-        """Light of one plane in Q; state goes on."""
+        """Light of one plane, packets; updates the state."""
+        scheme = self.panel.scheme
         older = np.where(self.age < FOREVER, self.age + self.seen.astype(np.uint32), FOREVER)
+        if scheme.remember is not None:
+            after = scheme.remember(self.memory, self.tau, np.where(self.seen, older, 0))
+            self.memory = np.where(spike, after, self.memory)
         self.tau = np.where(spike & self.seen, older, self.tau).astype(np.uint32)
         self.age = np.where(spike, np.uint32(0), older).astype(np.uint32)
         self.seen |= spike
-        drive = drive_level(self.panel.drive, spike, self.tau, self.age)
-        pulse = self.panel.pulse if self.panel.drive == "impulse" else 1.0
+        lit = self.seen if scheme.spikes < 2 else self.tau > 0
+        level = scheme.level(self.age, np.maximum(self.tau, np.uint32(1)), self.memory)
+        drive, pulse = np.where(lit, level, 0.0), self.panel.share
         if self.panel.rise == 0 and self.panel.decay == 0:
             self.level = drive if pulse == 1 else np.zeros_like(drive)
             return drive
@@ -96,7 +99,7 @@ class GoldenRenderer:
             self.level[way] = y + (x - y) * gone
         return out
 
-    def _look(self, image: int, views: Views) -> None:
+    def _integrate(self, image: int, views: Views) -> None:
         height = self.panel.shape[0]
         row = np.arange(height)[:, None] / height
         for span, light in enumerate(self.light):
@@ -118,13 +121,15 @@ class GoldenRenderer:
         """Everything the next block depends on."""
         return {
             "tau": self.tau.copy(), "age": self.age.copy(), "seen": self.seen.copy(),
-            "level": self.level.copy(), "images": self._images.copy(),
+            "level": self.level.copy(), "memory": self.memory.copy(),
+            "images": self._images.copy(),
         }  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
         self.tau, self.age = state["tau"].copy(), state["age"].copy()
         self.seen, self.level = state["seen"].copy(), state["level"].copy()
+        self.memory = state["memory"].copy()
         self._images = state["images"].copy()
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
 """A spike-continuous panel seen by observers, in fragment shaders: many planes a draw.
 
-What `GoldenRenderer` is in float64, within 1e-6 of white. Words are uploaded as they are, four
-neighbouring pixels a texel; up to 128 planes are unrolled in one draw, with what fixed observers
-take of them; the light of groups of planes is left as textures for observers that move.
+The same as `GoldenRenderer` within 1e-6 of white. Words are uploaded as they are, four neighbouring
+pixels a texel. Up to 128 planes are unrolled in one draw, together with the images of still
+observers; the light of groups of planes is left as textures for moving observers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from display.panels.panel import SpikePanel
 from display.render.context import DRAW_BUFFERS, check_alive, open_context
 from display.render.exposure import Exposures
 from display.render.golden import FOREVER
-from display.render.shader import GROUPS, DriveSwitches, LookSwitches, vertex
+from display.render.shader import GROUPS, DriveSwitches, ObserverSwitches, states, vertex
 
 __all__ = ["Renderer"]
 
@@ -42,11 +42,16 @@ class Renderer:
     """The interface of `GoldenRenderer` in shaders, on a GL context of its own (`open_context`) or
     on the caller's, such as a window's.
 
-    panel: what is shown. batch: planes to a span of light. images: how many the observers make.
-    State: per pixel tau and age + 1 (uint32, 0: none yet) and the emitter's level (uint32 steps),
-    in textures. Ages stop at 2^32 - 1; a tau beyond 4e6 cycles is kept to 1e-5 of itself.
-    Must be used by the thread that made it. Every method raises InputError where the context is
-    lost or was closed, or its memory does not suffice.
+    State, per pixel, in textures: tau and age + 1 (uint32, 0: none yet), the drive's memory (bits
+    of float32) and the emitter's level (uint32 steps). Ages stop at 2^32 - 1; a tau beyond
+    4e6 cycles is exact to 1e-5 of itself. Must be used by the thread that made it. Every method
+    raises InputError if the context is lost or closed, or its memory does not suffice.
+
+    Args:
+        panel: what is shown.
+        batch: planes to a span of light.
+        images: number of images that observers take.
+        context: of the caller, None for one of its own.
     """
 
     def __init__(
@@ -57,10 +62,11 @@ class Renderer:
         self.panel, self.batch = panel, batch
         height, width = panel.shape
         self._quads = -(-width // 4)
-        states = 2 * (panel.drive != "impulse") + slow(panel)
-        self._states = states
+        self._names = states(panel.scheme, slow(panel))
+        self._states = len(self._names)
+        bytes_a_pixel = 4 * (3 * self._states + 8 + GROUPS) + 12 * images
         check_memory(
-            "the panel", height * 4 * self._quads * (4 * (3 * states + 8 + GROUPS) + 12 * images),
+            "the panel", height * 4 * self._quads * bytes_a_pixel,
             "make it smaller (display.width, display.height)",
         )  # fmt: skip
         self._own = context is None
@@ -69,7 +75,7 @@ class Renderer:
         self._check_size()
         with self._alive():
             self._words = [[self._texture("u4") for _ in range(4)] for _ in range(2)]
-            self._held = [[self._texture("u4") for _ in range(states)] for _ in range(3)]
+            self._held = [[self._texture("u4") for _ in self._names] for _ in range(3)]
             self._spans: list[moderngl.Texture] = []
             zeros = bytes(height * self._quads * 16)
             for texture in self._held[0]:
@@ -177,7 +183,7 @@ class Renderer:
                 self._drive(first, planes, group, views, some, spans, bool(moving), onward)
             if moving and views is not None:
                 for image in moving:
-                    self._look(image, views, spans)
+                    self._integrate(image, views, spans)
                 moving, room = [], DRAW_BUFFERS - self._states
             if not rest:
                 break
@@ -192,8 +198,8 @@ class Renderer:
         slopes = views is not None and bool(views.slope[np.ix_(images, spans)].any())
         emits = slow(panel)
         switches = DriveSwitches(
-            panel.drive, planes, group, len(images), slopes, leave, emits,
-            emits and panel.drive == "impulse" and panel.pulse < 1,
+            panel.scheme, planes, group, len(images), slopes, leave, emits,
+            emits and panel.share < 1,
         )  # fmt: skip
         program, triangle = self._program(switches)
         for n, texture in enumerate(self._held[self._now]):
@@ -208,7 +214,7 @@ class Renderer:
             self._bind(table)
         self._draw(targets, triangle)
 
-    def _look(self, image: int, views: Views, spans: list[int]) -> None:
+    def _integrate(self, image: int, views: Views, spans: list[int]) -> None:
         """What a moving observer takes of the spans that the last draw left."""
         shift = np.array([views.dy[image, spans], views.dx[image, spans]])
         slope = np.array([views.dy_slope[image, spans], views.dx_slope[image, spans]])
@@ -220,7 +226,7 @@ class Renderer:
         # Farther than the panel is wide all is dark, and integers of the shader stay small.
         table[:, 6:] = np.clip(whole, -(2**20), 2**20).T
         vertical = bool(shift[0].any() or slope[0].any())
-        _, triangle = self._program(LookSwitches(len(spans), vertical))
+        _, triangle = self._program(ObserverSwitches(len(spans), vertical))
         for n, texture in enumerate(self._span_textures(len(spans))):
             texture.use(n)
         self._bind(table)
@@ -249,7 +255,7 @@ class Renderer:
         triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def _program(
-        self, switches: DriveSwitches | LookSwitches
+        self, switches: DriveSwitches | ObserverSwitches
     ) -> tuple[moderngl.Program, moderngl.VertexArray]:
         if switches not in self._programs:
             program = self._context.program(vertex_shader=vertex(), fragment_shader=switches.source)
@@ -261,11 +267,11 @@ class Renderer:
     def _constants(self) -> dict[str, Any]:
         """Uniforms that stay: which texture is where, and the emitter's."""
         panel = self.panel
-        pulse = panel.pulse if panel.drive == "impulse" else 1.0
-        level = 4 + 2 * (panel.drive != "impulse")
+        pulse = panel.share
         return {
             **{f"words{n}": n for n in range(4)}, **{f"span{n}": n for n in range(GROUPS)},
-            "tau_before": 4, "age_before": 5, "level_before": level, "height": panel.shape[0],
+            **{f"{name}_before": n for n, name in enumerate(self._names, 4)},
+            "height": panel.shape[0],
             "unit": 1 / (pulse * LEVELS), "peak": 1 / pulse,
             "rise": relaxation(panel.rise, pulse, panel),
             "fall": relaxation(panel.decay, pulse, panel),
@@ -308,31 +314,37 @@ class Renderer:
         """Everything the next block depends on, as `GoldenRenderer` names it; what the drive does
         not need is zero."""
         with self._alive():
-            held = [self._read(texture) for texture in self._held[self._now]]
+            textures = zip(self._names, self._held[self._now], strict=True)
+            held = {name: self._read(texture) for name, texture in textures}
             images = self._exposures.all()
-        shape = self.panel.shape
-        level: Values = np.zeros(shape)
-        if slow(self.panel):
-            level = np.asarray(held.pop() * self._unit, np.float64)
-        tau, older = held if held else (np.zeros(shape, np.uint32) for _ in range(2))
-        age = np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32)
-        return {"tau": tau, "age": age, "seen": older > 0, "level": level, "images": images}
+        none = np.zeros(self.panel.shape, np.uint32)
+        older = held.get("age", none)
+        return {
+            "tau": held.get("tau", none),
+            "age": np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32),
+            "seen": older > 0,
+            "memory": held.get("memory", none).view(np.float32).astype(np.float64),
+            "level": np.asarray(held.get("level", none) * self._unit, np.float64),
+            "images": images,
+        }
 
     @property
     def _unit(self) -> float:
-        return 1 / ((self.panel.pulse if self.panel.drive == "impulse" else 1.0) * LEVELS)
+        return 1 / (self.panel.share * LEVELS)
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`, this renderer's or the golden model's."""
         older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
-        held = [state["tau"], np.where(state["seen"], older, 0)]
-        held = held if self.panel.drive != "impulse" else []
-        if slow(self.panel):
-            held.append(np.clip(np.rint(state["level"] / self._unit), 0, LEVELS))
+        held = {
+            "tau": state["tau"],
+            "age": np.where(state["seen"], older, 0),
+            "memory": state["memory"].astype(np.float32).view(np.uint32),
+            "level": np.clip(np.rint(state["level"] / self._unit), 0, LEVELS),
+        }
         with self._alive():
-            for values, texture in zip(held, self._held[self._now], strict=True):
+            for name, texture in zip(self._names, self._held[self._now], strict=True):
                 wide = np.zeros((self.panel.shape[0], 4 * self._quads), np.uint32)
-                wide[:, : self.panel.shape[1]] = values
+                wide[:, : self.panel.shape[1]] = held[name]
                 texture.write(wide)
             self._exposures.put(state["images"])
         self._last, self._lit = None, np.zeros((0, *self.panel.shape))

@@ -1,6 +1,7 @@
 """The renderer's shaders, put together for what is to be drawn: unrolled, with constants.
 
-The text is in drive.frag and look.frag; here stand the switches and the calls of each plane.
+The text is in drive.frag and observe.frag; the level of a drive is the drive's own expression. The
+switches and the calls of each plane are written here.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 from cosim.spikes.viform import WORD
+from display.drives import Drive
 
-__all__ = ["GROUPS", "DriveSwitches", "LookSwitches", "vertex"]
+__all__ = ["GROUPS", "DriveSwitches", "ObserverSwitches", "states", "vertex"]
 
 PART = 8
 """Terms that are summed before they join a longer sum: shorter chains of float32 round less."""
@@ -33,17 +35,31 @@ def _composed(name: str, defines: dict[str, object], body: list[str]) -> str:
     return "\n".join([*head, _text(name).replace("    BODY\n", "\n".join(body) + "\n")])
 
 
+def states(drive: Drive, emits: bool) -> list[str]:
+    """Names of the textures that hold a panel's state, in the order of their targets."""
+    return [
+        *(["tau", "age"] if drive.spikes else []),
+        *(["memory"] if drive.remember is not None else []),
+        *(["level"] if emits else []),
+    ]
+
+
 @dataclass(frozen=True)
 class DriveSwitches:
-    """What a draw of planes is made of.
+    """The switches of a draw of planes.
 
-    planes: a power of two up to 128. group: planes that share weights, a power of two that divides
-    them. images: of still observers, taken at once. slopes: whether rows differ in weight. spans:
-    whether the light of each group is left as a texture. emits: whether the emitter is slower than
-    its drive; pulsed: whether a packet is shorter than its plane (only matters then).
+    Attributes:
+        drive: of the panel.
+        planes: a power of two up to 128.
+        group: planes that share weights, a power of two that divides `planes`.
+        images: of still observers, taken at once.
+        slopes: whether rows differ in weight.
+        spans: whether the light of each group is left as a texture.
+        emits: whether the emitter is slower than its drive.
+        pulsed: whether a packet is shorter than its plane; only matters with `emits`.
     """
 
-    drive: str
+    drive: Drive
     planes: int
     group: int
     images: int
@@ -59,25 +75,25 @@ class DriveSwitches:
     @property
     def states(self) -> int:
         """Targets that hold the state."""
-        return 2 * (self.drive != "impulse") + self.emits
+        return len(states(self.drive, self.emits))
 
     @property
     def source(self) -> str:
-        holds = self.drive != "impulse"
-        spans_at = self.states
+        names, spans_at = states(self.drive, self.emits), self.states
         defines: dict[str, object] = {
-            "HOLDS": int(holds), "EMITS": int(self.emits), "PULSED": int(self.pulsed),
+            "INTERVALS": int("tau" in names), "MEMORY": int("memory" in names),
+            "EMITS": int(self.emits), "PULSED": int(self.pulsed),
             "SPANS": int(self.spans), "SLOPES": int(self.slopes), "IMAGES": self.images,
             "GROUPS": self.groups, "PLANES": f"{self.planes}u", "FOREVER": "0xFFFFFFFFu",
             "WHOLE": int(self.planes >= WORD), "MASK": f"{(1 << min(self.planes, WORD)) - 1:#x}u",
-            "LEVEL_AT": 2 * holds, "SPANS_AT": spans_at,
+            "LEVEL_AT": spans_at - 1, "SPANS_AT": spans_at,
             "IMAGES_AT": spans_at + (self.groups if self.spans else 0),
-            "HELD": "min(held, inverse)" if self.drive == "causal" else "held",
+            "LEVEL": self.drive.glsl, "REMEMBER": self.drive.glsl_remember,
         }  # fmt: skip
         return _composed("drive.frag", defines, self._body())
 
     def _body(self) -> list[str]:
-        counted = self.drive == "impulse" and not self.emits
+        counted = self.drive.spikes == 0 and not self.emits
         step, body = min(self.group, WORD), []
         for plane in range(self.planes):
             bit, done = plane % WORD, plane + 1
@@ -97,8 +113,13 @@ class DriveSwitches:
 
 
 @dataclass(frozen=True)
-class LookSwitches:
-    """What a draw of a shifted view is made of. vertical: whether any shift crosses rows."""
+class ObserverSwitches:
+    """The switches of a draw for a moving observer.
+
+    Attributes:
+        groups: of planes.
+        vertical: whether any shift crosses rows.
+    """
 
     groups: int
     vertical: bool
@@ -106,4 +127,6 @@ class LookSwitches:
     @property
     def source(self) -> str:
         defines: dict[str, object] = {"GROUPS": self.groups, "VERTICAL": int(self.vertical)}
-        return _composed("look.frag", defines, [f"LOOK({g}, span{g})" for g in range(self.groups)])
+        return _composed(
+            "observe.frag", defines, [f"ADD_SPAN({g}, span{g})" for g in range(self.groups)]
+        )

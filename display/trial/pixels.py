@@ -17,9 +17,10 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.spikes.viform import WORD
+from display.drives.compiled import compiled, level, remember
 from display.observe.views import Views
 from display.panels.emitter import gone_in, relax
-from display.panels.panel import DRIVES, SpikePanel
+from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
 from display.setting import DisplaySetting
 
@@ -29,34 +30,29 @@ Values = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint32]
 
 
-@njit(cache=True)
 def _show(  # type: ignore[no-untyped-def]
-    words, cycles, batch, drive, pulse, rise, decay, tau, age, seen, level, out
+    words, cycles, batch, spikes, pulse, rise, decay, tau, age, seen, memory, emitted, out
 ):
-    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels). rise, decay:
-    time constants in planes."""
+    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels); compiled for a
+    drive. rise, decay: time constants in planes."""
     instant = rise == 0.0 and decay == 0.0
     up, down = gone_in(pulse, rise), gone_in(pulse, decay)
     up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[1]):
-        t, a, s, y = tau[pixel], age[pixel], seen[pixel], level[pixel]
+        t, a, s = tau[pixel], age[pixel], seen[pixel]
+        m, y = memory[pixel], emitted[pixel]
         for n in range(cycles):
             fired = (words[n // WORD, pixel] >> np.uint32(n % WORD)) & np.uint32(1)
             if s and a != FOREVER:
                 a += np.uint32(1)
             if fired:
+                m = remember(m, float(t), float(a) if s else 0.0)
                 if s:
                     t = a
                 a = np.uint32(0)
                 s = True
-            if drive == 0:
-                x = float(fired)
-            elif t == 0:
-                x = 0.0
-            elif drive == 1:
-                x = 1.0 / float(t)
-            else:
-                x = 1.0 / float(max(t, a))
+            lit = t > 0 if spikes > 1 else s
+            x = level(float(a), float(t), m) if lit else 0.0
             if instant:
                 y = x if pulse == 1.0 else 0.0
                 light = x
@@ -66,32 +62,33 @@ def _show(  # type: ignore[no-untyped-def]
                     more, y = relax(0.0, 1.0 - pulse, y, up_after, down_after)
                     light += more
             out[n // batch, pixel] += light
-        tau[pixel], age[pixel], seen[pixel], level[pixel] = t, a, s, y
+        tau[pixel], age[pixel], seen[pixel] = t, a, s
+        memory[pixel], emitted[pixel] = m, y
 
 
 class PanelPixels:
-    """So many pixels of a panel. State as `GoldenRenderer` has it, (pixels,) each."""
+    """A number of pixels of a panel. State as in `GoldenRenderer`, (pixels,) each."""
 
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel
         self.tau, self.age = (np.zeros(pixels, np.uint32) for _ in range(2))
         self.seen = np.zeros(pixels, np.bool_)
-        self.level = np.zeros(pixels)
+        self.level, self.memory = np.zeros(pixels), np.zeros(pixels)
 
     def light(self, words: Words, cycles: int, batch: int) -> Values:
         """(spans, pixels) packets Q of the next `cycles` planes. words: (words, pixels)."""
         panel, hz = self.panel, self.panel.clock.hz
-        pulse = panel.pulse if panel.drive == "impulse" else 1.0
         out = np.zeros((-(-cycles // batch), words.shape[1]))
-        _show(
-            np.ascontiguousarray(words), cycles, batch, DRIVES.index(panel.drive), pulse,
-            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.seen, self.level, out,
+        compiled(_show, panel.scheme)(
+            np.ascontiguousarray(words), cycles, batch, panel.scheme.spikes, panel.share,
+            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.seen, self.memory,
+            self.level, out,
         )  # fmt: skip
         return out
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
-        return {n: getattr(self, n).copy() for n in ("tau", "age", "seen", "level")}
+        return {n: getattr(self, n).copy() for n in ("tau", "age", "seen", "memory", "level")}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
@@ -100,7 +97,7 @@ class PanelPixels:
 
 
 @njit(cache=True)
-def _look_around(light, weight, slope, dy, dx, dy_slope, dx_slope, row, rows, image):  # type: ignore[no-untyped-def]
+def _integrate_periodic(light, weight, slope, dy, dx, dy_slope, dx_slope, row, rows, image):  # type: ignore[no-untyped-def]
     """Adds a moving eye's image of every patch, each `rows` lines of the plane, to `image` (lines,
     columns); light: (spans, lines, columns); row: (lines,) place on the panel, 0 to 1."""
     spans, lines, columns = light.shape
@@ -142,9 +139,9 @@ class PatchDisplay:
     def step(self, words: Words, first: int, cycles: int) -> None:
         """Shows planes `first` to `first + cycles`. words: (words, pixels)."""
         light = self._pixels.light(words, cycles, self.setting.batch)
-        self._look(light, self.setting.views(first, cycles))
+        self._integrate(light, self.setting.views(first, cycles))
 
-    def _look(self, light: Values, views: Views) -> None:
+    def _integrate(self, light: Values, views: Views) -> None:
         moves = any(a.any() for a in (views.dy, views.dx, views.dy_slope, views.dx_slope))
         if not moves:
             row = np.repeat(self._row, self._columns)
@@ -152,7 +149,7 @@ class PatchDisplay:
             return
         shape = len(self._row), self._columns
         for n, image in enumerate(self.images):
-            _look_around(
+            _integrate_periodic(
                 light.reshape(-1, *shape), views.weight[n], views.slope[n], views.dy[n],
                 views.dx[n], views.dy_slope[n], views.dx_slope[n], self._row, self._rows,
                 image.reshape(shape),

@@ -26,6 +26,7 @@ from typing import Literal
 
 from cosim import InputError, ViformError
 from cosim.compute.opencl import cache_folder
+from cosim.errors import MissingPackages
 from cosim.files.whole import whole
 from rtl_model.geometry import Geometry
 
@@ -169,11 +170,12 @@ def fst_library() -> Path:
 def _need_tools(what: str) -> None:
     lacking = missing()
     if lacking:
-        raise InputError(
+        raise MissingPackages(
             what,
             "installed (verilator, g++)",
             f"without {' and '.join(lacking)}",
             f"install the system packages: apt-get install {' '.join(lacking)}",
+            [*PACKAGES.values(), "zlib1g-dev"],  # zlib for waveforms
         )
 
 

@@ -17,7 +17,7 @@ from sensor import CameraSetting
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.run import EventSpec
 from sensor.asynchronous.setting import channel_model, event_model
-from sensor.asynchronous.study import AsynchronousStudy
+from sensor.asynchronous.study.study import AsynchronousStudy
 from sensor.sections.asynchronous import AsynchronousSection
 
 __all__ = ["assemble_asynchronous", "study_asynchronous", "with_defaults"]

@@ -20,18 +20,24 @@ from scenarios.assemble.schema.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study"]
+__all__ = ["assemble", "assemble_study", "check_options"]
 
 
-def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
-    """The machine of a scenario, checked and planned. Raises InputError."""
+def check_options(scenario: AnyScenario, options: Options) -> None:
+    """Raises InputError for options and sections that a scenario of this kind has no use for."""
+    if isinstance(scenario, Scenario):
+        refuse_leftovers(scenario)
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
             "--trace", "given with a scenario of a virtual board or of another imager",
             "with one of a spike camera or a link", "run bring-up, or leave it out",
         )  # fmt: skip
+
+
+def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
+    """The machine of a scenario, checked and planned. Raises InputError."""
+    check_options(scenario, options)
     if isinstance(scenario, Scenario):
-        refuse_leftovers(scenario)
         if scenario.sensor.readout == "synchronous":
             from scenarios.assemble.camera.machine import assemble_latched
 

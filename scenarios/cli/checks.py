@@ -1,10 +1,11 @@
-"""What a run needs of a machine, looked at one thing at a time."""
+"""Checks of `viform doctor`: what a run needs of this computer."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -17,29 +18,35 @@ from typing import Any
 from cosim.compute.opencl import INSTALL, cache_folder, probe
 from display import GL_INSTALL, probe_gl
 
-__all__ = ["Check", "examine"]
+__all__ = ["CHECKS", "Check", "run_checks"]
 
 _GIB = 2**30
 _MEMORY_GIB = 4
+"""Of a megapixel run, with its report."""
 _DISK_GIB = 1
-_RUN_PROBE = """
-import numpy as np
-from cosim.opencl import open_device
-from sensor import EFFECTS
-from sensor.pixel.kernel import KernelPixels
-from sensor.pixel.model import ExactModel, Span
-from sensor.pixel.plain import PlainPixels
-model, n = ExactModel(100.0, 1, tuple(EFFECTS.values())), np.arange(64, dtype=np.uint32)
-spans = [Span(0, 64, np.arange(64) * 2**40)]
-plain, kernel = PlainPixels(model, n), KernelPixels(model, n, open_device())
-same = plain.expose(spans, 64) == kernel.expose(spans, 64)
-print("agree" if same.all() else "differ")
-"""
+"""Of several runs."""
+_RENAMED = {
+    "opencv-python-headless": "cv2",
+    "pyserial": "serial",
+    "scikit-sundae": "sksundae",
+    "pyyaml": "yaml",
+    "scikit-image": "skimage",
+    "tomli-w": "tomli_w",
+}
+"""Modules of the packages that are imported by another name."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing looked at. needed: whether `run film` depends on it."""
+    """One check.
+
+    Attributes:
+        name: of what is checked.
+        ok: whether it is as a run needs it.
+        found: what this computer has.
+        mend: an instruction, for a check that is not ok.
+        needed: whether `viform run film` depends on it.
+    """
 
     name: str
     ok: bool
@@ -58,15 +65,7 @@ def _python() -> Check:
 
 
 def _packages() -> Check:
-    """Every package the project needs is there and can be imported."""
-    modules = {
-        "opencv-python-headless": "cv2",
-        "pyserial": "serial",
-        "scikit-sundae": "sksundae",
-        "pyyaml": "yaml",
-        "scikit-image": "skimage",
-        "tomli-w": "tomli_w",
-    }
+    """Whether every package that the project needs is installed and can be imported."""
     missing, there = [], 0
     for requirement in requires("viform") or []:
         if "extra ==" in requirement:
@@ -74,7 +73,7 @@ def _packages() -> Check:
         name = requirement.split(";")[0].split(">")[0].split("=")[0].split("<")[0].strip()
         try:
             version(name)
-            importlib.import_module(modules.get(name, name))
+            importlib.import_module(_RENAMED.get(name, name))
             there += 1
         except (PackageNotFoundError, ImportError, OSError) as exc:
             missing.append(f"{name} ({exc})")
@@ -98,12 +97,13 @@ def _gl() -> Check:
 
 
 def _kernel() -> Check:
-    """The chip's kernel is built and its bits are compared with plain numpy, in a child."""
-    child = subprocess.run([sys.executable, "-c", _RUN_PROBE], capture_output=True, text=True)
+    """Whether the chip's kernel can be built and agrees with plain numpy, in a child."""
+    command = [sys.executable, "-m", "scenarios.cli.kernel"]
+    child = subprocess.run(command, capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with plain numpy on every bit")
     last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
-    last = last.removeprefix("cosim.errors.InputError: ")
+    last = re.sub(r"^cosim\.errors\.\w+: ", "", last)
     return Check(
         "kernel", False, child.stdout.strip() or last, "mend opencl first, else report this"
     )
@@ -150,12 +150,12 @@ def _clips() -> Check:
     return Check("clips", fine, f"PyAV {av.__version__}: {', '.join(codecs)}", "pip install av")
 
 
-_EXAMINATIONS: tuple[Callable[[], Check], ...] = (
+CHECKS: tuple[Callable[[], Check], ...] = (
     _python, _packages, _opencl, _kernel, _gl, _clips, _cache, _memory, _disk, _folder,
 )  # fmt: skip
 
 
-def examine() -> list[Check]:
-    """Looks at everything, whatever the outcome of one look; most of them wait for a child."""
+def run_checks() -> list[Check]:
+    """Runs all checks, whatever the outcome of one; most of them wait for a child process."""
     with ThreadPoolExecutor() as pool:
-        return list(pool.map(lambda look: look(), _EXAMINATIONS))
+        return list(pool.map(lambda check: check(), CHECKS))

@@ -11,9 +11,9 @@ __all__ = ["doctor"]
 
 def doctor(json: Json = False) -> None:
     """Check this machine; exit 0 when `viform run film` would work."""
-    from scenarios.cli.checks import examine
+    from scenarios.cli.checks import run_checks
 
-    checks = examine()
+    checks = run_checks()
     well = all(check.ok for check in checks if check.needed)
     if json:
         print_document({"ok": well, "checks": [check.row() for check in checks]})

@@ -8,6 +8,7 @@ import sys
 from contextlib import suppress
 
 import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
+from scenarios.cli.packages import install_and_restart, read_launcher
 
 _PIPE = 141
 """Exit code where who reads standard output has gone: 128 + SIGPIPE, as a shell has it."""
@@ -19,6 +20,7 @@ def main() -> None:
     # A request to end is met as Ctrl-C is: with what is done kept and one line of how to go on.
     # Not by SIGINT's own handler: a script's `viform ... &` has that ignored.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    read_launcher()
     try:
         code = _main(sys.argv[1:] or ["--help"])
         sys.stdout.flush()  # what its buffer holds may yet meet a pipe that nobody reads
@@ -56,6 +58,7 @@ def _main(arguments: list[str]) -> int:
 
     from cosim import InputError, Interrupted
     from cosim.compute.opencl import prepare_caches
+    from cosim.errors import MissingPackages
     from scenarios.cli.app import app
 
     with suppress(OSError):  # what needs no cache works without
@@ -69,6 +72,8 @@ def _main(arguments: list[str]) -> int:
         print(f"viform: {text}; see `{where} --help`", file=sys.stderr)
         return 2
     except InputError as exc:
+        if isinstance(exc, MissingPackages):
+            install_and_restart(exc.packages)
         print(f"viform: {exc}", file=sys.stderr)
         return 2
     except Interrupted as exc:

@@ -44,17 +44,14 @@ def run(
     """Run a scenario: film it, show it where it has a display, make images and a report; or bring
     a test board up."""
     from cosim.run.machine import Options
-    from scenarios.assemble.readout import refuse_leftovers
+    from scenarios.assemble.machine import check_options
     from scenarios.assemble.schema.loading import load
-    from scenarios.assemble.schema.scenario import BoardScenario, ImagerScenario, Scenario
     from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
     name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
-    if isinstance(loaded, Scenario):
-        refuse_leftovers(loaded)
-    if not isinstance(loaded, BoardScenario | ImagerScenario):
-        _refuse_trace(trace)
+    options = Options(device, resume, trace)
+    check_options(loaded, options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -64,10 +61,7 @@ def run(
             return
     progress = make_progress()
     try:
-        done = run_scenario(
-            name, loaded, out, options=Options(device, resume, trace), progress=progress,
-            began=BEGAN,
-        )  # fmt: skip
+        done = run_scenario(name, loaded, out, options=options, progress=progress, began=BEGAN)
     finally:
         progress.close()
     print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
@@ -99,16 +93,6 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
     else:
         print_result(result, folder, [], verdict_before(folder), json)
     _end(result)
-
-
-def _refuse_trace(trace: Path | None) -> None:
-    from cosim import InputError
-
-    if trace is not None:
-        raise InputError(
-            "--trace", "given with a scenario of a virtual board or of another imager",
-            "with one of a spike camera or a link", "run bring-up, or leave it out",
-        )  # fmt: skip
 
 
 def print_result(

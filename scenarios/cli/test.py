@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from xml.etree import ElementTree
 import typer
 
 from scenarios.cli.output import Json, print_document
+from scenarios.cli.packages import has_launcher, install_and_restart
 
 __all__ = ["test"]
 
@@ -55,6 +57,20 @@ def _begin(
     return begun
 
 
+def _missing_packages() -> list[str]:
+    """System packages that tests need and this machine lacks. Tests that need them are skipped."""
+    from cosim.compute.opencl import opencl_packages, probe
+    from display import probe_gl
+    from display.render.context import gl_packages
+    from rtl_model.verilated.build import PACKAGES
+
+    found = [] if probe() else [*opencl_packages()]
+    found += [] if probe_gl()[0] else gl_packages()
+    programs = {**PACKAGES, "iverilog": "iverilog", "yosys": "yosys"}
+    found += [package for name, package in programs.items() if shutil.which(name) is None]
+    return [*found, "zlib1g-dev"] if "verilator" in found else found
+
+
 def test(context: typer.Context, json: Json = False) -> None:
     """Run the tests; arguments after `test` go to pytest, and then it alone is run.
 
@@ -67,6 +83,8 @@ def test(context: typer.Context, json: Json = False) -> None:
         raise InputError(
             "viform test", "run from a clone", "from an installed copy", "clone the project"
         )
+    if has_launcher():
+        install_and_restart(_missing_packages())
     extra = list(context.args)
     began = time.perf_counter()
     # With --json standard output belongs to the document.

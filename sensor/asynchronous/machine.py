@@ -16,16 +16,17 @@ from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows
 from cosim.run.unresumed import AFRESH, MemoryChain, start_again
-from sensor.asynchronous import EventPlan, PlannedPixels
-from sensor.asynchronous.channel import Channel
-from sensor.asynchronous.cost import reference_cost
-from sensor.asynchronous.output import STREAM, Output, gather_events
-from sensor.asynchronous.recover import dynamic_range, recover, unheard
-from sensor.asynchronous.report import events_page
+from sensor.asynchronous.plan.cost import reference_cost
+from sensor.asynchronous.plan.plan import EventPlan
+from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.asynchronous.plan.verify import KIND, Checked, check_plan
+from sensor.asynchronous.readout.channel import Channel
+from sensor.asynchronous.readout.recorder import STREAM, Output, gather_events
+from sensor.asynchronous.readout.recover import dynamic_range, recover, unheard
+from sensor.asynchronous.readout.shots import first_instants, take_event_shots
+from sensor.asynchronous.report.page import events_page
 from sensor.asynchronous.run import EventRun, EventSpec, EventStart, EventViews
 from sensor.asynchronous.setting import channel_model
-from sensor.asynchronous.shots import first_instants, take_event_shots
-from sensor.asynchronous.verify import KIND, Checked, check_plan
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
 from sensor.sections.asynchronous import AsynchronousSection

@@ -11,11 +11,14 @@ import numpy.typing as npt
 from cosim import Events, Lens, Light, seconds_to_ps
 from cosim.light.source import Source, Target
 from cosim.run.machine import Run
-from sensor import CameraSetting
-from sensor.asynchronous import EventModel, EventPlan, Firings, is_steady, make_plan, summarise
-from sensor.asynchronous.recover import Recovered
-from sensor.asynchronous.shots import EventShot
-from sensor.asynchronous.verify import Checked, View
+from sensor.asynchronous.model import EventModel, Firings
+from sensor.asynchronous.pixel.closed import is_steady
+from sensor.asynchronous.plan.effects import summarise
+from sensor.asynchronous.plan.plan import EventPlan, make_plan
+from sensor.asynchronous.plan.verify import Checked, View
+from sensor.asynchronous.readout.recover import Recovered
+from sensor.asynchronous.readout.shots import EventShot
+from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
 __all__ = ["EventRun", "EventSpec", "EventStart", "EventViews"]

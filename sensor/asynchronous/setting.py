@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from cosim import PS, Clock, InputError, seconds_to_ps
-from sensor import CameraSetting
-from sensor.asynchronous.channel import ChannelModel
 from sensor.asynchronous.model import EventModel
+from sensor.asynchronous.readout.channel import ChannelModel
+from sensor.latched.setting import CameraSetting
 from sensor.sections.asynchronous import AsynchronousSection
 from sensor.sections.sensor import SensorSection
 

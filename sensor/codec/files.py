@@ -7,7 +7,8 @@ from pathlib import Path
 from cosim import InputError, SpikeStream
 from cosim.config.units import KINDS, parse_quantity
 from cosim.files import FORMATS, ending_of, open_stream
-from sensor.codec import CODES, FSC, Code, read_fsc, write_fsc
+from sensor.codec.coding import CODES, Code
+from sensor.codec.fsc import FSC, read_fsc, write_fsc
 
 __all__ = ["choose_code", "is_coded", "open_any", "write_coded"]
 

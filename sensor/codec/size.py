@@ -10,7 +10,7 @@ from numcodecs.zstd import Zstd
 from cosim import SpikeStream, Viform
 from cosim.run.result import Metric
 from cosim.spikes.viform import Words, unpack_planes, words_for
-from sensor.codec import Code, encode
+from sensor.codec.coding import Code, encode
 
 __all__ = [
     "LAYOUTS",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from cosim import BLOCK, PS, InputError
-from sensor import CameraSetting
-from sensor.continuous import ContinuousSetting, Converter, quiet_floor
+from sensor.continuous.converter import Converter
+from sensor.continuous.setting import ContinuousSetting, quiet_floor
+from sensor.latched.setting import CameraSetting
 from sensor.sections.continuous import ContinuousSection
 
 __all__ = ["continuous_setting", "longest_step"]

@@ -15,7 +15,7 @@ from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, latency_rows
 from cosim.run.unresumed import MemoryChain, start_again
-from sensor.continuous import ContinuousCamera
+from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.report import continuous_page
 from sensor.continuous.run import STREAM, ContinuousRun, ContinuousSpec, ContinuousViews
 from sensor.continuous.shots import (

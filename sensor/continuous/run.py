@@ -9,9 +9,9 @@ from typing import Final
 from cosim import Intensities, Lens, Light
 from cosim.light.source import Source
 from cosim.run.machine import Run
-from sensor import CameraSetting
-from sensor.continuous import ContinuousSetting
+from sensor.continuous.setting import ContinuousSetting
 from sensor.continuous.shots import ContinuousShot, PixelLight
+from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
 __all__ = ["STREAM", "ContinuousRun", "ContinuousSpec", "ContinuousViews"]

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from cosim import Clock, Intensities, Light, Plane, last_reports
 from cosim.light.source import Source
 from cosim.run.result import Metric
-from sensor import CameraSetting
-from sensor.continuous import ContinuousSetting
+from sensor.continuous.setting import ContinuousSetting
+from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 
 __all__ = [

@@ -1,24 +1,12 @@
 """Dynamic range from a model of the hardware: sensor, circuit, converter, gains, output mapping;
 and the spike camera's own formulas."""
 
-from sensor.dynamic_range.catalogue import (
-    CONVERTERS,
-    KODAK,
-    SENSORS,
-    ConverterPart,
-    SensorPart,
-)
+from sensor.dynamic_range.catalogue import CONVERTERS, KODAK, SENSORS, ConverterPart, SensorPart
 from sensor.dynamic_range.chain import Chain, document_dynamic_range, gain_counted_once
-from sensor.dynamic_range.converter import (
-    RULE_FACTOR,
-    Converter,
-    ConverterRule,
-    bits_for,
-    converter_rule,
-)
+from sensor.dynamic_range.converter import Converter, bits_for, converter_rule
 from sensor.dynamic_range.decibels import as_ratio, decibels, sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
-from sensor.dynamic_range.monte_carlo import MeasuredRange, chain_values, measure_chain
+from sensor.dynamic_range.monte_carlo import measure_chain
 from sensor.dynamic_range.noise import DarkLaw, SensorNoise
 from sensor.dynamic_range.spike import (
     filling_time,
@@ -30,31 +18,25 @@ from sensor.dynamic_range.spike import (
     spike_dynamic_range,
     threshold_for,
 )
-from sensor.dynamic_range.sweep import Budget, Choice, Judged, sweep
-from sensor.dynamic_range.wells import DALSA, FullWell
+from sensor.dynamic_range.sweep import Budget, Judged, sweep
+from sensor.dynamic_range.wells import DALSA
 
 __all__ = [
     "CONVERTERS",
     "DALSA",
     "KODAK",
-    "RULE_FACTOR",
     "SENSORS",
     "Budget",
     "Chain",
-    "Choice",
     "Converter",
     "ConverterPart",
-    "ConverterRule",
     "DarkLaw",
-    "FullWell",
     "Judged",
     "Mapping",
-    "MeasuredRange",
     "SensorNoise",
     "SensorPart",
     "as_ratio",
     "bits_for",
-    "chain_values",
     "converter_rule",
     "decibels",
     "document_dynamic_range",

@@ -13,7 +13,7 @@ from cosim import InputError, SpikeStream
 from cosim.files.whole import whole
 from cosim.report.png import for_display
 from cosim.run.progress import Progress
-from sensor import tfp
+from sensor.reconstruct.playback import tfp
 
 __all__ = ["CLIPS", "write_clip"]
 

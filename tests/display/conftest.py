@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from display import GL_INSTALL, Views, probe_gl
+from display import GL_INSTALL, probe_gl
+from display.observe.views import Views
 
 Words = npt.NDArray[np.uint32]
 

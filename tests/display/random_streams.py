@@ -9,15 +9,9 @@ import numpy.typing as npt
 
 from cosim import Clock, Summary
 from cosim.spikes.viform import pack_planes
-from display import (
-    DRIVES,
-    CameraPlane,
-    DisplaySetting,
-    FixedEye,
-    Observer,
-    PursuingEye,
-    SpikePanel,
-)  # fmt: skip
+from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
+from display.drives import DRIVES
+from display.observe.views import Observer
 
 CLOCK = Clock(40_000)
 TILE = 16
@@ -63,7 +57,7 @@ def random_stream(seed: int) -> Stream:
 
     planes = int(rng.integers(200, 1000))
     panel = SpikePanel(
-        (HEIGHT, TILE), CLOCK, float(rng.uniform(0.2, 1)), DRIVES[int(rng.integers(3))],
+        (HEIGHT, TILE), CLOCK, float(rng.uniform(0.2, 1)), list(DRIVES)[int(rng.integers(3))],
         float(rng.choice([1.0, 0.2])), some(1e-7, 1e-5, 0.4), some(1e-7, 1e-4, 0.4),
         transport=1_000_000,
     )  # fmt: skip

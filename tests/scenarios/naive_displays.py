@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from display import GoldenRenderer
 from display.render import golden
+from display.render.golden import GoldenRenderer
 
 
 class Float32Sums(GoldenRenderer):
     """Case 22: light is added up in float32."""
 
-    def _look(self, image, views):  # type: ignore[no-untyped-def]
+    def _integrate(self, image, views):  # type: ignore[no-untyped-def]
         total = self._images[image].astype(np.float32)
         for span, light in enumerate(self.light):
             total += (views.weight[image, span] * light).astype(np.float32)
@@ -75,7 +75,7 @@ class AtTheEdge(GoldenRenderer):
 
     around = False
 
-    def _look(self, image, views):  # type: ignore[no-untyped-def]
+    def _integrate(self, image, views):  # type: ignore[no-untyped-def]
         width = self.panel.shape[1]
         for span, light in enumerate(self.light):
             x = np.floor(np.arange(width) + views.dx[image, span])

@@ -86,7 +86,7 @@ def test_doctor_names_what_is_missing_and_the_mend(
     needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = Check("opencl", False, "no device", "apt-get install something", needed)
-    monkeypatch.setattr(scenarios.cli.checks, "_EXAMINATIONS", (lambda: missing,))
+    monkeypatch.setattr(scenarios.cli.checks, "CHECKS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "mend: apt-get install something" in out

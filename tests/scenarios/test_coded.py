@@ -12,7 +12,8 @@ import scenarios.studies.codes.scenes
 from cosim import Clock, Viform
 from cosim.files import open_stream, write_npz
 from scenarios.studies.codes import draw, markdown
-from sensor.codec import Code, read_fsc, recode
+from sensor.codec.coding import Code
+from sensor.codec.fsc import read_fsc
 from sensor.codec.report import size_rows, size_text
 from sensor.codec.size import (
     LAYOUTS,
@@ -23,6 +24,7 @@ from sensor.codec.size import (
     size_metrics,
     zstd_size,
 )
+from sensor.codec.stream import recode
 
 CLOCK = Clock(40_000)
 

@@ -19,16 +19,17 @@ from skimage.metrics import structural_similarity
 from cosim import Block, Clock, Interrupted, Light, Piece, Viform
 from cosim.light.ssim import Likeness, inside
 from cosim.spikes.viform import pack_planes
-from display import CameraPlane, DisplaySetting, FramePanel, GoldenRenderer, SpikePanel
+from display import CameraPlane, DisplaySetting, SpikePanel
 from display.chain.clip import chosen_tiles
 from display.chain.display import DisplayChain
 from display.chain.panel_stage import PanelStage
 from display.chain.tap import LightTap, panel_waves, spike_waves
 from display.observe.slow_motion import SlowMotion
-from display.panels.panel import metric_key
+from display.panels.panel import FramePanel, metric_key
 from display.probes import metrics
 from display.probes.metrics import Probes
 from display.quality.fidelity import BANDS, display_fidelity
+from display.render.golden import GoldenRenderer
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 

@@ -15,7 +15,7 @@ from rtl_model.bringup.bench.stage import STAGES, Report, Stage
 from rtl_model.bringup.machine.image_capture import ImageCapture, capture_image
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.bringup.machine.waves import Trace, write_waves
-from rtl_model.bringup.run import bring_up
+from rtl_model.bringup.run import BringUp, bring_up
 from rtl_model.host import LineFault
 
 __all__ = ["LOG", "BoardChain"]
@@ -76,16 +76,14 @@ class BoardChain:
             progress.advance(self._stages)
 
         begin = time.perf_counter()
-        self.report = bring_up(
-            endpoint.url,
+        options = BringUp(
             baud=section.baud,
             csr=csr_map(None if section.csr is None else Path(section.csr)),
             simulated=endpoint.simulated,
             time_scale=endpoint.time_scale,
             log=self._folder / LOG,
-            progress=count,
-            note=progress.note,
         )
+        self.report = bring_up(endpoint.url, options, count, progress.note)
         seconds = {"bring-up": time.perf_counter() - begin}
         if self.report.ok:
             begin = time.perf_counter()

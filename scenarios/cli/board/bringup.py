@@ -7,30 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtl_model.bringup.bench.endpoint import csr_map, open_endpoint
-from scenarios.cli.board.line import (
-    Baud,
-    Csr,
-    Faults,
-    Level,
-    Log,
-    LowLatency,
-    PortName,
-    TimeScale,
-    told_latency,
-)
+from rtl_model.bringup.bench.endpoint import csr_map
+from scenarios.cli.board.connection import BoardOptions, endpoint_of, warn_of_latency
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
-    from rtl_model.bringup import Stage
+    from rtl_model.bringup.bench.stage import Stage
 
 __all__ = ["board_bringup", "print_stage"]
 
 
+@expand_options
 def board_bringup(
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
+    options: BoardOptions,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html and junit.xml; made if need be")
     ] = None,
@@ -38,19 +28,14 @@ def board_bringup(
     all_stages: Annotated[
         bool, typer.Option("--all", help="go on behind a stage that failed, where that can be")
     ] = False,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
-    level: Level = "bytes",
-    fault: Faults = None,
     json: Json = False,
 ) -> None:
     """Bring a board up: port, bytes, identity, counters, registers, PRBS, pixel patterns, threshold
     sweep, frame timing. Exit 1 where a stage fails, with its cause."""
     from cosim import InputError
-    from rtl_model.bringup import bring_up
+    from rtl_model.bringup.run import BringUp, bring_up
 
-    known = csr_map(csr)
+    csr = csr_map(options.csr)
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)
@@ -58,26 +43,24 @@ def board_bringup(
             given = f"{out} ({exc.strerror})"
             raise InputError("--out", "a folder", given, "choose another") from exc
 
-    def told(stage: Stage) -> None:
+    def report_stage(stage: Stage) -> None:
         if stage.figures.get("low_latency") is False:
-            told_latency(stage.figures["port"], False)
+            warn_of_latency(stage.figures["port"])
         if not json:
             print_stage(stage)
 
-    with open_endpoint(port, baud, time_scale, level=level, faults=fault) as place:
-        report = bring_up(
-            place.url,
-            baud=baud,
-            csr=known,
+    with endpoint_of(options) as endpoint:
+        how = BringUp(
+            baud=options.baud,
+            csr=csr,
             stop_at_first=not all_stages,
-            simulated=place.simulated,
-            time_scale=place.time_scale,
+            simulated=endpoint.simulated,
+            time_scale=endpoint.time_scale,
             frames=frames,
-            low_latency=low_latency,
-            log=log,
-            progress=told,
-            note=SilentProgress().note,
+            low_latency=options.low_latency,
+            log=options.log,
         )
+        report = bring_up(endpoint.url, how, report_stage, SilentProgress().note)
     files: list[str] = []
     if out is not None:
         from rtl_model.bringup.report.page import write_board_report
@@ -94,7 +77,7 @@ def board_bringup(
 
 
 def print_stage(stage: Stage) -> None:
-    """A line of a stage that ran."""
+    """Prints the line of a stage that has run."""
     if stage.outcome == "left out":
         return
     mark = "ok" if stage.outcome == "ok" else "FAILED"

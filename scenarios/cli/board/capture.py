@@ -7,23 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.cli.board.line import (
-    Baud,
-    Csr,
-    Faults,
-    Level,
-    Log,
-    LowLatency,
-    PortName,
-    TimeScale,
-    connected,
-)
+from scenarios.cli.board.connection import BoardOptions, connect
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["board_capture"]
 
 
+@expand_options
 def board_capture(
+    options: BoardOptions,
     out: Annotated[
         Path,
         typer.Option(
@@ -37,14 +30,6 @@ def board_capture(
     clear: Annotated[
         bool, typer.Option("--clear", help="begin with frame 0 and no charge")
     ] = False,
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
-    level: Level = "bytes",
-    fault: Faults = None,
     json: Json = False,
 ) -> None:
     """Capture a burst and write it as a stream; every row is verified by sequence and CRC-32."""
@@ -60,21 +45,11 @@ def board_capture(
     writes = [assignment(text) for text in assignments or ()]
     progress = make_progress()
     try:
-        with connected(
-            port,
-            baud,
-            csr,
-            log,
-            time_scale,
-            json,
-            level=level,
-            faults=fault,
-            low_latency=low_latency,
-        ) as line:
+        with connect(options, json) as connection:
             for name, value in writes:
-                line.board.write(name, value)
-            taken = capture.burst(line.board, frames, clear=clear)
-            clock = frame_clock(line.board)
+                connection.board.write(name, value)
+            taken = capture.burst(connection.board, frames, clear=clear)
+            clock = frame_clock(connection.board)
         stream = Viform.from_planes(taken.planes, clock)
         lost = write_stream(stream, out)
         for text in lost:

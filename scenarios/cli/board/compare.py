@@ -1,73 +1,68 @@
-"""`viform board compare`: a board, or its Verilog, against the cycle model bit by bit."""
+"""`viform board compare`: a board, or its Verilog, compared with the cycle model bit by bit."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from scenarios.cli.board.line import (
-    Baud,
-    Csr,
-    Faults,
-    Level,
-    Log,
-    LowLatency,
-    PortName,
-    TimeScale,
-    connected,
-)
+from rtl_model.bringup.bench.endpoint import VIRTUAL
+from scenarios.cli.board.connection import BoardOptions, connect
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["board_compare"]
 
 
+@dataclass(frozen=True)
+class LockstepOptions:
+    """Options of --lockstep."""
+
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="of --lockstep")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep")] = 32
+    lanes: Annotated[int, typer.Option(help="of --lockstep, 32 or 64")] = 32
+    seed: Annotated[int, typer.Option(min=0, help="of --lockstep's random program")] = 1
+    pixels: Annotated[float, typer.Option(min=1, help="pixel-cycles of --lockstep")] = 1e7
+    until: Annotated[int | None, typer.Option(min=1, help="clock at which --lockstep ends")] = None
+    trace: Annotated[
+        Path | None, typer.Option(help="of --lockstep: waveforms about a difference, .fst or .vcd")
+    ] = None
+    sources: Annotated[
+        Path | None, typer.Option(help="of --lockstep: a folder of Verilog; ours when absent")
+    ] = None
+
+
+@expand_options
 def board_compare(
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
+    options: BoardOptions,
+    verilog: LockstepOptions,
     frames: Annotated[int, typer.Option(min=1, help="to capture and compare")] = 8,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="registers, before")
     ] = None,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
-    level: Level = "bytes",
-    fault: Faults = None,
     lockstep: Annotated[
         bool,
         typer.Option("--lockstep", help="the Verilog in Verilator, clock by clock; no port"),
     ] = False,
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of --lockstep")] = 32,
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep")] = 32,
-    lanes: Annotated[int, typer.Option(help="of --lockstep, 32 or 64")] = 32,
-    seed: Annotated[int, typer.Option(min=0, help="of --lockstep's random program")] = 1,
-    pixels: Annotated[float, typer.Option(min=1, help="pixel-cycles of --lockstep")] = 1e7,
-    until: Annotated[int | None, typer.Option(min=1, help="clock at which --lockstep ends")] = None,
-    trace: Annotated[
-        Path | None, typer.Option(help="of --lockstep: waveforms about a difference, .fst or .vcd")
-    ] = None,
-    sources: Annotated[
-        Path | None, typer.Option(help="of --lockstep: a folder of Verilog; ours when absent")
-    ] = None,
     json: Json = False,
 ) -> None:
-    """Hold a board's bits against the cycle model under its settings; exit 1 with the first wrong
-    bit's frame, row and column. --lockstep holds the Verilog against it, clock by clock."""
+    """Compare a board's bits with the cycle model's under its settings; exit 1 with the first wrong
+    bit's frame, row and column. --lockstep compares the Verilog with it, clock by clock."""
     from cosim import InputError
 
     if lockstep:
-        if port != "virtual" or fault or assignments or log is not None:
+        virtual = options.port == VIRTUAL and not options.fault
+        if not virtual or assignments or options.log is not None:
             raise InputError(
                 "--port, --fault, --set and --log", "left out with --lockstep", "given",
                 "leave them out: --lockstep runs the Verilog itself; for a board leave out "
                 "--lockstep",
             )  # fmt: skip
-        _lockstep(rows, columns, lanes, seed, pixels, until, trace, sources, json)
+        _lockstep(verilog, json)
         return
-    if trace is not None or sources is not None or until is not None:
+    if (verilog.trace, verilog.sources, verilog.until) != (None, None, None):
         raise InputError(
             "--trace, --sources and --until", "given with --lockstep", "without", "add --lockstep"
         )
@@ -75,19 +70,17 @@ def board_compare(
     from scenarios.cli.board.regs import assignment
 
     writes = [assignment(text) for text in assignments or ()]
-    with connected(
-        port, baud, csr, log, time_scale, json, level=level, faults=fault, low_latency=low_latency
-    ) as line:
+    with connect(options, json) as connection:
         for name, value in writes:
-            line.board.write(name, value)
-        taken, burst = capture_and_compare(line.board, frames)
+            connection.board.write(name, value)
+        captured, burst = capture_and_compare(connection.board, frames)
     wrong = burst.wrong
     if json:
         print_document({
             "ok": wrong is None, "frames": frames, "bits_compared": burst.got.size,
             "bits_wrong": 0 if wrong is None else wrong.bits,
             "first_wrong": None if wrong is None else wrong.document(),
-            "settings": taken.settings, "retries": taken.retries,
+            "settings": captured.settings, "retries": captured.retries,
         })  # fmt: skip
     elif wrong is None:
         print(f"{frames} frames, {burst.got.size} bits, none wrong")
@@ -97,56 +90,53 @@ def board_compare(
         raise typer.Exit(1)
 
 
-def _lockstep(
-    rows: int, columns: int, lanes: int, seed: int, pixels: float, until: int | None,
-    trace: Path | None, sources: Path | None, json: bool,
-) -> None:  # fmt: skip
+def _lockstep(options: LockstepOptions, json: bool) -> None:
     from cosim import InputError
     from cosim.run.folder import check_trace_file
     from rtl_model.lockstep import Program, run
     from rtl_model.verilated import BuildFailed
 
-    if lanes not in (32, 64):
-        raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
-    if trace is not None:  # it is written at the end alone, where a difference was found
-        check_trace_file(trace)
-    program = Program(rows, columns, lanes, seed)
+    if options.lanes not in (32, 64):
+        raise InputError("--lanes", "32 or 64", str(options.lanes), "choose one")
+    if options.trace is not None:  # it is only written at the end, after a difference
+        check_trace_file(options.trace)
+    program = Program(options.rows, options.columns, options.lanes, options.seed)
     progress = make_progress()
-    progress.start("pixel-cycles", int(pixels))
+    progress.start("pixel-cycles", int(options.pixels))
     try:
         outcome = run(
-            program, pixels=float("inf") if until is not None else pixels, until=until,
-            sources=sources, waves=trace,
+            program, pixels=options.pixels if options.until is None else float("inf"),
+            until=options.until, sources=options.sources, waves=options.trace,
             progress=lambda clock, done: progress.advance(done),
         )  # fmt: skip
     except BuildFailed as fault:
-        if sources is None:  # the design's own: a fault of ours
+        if options.sources is None:  # the project's own Verilog: a fault of the program
             raise
-        kept = "" if fault.kept is None else f" (all that {fault.tool} said: {fault.kept})"
+        log = "" if fault.kept is None else f" (all that {fault.tool} said: {fault.kept})"
         raise InputError(
-            f"--sources {sources}", "Verilog that compiles", f"refused: {fault.first}",
-            f"mend that line{kept}",
+            f"--sources {options.sources}", "Verilog that compiles", f"refused: {fault.first}",
+            f"mend that line{log}",
         ) from fault  # fmt: skip
     finally:
         progress.close()
-    found = outcome.difference
+    difference = outcome.difference
     if json:
         print_document({
-            "ok": found is None, "clocks": outcome.clock, "pixel_cycles": outcome.pixels,
-            "spikes": outcome.coverage.spikes, "seed": seed,
-            "difference": None if found is None else {
-                "text": str(found), "what": found.what, "clock": found.clock,
-                "frame": found.frame, "row": found.row, "column": found.column,
-                "verilog": found.verilog, "model": found.model,
-                "reproducer": found.reproducer,
-                "waves": None if found.waves is None else str(found.waves),
+            "ok": difference is None, "clocks": outcome.clock, "pixel_cycles": outcome.pixels,
+            "spikes": outcome.coverage.spikes, "seed": options.seed,
+            "difference": None if difference is None else {
+                "text": str(difference), "what": difference.what, "clock": difference.clock,
+                "frame": difference.frame, "row": difference.row, "column": difference.column,
+                "verilog": difference.verilog, "model": difference.model,
+                "reproducer": difference.reproducer,
+                "waves": None if difference.waves is None else str(difference.waves),
             },
         })  # fmt: skip
-    elif found is None:
+    elif difference is None:
         print(f"{outcome.pixels} pixel-cycles in {outcome.clock} clocks, no difference")
-        if trace is not None:
-            print(f"without one there are no waveforms: {trace} was not written")
+        if options.trace is not None:
+            print(f"without one there are no waveforms: {options.trace} was not written")
     else:
-        print(found)
-    if found is not None:
+        print(difference)
+    if difference is not None:
         raise typer.Exit(1)

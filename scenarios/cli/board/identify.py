@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
-from scenarios.cli.board.line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
+from scenarios.cli.board.connection import LineOptions, connect
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["board_identify"]
 
 
+@expand_options
 def board_identify(
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
+    options: LineOptions,
     json: Json = False,
 ) -> None:
     """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
     design by its csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
 
-    with connected(
-        port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
-    ) as line:
-        board = line.board
+    with connect(options, json, recognise=True) as connection:
+        board = connection.board
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None
         document: dict[str, object] = {
-            "ok": True, "port": line.opened.url, "baud": baud, "identifier": identifier,
+            "ok": True, "port": connection.url, "baud": options.baud, "identifier": identifier,
         }  # fmt: skip
         try:
             info = board.imager_info() if board.csr.imager else board.info()
         except LineFault as fault:
-            if fault.cause is not Cause.NOT_OURS or csr is None:
+            if fault.cause is not Cause.NOT_OURS or options.csr is None:
                 raise
             document |= {"ours": False, "registers": len(board.csr.registers)}
         else:
@@ -44,7 +39,7 @@ def board_identify(
     if json:
         print_document(document)
         return
-    print(f"{'port':<14} {document['port']}, {baud} baud")
+    print(f"{'port':<14} {document['port']}, {options.baud} baud")
     print(f"{'identifier':<14} {identifier or 'none'}")
     board_rows = document.get("board")
     if isinstance(board_rows, dict):

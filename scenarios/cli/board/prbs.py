@@ -6,46 +6,29 @@ from typing import Annotated
 
 import typer
 
-from scenarios.cli.board.line import (
-    Baud,
-    Csr,
-    Faults,
-    Level,
-    Log,
-    LowLatency,
-    PortName,
-    TimeScale,
-    connected,
-)
+from scenarios.cli.board.connection import BoardOptions, connect
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["board_prbs"]
 
 
+@expand_options
 def board_prbs(
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
+    options: BoardOptions,
     order: Annotated[
         list[int] | None, typer.Option(help="7, 15, 23 or 31, repeatable; all when absent")
     ] = None,
     words: Annotated[
         int, typer.Option(min=1, max=10_000_000, help="32-bit words each way, for each order")
     ] = 1024,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
-    level: Level = "bytes",
-    fault: Faults = None,
     json: Json = False,
 ) -> None:
     """Count wrong bits of pseudo-random words, to the board and from it; exit 1 for any."""
     from rtl_model.host import prbs
 
-    with connected(
-        port, baud, csr, log, time_scale, json, level=level, faults=fault, low_latency=low_latency
-    ) as line:
-        reports = [prbs.check(line.board, one, words) for one in order or prbs.ORDERS]
+    with connect(options, json) as connection:
+        reports = [prbs.check(connection.board, one, words) for one in order or prbs.ORDERS]
     clean = all(report.clean for report in reports)
     if json:
         rows = [report._asdict() | {"clean": report.clean} for report in reports]

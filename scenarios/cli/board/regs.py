@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map
-from scenarios.cli.board.line import Baud, Csr, Log, LowLatency, PortName, TimeScale, connected
+from scenarios.cli.board.connection import LineOptions, connect
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["assignment", "board_regs"]
 
 
+@expand_options
 def board_regs(
+    options: LineOptions,
     names: Annotated[
         list[str] | None, typer.Argument(metavar="NAME", help="to read; all that may be if none")
     ] = None,
@@ -26,12 +29,6 @@ def board_regs(
     listing: Annotated[
         bool, typer.Option("--list", help="names and addresses only; no board is needed")
     ] = False,
-    port: PortName = "virtual",
-    baud: Baud = 115_200,
-    csr: Csr = None,
-    log: Log = None,
-    time_scale: TimeScale = None,
-    low_latency: LowLatency = False,
     json: Json = False,
 ) -> None:
     """List, read and write registers of a board, of an imager of ours, or of any LiteX design by
@@ -39,16 +36,14 @@ def board_regs(
     from rtl_model.host import default_map
 
     writes = [assignment(text) for text in assignments or ()]
-    known = csr_map(csr)
-    if known is None and (listing or port == VIRTUAL):
+    known = csr_map(options.csr)
+    if known is None and (listing or options.port == VIRTUAL):
         known = default_map()
     if known is not None:  # what is wrong is said before a board is spoken to
         rows = _rows(known, names, writes)
     if not listing:
-        with connected(
-            port, baud, csr, log, time_scale, json, recognise=True, low_latency=low_latency
-        ) as line:
-            board = line.board
+        with connect(options, json, recognise=True) as connection:
+            board = connection.board
             rows = _rows(board.csr, names, writes)
             for name, number in writes:
                 board.write(name, number)

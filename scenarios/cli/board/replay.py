@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from rtl_model.bringup.bench.endpoint import csr_map
-from scenarios.cli.board.line import Csr
+from scenarios.cli.board.connection import Csr
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["board_replay"]
@@ -35,15 +35,15 @@ def board_replay(
     port = ReplayPort(log)  # refuses what is no log
     known = csr_map(csr)
     if judge:
-        from rtl_model.bringup import bring_up
+        from rtl_model.bringup.run import BringUp, bring_up
         from scenarios.cli.board.bringup import print_stage
 
         simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated
-        report = bring_up(
-            port, baud=port.baud, csr=known, simulated=simulated,
-            time_scale=port.time_scale or 1.0, frames=frames or port.frames or 8,
-            progress=None if json else print_stage,
+        how = BringUp(
+            baud=port.baud, csr=known, simulated=simulated, time_scale=port.time_scale or 1.0,
+            frames=frames or port.frames or 8,
         )  # fmt: skip
+        report = bring_up(port, how, (lambda stage: None) if json else print_stage)
         if json:
             print_document(report.document())
         elif not report.ok:
@@ -75,8 +75,8 @@ def _row(event: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
         words = event["words"]
         data = bytes.fromhex(event["hex"])[6:]
         reads = event["command"].startswith("read")
-        told = f"reads {name}" if reads else f"writes {name} = {_words(data)}"
-        text = told + (f", {words} words" if words > 1 else "")
+        access = f"reads {name}" if reads else f"writes {name} = {_words(data)}"
+        text = access + (f", {words} words" if words > 1 else "")
     elif kind == "read":
         text = f"  answer {_words(bytes.fromhex(event['hex']))}"
         text += f", FAULT {event['fault']}" if event["fault"] else ""

@@ -27,17 +27,14 @@ def link_capacity(
     choose from a pilot are 2 x 2 cells, 2 ticks, 8b10b and 32 parity bytes; name others with --set
     link.modem.cell=1 and the like.
     """
-    from cosim import InputError
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
-    from link.section import LinkScenario
-    from scenarios.assemble.schema.loading import load
+    from scenarios.assemble.schema.loading import linked, load
 
     name, loaded = load(scenario, assignments, seed=seed)
-    if not isinstance(loaded, LinkScenario):
-        raise InputError("the scenario", "one of a link", repr(name), "try light-link")
-    given, mode, assumed = scenario_input(loaded)
-    document = capacity_document(given, mode, loaded.seed)
+    link = linked(loaded, "link capacity")
+    given, mode, assumed = scenario_input(link)
+    document = capacity_document(given, mode, link.seed)
     document["assumed"] = assumed
     if json:
         print_document(document)

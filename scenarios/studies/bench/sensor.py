@@ -17,11 +17,12 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 from cosim.compute.opencl import Device
-from cosim.errors import InputError
+from cosim.errors import MissingPackages
 from cosim.light.light import Light, Piece
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
+from display.render.context import gl_packages
 from scenarios.studies.bench.display import display_rows
 from scenarios.studies.bench.link import link_rows
 from scenarios.studies.bench.readout import readout_row
@@ -202,9 +203,10 @@ PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows}
 def _need_gl() -> None:
     there, said = probe_gl()
     if not there:
-        raise InputError(
+        raise MissingPackages(
             "GL through EGL", "there for bench display", f"missing: {said}",
             f"install it ({GL_INSTALL}) or measure another part, such as viform bench sensor",
+            gl_packages(),
         )  # fmt: skip
 
 

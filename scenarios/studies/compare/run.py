@@ -50,7 +50,6 @@ def run_compare(
     place = output_folder(f"compare-{what.name}", out, False)
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * what.spike.sensor.clock))
     with claimed(f"compare-{what.name}", out, False, goes_on=False) as folder:
-        (folder / "spike").mkdir(exist_ok=True)
         cameras, lens, truth = film_spikes(what.spike, folder / "spike", instant, device, progress)
         white = what.spike.scene.illuminance * lens.gain
         mean = white * float(np.mean(truth(0)))

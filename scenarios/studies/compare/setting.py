@@ -6,7 +6,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any, Final, cast, get_args
 
 from cosim import InputError
 from rtl_model.imagers.catalogue import IMAGERS
@@ -14,7 +14,7 @@ from rtl_model.imagers.comparison import Comparison
 from scenarios.assemble.camera.lensed import camera_setting, choose_lens
 from scenarios.assemble.schema.loading import assign, load, shipped, to_toml
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.schema.scenario import ImagerScenario, LinkScenario, Scenario
+from scenarios.assemble.schema.scenario import ImagerScenario, Scenario
 from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
 
@@ -73,12 +73,12 @@ def _scene(name: str) -> tuple[str, dict[str, Any]]:
                 "the scene", f"one of {known} or a TOML file", repr(name), "see `viform list`"
             ) from None
         raise
-    if not isinstance(loaded, Scenario | ImagerScenario):
+    data = tomllib.loads(to_toml(loaded))
+    if "scene" not in data:
         raise InputError(
             "the scene", "that of a scenario with a [scene]",
-            "a link" if isinstance(loaded, LinkScenario) else "a board", "see `viform list`",
+            "a link" if "link" in data else "a board", "see `viform list`",
         )  # fmt: skip
-    data = tomllib.loads(to_toml(loaded))
     kept = {"scene": data["scene"]}
     lens = data.get("lens") or data.get("sensor", {}).get("lens") or {}
     kept["lens"] = {
@@ -121,11 +121,10 @@ def load_comparison(
     imagers = {}
     for kind, side in sides.items():
         section = side.keys(SHAPE) | data[kind]
-        made = validate(
-            common | {"scene": data["scene"], "lens": lens, "imager": {"kind": kind, **section}}
-        )
-        assert isinstance(made, ImagerScenario)
-        imagers[kind] = made
+        whole = common | {
+            "scene": data["scene"], "lens": lens, "imager": {"kind": kind, **section}
+        }  # fmt: skip
+        imagers[kind] = cast(ImagerScenario, validate(whole))
     given = {kind: frozenset(data[kind]) for kind in sides}
     return SceneComparison(short, spike, imagers, given, tuple(notes))
 
@@ -133,9 +132,8 @@ def load_comparison(
 def _spike(
     common: dict[str, Any], scene: dict[str, Any], sensor: dict[str, Any], lens: dict[str, Any]
 ) -> Scenario:
-    made = validate(common | {"scene": scene, "sensor": sensor | {"lens": lens}})
-    assert isinstance(made, Scenario)
-    return made
+    whole = common | {"scene": scene, "sensor": sensor | {"lens": lens}}
+    return cast(Scenario, validate(whole))
 
 
 def _chosen(spike: Scenario, notes: list[str]) -> float:

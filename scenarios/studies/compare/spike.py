@@ -47,6 +47,7 @@ def film_spikes(
     setup = set_up_camera(scenario, device)
     setting, cycles, lens, white_rate = setup.setting, setup.cycles, setup.lens, setup.white_rate
     source, camera = setup.source(), SpikeCamera(setting, setup.device)
+    folder.mkdir(exist_ok=True)
     recorder = Recorder(folder / STREAM, camera.shape, cycles, setting.clock)
     stages = {**setup.stages(source), "sensor": camera, "recorder": recorder}
     toml = to_toml(scenario)

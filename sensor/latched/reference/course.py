@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from sensor.asynchronous.interval import exposure
+from sensor.device.charge import exposure
 
 __all__ = ["gathered", "here", "latch_of", "piece_at"]
 

@@ -14,7 +14,7 @@ from numba import njit, prange
 
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
-from sensor.asynchronous.interval import crossing, exposure, later
+from sensor.device.charge import crossing, exposure, later
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import JUMP, ROOM
 from sensor.latched.reference.course import gathered, here, latch_of, piece_at

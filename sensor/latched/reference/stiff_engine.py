@@ -12,8 +12,8 @@ from numba import njit, prange
 
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
-from sensor.asynchronous.interval import later
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
+from sensor.device.charge import later
 from sensor.latched.pixel.model import JUMP, ROOM
 from sensor.latched.reference.course import here, latch_of, piece_at
 from sensor.latched.reference.engine import snapped

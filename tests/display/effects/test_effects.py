@@ -10,9 +10,10 @@ from scipy.special import gamma
 
 from cosim import Summary
 from cosim.spikes.viform import pack_planes
-from display import CameraPlane, DisplaySetting, FixedEye, GoldenRenderer, PursuingEye, SpikePanel
+from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
 from display.effects.weights import delay_change, effective_planes, span_change
 from display.observe.observers import STAGES, eye_time
+from display.render.golden import GoldenRenderer
 from tests.display.random_streams import CLOCK
 
 PANEL = SpikePanel((4, 4), CLOCK, 0.6)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from display import CameraPlane, FixedEye, LightPlanes, ObserverImages, PursuingEye, Span, TruthShow
+from display import CameraPlane, FixedEye, PursuingEye
+from display.observe.integration import LightPlanes, ObserverImages, Span
+from display.references.truth import TruthShow
 from display.render.golden import _shifted
 
 MS = PS // 1000
@@ -32,25 +34,25 @@ def defined(span: Span, plane: np.ndarray, observer: PursuingEye, parts: int) ->
 @pytest.mark.parametrize("velocity", [(0.0, 4000.0), (0.0, -4000.0), (900.0, 2500.0), (0.0, 0.0)])
 def test_a_short_span_is_one_shifted_plane(velocity):
     observer = PursuingEye(EYE, velocity)
-    looker = ObserverImages(observer, SHAPE)
+    images = ObserverImages(observer, SHAPE)
     span = Span(0, 2 * MS, 2 * MS + 60 * PS // 10**6)  # a quarter of a pixel at 4 000 px/s
-    looker.add(LightPlanes(PLANE[None], [span]))
+    images.add(LightPlanes(PLANE[None], [span]))
     expected = defined(span, PLANE, observer, 1)
     assert expected.max() > 1e-3
-    np.testing.assert_allclose(looker.images, expected, rtol=0, atol=3e-7 * expected.max())
+    np.testing.assert_allclose(images.images, expected, rtol=0, atol=3e-7 * expected.max())
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 4000.0), (900.0, -2500.0)])
 def test_a_long_span_smears_as_a_thousand_short_ones_do(velocity):
     observer = PursuingEye(EYE, velocity)
-    looker = ObserverImages(observer, SHAPE)
+    images = ObserverImages(observer, SHAPE)
     span = Span(0, 1 * MS, 5 * MS)
-    looker.add(LightPlanes(PLANE[None], [span]))
+    images.add(LightPlanes(PLANE[None], [span]))
     expected = defined(span, PLANE, observer, 1024)
     # Shifts that differ by at most 1/8 pixel each way cancel to second order, 1/4^2 / 24 of a
     # curvature of at most 4 of noise between 0 and 1; the light is dark outside.
     assert expected.max() > 0.15
-    assert np.abs(looker.images - expected).max() < 0.0105 * expected.max()
+    assert np.abs(images.images - expected).max() < 0.0105 * expected.max()
 
 
 def test_several_planes_at_once_are_their_sum():
@@ -69,10 +71,10 @@ def test_several_planes_at_once_are_their_sum():
 
 def test_light_that_has_left_the_retina_is_dark():
     observer = PursuingEye(CameraPlane((MS,), 2 * MS), (0.0, 1e6))  # 1 000 pixels each way
-    looker = ObserverImages(observer, SHAPE)
-    looker.add(LightPlanes(np.ones((1, *SHAPE), np.float32), [Span(0, 0, 2 * MS)]))
+    images = ObserverImages(observer, SHAPE)
+    images.add(LightPlanes(np.ones((1, *SHAPE), np.float32), [Span(0, 0, 2 * MS)]))
     # A pixel looks at the plane for as long as it takes to cross its 50 columns.
-    np.testing.assert_allclose(looker.images, 50 / 2000, rtol=2e-3)
+    np.testing.assert_allclose(images.images, 50 / 2000, rtol=2e-3)
 
 
 def ramps(clock: Clock, count: int, every: int) -> list[Piece]:
@@ -89,10 +91,10 @@ def test_the_truth_is_the_integral_of_the_light():
     pieces = ramps(clock, 20, 10)
     camera = CameraPlane((clock.edge(37), clock.edge(120)), clock.edge(50))
     show = TruthShow(700.0, clock.edge(16), clock.edge(200))
-    looker = ObserverImages(camera, SHAPE)
+    images = ObserverImages(camera, SHAPE)
     for lit in show.step(Light(tuple(pieces)), clock.edge(200)):
-        looker.add(lit)
-    for image, centre in zip(looker.images, camera.instants, strict=True):
+        images.add(lit)
+    for image, centre in zip(images.images, camera.instants, strict=True):
         begin = centre - camera.exposure // 2
         exact = Light(tuple(pieces)).integral(begin, begin + camera.exposure)
         exact *= PS / camera.exposure / 700
@@ -107,8 +109,8 @@ def test_a_truth_that_stands_still_is_itself():
     clock = Clock(40_000)
     light = Light((Piece(0, 2**62, plane, plane),))
     eye = FixedEye((2 * MS, 6 * MS), 300.0, 0, clock.edge(320))
-    show, looker = TruthShow(700.0, clock.edge(16), clock.edge(320)), ObserverImages(eye, SHAPE)
+    show, images = TruthShow(700.0, clock.edge(16), clock.edge(320)), ObserverImages(eye, SHAPE)
     for stop in (64, 100, 320):
         for lit in show.step(light, clock.edge(stop)):
-            looker.add(lit)
-    np.testing.assert_allclose(looker.images, np.stack([plane / 700] * 2), rtol=2e-6)
+            images.add(lit)
+    np.testing.assert_allclose(images.images, np.stack([plane / 700] * 2), rtol=2e-6)

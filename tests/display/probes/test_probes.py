@@ -9,7 +9,9 @@ from scipy import stats
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import pack_planes
-from display import DRIVES, FramePanel, GoldenRenderer, Projector, SpikePanel
+from display import SpikePanel
+from display.drives import DRIVES
+from display.panels.panel import FramePanel, Projector
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency
@@ -17,6 +19,7 @@ from display.probes.light import edge_light, phased_light
 from display.probes.metrics import display_metrics, probe_display
 from display.probes.waveform import every_drive, panel_light
 from display.quality.blur import blur_edge_width
+from display.render.golden import GoldenRenderer
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from sensor import CHIPS, EFFECTS, CameraSetting
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from display.quality import (
+from display.quality.blur import (
     STEP_SHARE,
     bet,
     blur_edge_width,

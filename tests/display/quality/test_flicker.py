@@ -3,18 +3,10 @@
 import numpy as np
 import pytest
 
-from display.quality import (
-    critical_frequency,
-    flicker_index,
-    ieee_1789,
-    percent_flicker,
-    risk_of,
-    sensitivity,
-    spectrum,
-    svm,
-    svm_threshold,
-    tcsf_visibility,
-)
+from display.quality.flicker import flicker_index, ieee_1789, percent_flicker, risk_of
+from display.quality.spectrum import spectrum
+from display.quality.svm import svm, svm_threshold
+from display.quality.tcsf import critical_frequency, sensitivity, tcsf_visibility
 
 RATE = 20_000
 SAMPLE = np.arange(2 * RATE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from display.quality import fallen, half_way, relaxed, risen
+from display.quality.latency import fallen, half_way, relaxed, risen
 
 EDGES = np.arange(9.0) * 25
 

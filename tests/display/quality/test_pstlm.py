@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from display.quality import LEAST_SECONDS, pst_lm
 from display.quality.pstlm import (
     HIGH_PASS,
+    LEAST_SECONDS,
     LEVELS,
     LOW_PASS,
     SCALE,
     SMOOTHING,
     WEIGHTING,
+    pst_lm,
 )
 
 RATE = 1000

@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from display import (
-    CameraPlane,
-    FixedEye,
-    FramePanel,
-    FrameShow,
-    Observer,
-    ObserverImages,
-    Projector,
-    ProjectorShow,
-    PursuingEye,
-)
+from display import CameraPlane, FixedEye, PursuingEye
+from display.observe.integration import ObserverImages
+from display.observe.views import Observer
+from display.panels.panel import FramePanel, Projector
+from display.references.frames import FrameShow
+from display.references.projector import ProjectorShow
 
 MS = PS // 1000
 SIXTY = Clock(60)

@@ -8,8 +8,10 @@ import pytest
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.report.png import for_display
 from cosim.stage import blocks
-from display import CameraPlane, FramePanel, LightPlanes, Span
+from display import CameraPlane
+from display.observe.integration import LightPlanes, Span
 from display.observe.slow_motion import Film, SlowMotion
+from display.panels.panel import FramePanel
 from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
 from scenarios.assemble.camera.stages import SceneStage

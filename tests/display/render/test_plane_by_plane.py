@@ -9,7 +9,8 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import GoldenRenderer, PlaneByPlane, SpikePanel
+from display import PlaneByPlane, SpikePanel
+from display.render.golden import GoldenRenderer
 from display.render.plane_by_plane import KEEP
 
 pytestmark = pytest.mark.usefixtures("gl")

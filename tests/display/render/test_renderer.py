@@ -10,8 +10,10 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import DRIVES, GoldenRenderer, Renderer, SpikePanel, Views, make_renderer
-from display.render.golden import FOREVER
+from display import Renderer, SpikePanel, make_renderer
+from display.drives import DRIVES
+from display.observe.views import Views
+from display.render.golden import FOREVER, GoldenRenderer
 
 pytestmark = pytest.mark.usefixtures("gl")
 

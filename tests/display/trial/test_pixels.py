@@ -7,15 +7,9 @@ import pytest
 
 from cosim import Clock
 from cosim.spikes.viform import pack_planes
-from display import (
-    DRIVES,
-    CameraPlane,
-    DisplaySetting,
-    FixedEye,
-    GoldenRenderer,
-    PursuingEye,
-    SpikePanel,
-)  # fmt: skip
+from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
+from display.drives import DRIVES
+from display.render.golden import GoldenRenderer
 from display.trial.pixels import PatchDisplay
 
 CLOCK = Clock(40_000)

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from rtl_model.bringup import bring_up
 from rtl_model.bringup.bench.monitor import LineMonitor
-from rtl_model.bringup.run import ALLOWED_S
+from rtl_model.bringup.run import ALLOWED_S, BringUp, bring_up
 from rtl_model.host import Uartbone, default_map
 from tests.rtl_model.bringup.faulty_ports import SIZE, EveryByte
 from tests.rtl_model.bringup.model_port import ModelPort
@@ -35,7 +34,7 @@ class OneByte(EveryByte):
 def seen(kind: str, way: str, number: int) -> tuple[str, str]:
     """What became of the fault: (found, missed, open or the stage's own kind; the cause)."""
     port = OneByte(kind, way, number, number % 8)
-    report = bring_up(port, simulated=True, frames=2)
+    report = bring_up(port, BringUp(simulated=True, frames=2))
     if port.count < number:
         return "not met", ""
     told = f"{kind}:{way}@{number}: {report.cause}"
@@ -91,12 +90,12 @@ class Late(ModelPort):
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_board_that_answers_late_is_slow(simulated):
-    report = bring_up(Late(SIZE), simulated=simulated)
+    report = bring_up(Late(SIZE), BringUp(simulated=simulated))
     assert report.failed is not None and report.failed.kind == "slow", report.cause
     assert report.failed.figures["late_s"] == pytest.approx(2.0, abs=0.01)
     assert "--time-scale 1" in str(report.cause)
     scale = report.failed.figures["time_scale"]
-    again = bring_up(Late(SIZE), simulated=simulated, time_scale=scale, frames=2)
+    again = bring_up(Late(SIZE), BringUp(simulated=simulated, time_scale=scale, frames=2))
     assert [stage.outcome for stage in again.stages[:4]] == ["ok"] * 4, again.cause
 
 
@@ -109,7 +108,7 @@ def test_a_line_that_is_cut_at_once_is_told(way):
             self.count += len(data)
             return [] if self.count - len(data) < self.n <= self.count else data
 
-    report = bring_up(Cut("drop", way, 50), simulated=True)
+    report = bring_up(Cut("drop", way, 50), BringUp(simulated=True))
     assert report.failed is not None
     assert report.failed.figures["line"]["directions"] == [WAYS[way]], report.cause
 
@@ -132,7 +131,7 @@ def test_a_board_that_began_anew_has_lost_no_bytes():
 def test_nine_thousand_six_hundred_baud_are_within_the_times():
     """With an adapter that holds each answer back by 16 ms as well."""
     port = ModelPort(SIZE._replace(baud=9600))
-    report = bring_up(port, baud=9600, simulated=False, frames=8)
+    report = bring_up(port, BringUp(baud=9600, simulated=False, frames=8))
     assert report.ok, report.cause
     for stage in report.stages:
         assert stage.seconds < 0.5 * ALLOWED_S.get(stage.name, 60.0), stage.name

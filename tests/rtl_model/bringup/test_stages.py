@@ -2,14 +2,13 @@
 
 import pytest
 
-from rtl_model.bringup import Stage, bring_up
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
-from rtl_model.bringup.bench.stage import STAGES
+from rtl_model.bringup.bench.stage import STAGES, Stage
 from rtl_model.bringup.bench.uptime import Uptime
 from rtl_model.bringup.report.junit import junit_xml
 from rtl_model.bringup.report.summary import summary
-from rtl_model.bringup.run import _CHECKS
+from rtl_model.bringup.run import CHECKS, BringUp, bring_up
 from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
 from rtl_model.verilated import build_crc
@@ -17,8 +16,8 @@ from tests.rtl_model.bringup.faulty_ports import SIZE, Changed, Console, Echo, E
 from tests.rtl_model.bringup.model_port import ModelPort
 
 
-def brought_up(port, **more):
-    return bring_up(port, simulated=more.pop("simulated", True), frames=6, **more)
+def brought_up(port, note=lambda text: None, **more):
+    return bring_up(port, BringUp(**{"simulated": True, "frames": 6} | more), note=note)
 
 
 def changed(address, make):
@@ -139,7 +138,7 @@ def test_what_follows_a_stage_that_ran_out_of_time_is_not_blamed_for_it(monkeypa
         port.read = over
         bench.read("ctrl_magic")
 
-    monkeypatch.setitem(_CHECKS, "registers", asks_too_late)
+    monkeypatch.setitem(CHECKS, "registers", asks_too_late)
     report = brought_up(ModelPort(SIZE), stop_at_first=False)
     failed = [(stage.name, stage.kind) for stage in report.stages if stage.outcome != "ok"]
     assert failed == [("registers", "out-of-time")]

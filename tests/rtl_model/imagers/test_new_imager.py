@@ -33,7 +33,7 @@ from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.section import ImagerSection
-from scenarios.assemble.loading import shipped
+from scenarios.assemble.schema.loading import shipped
 from scenarios.studies.compare import load_comparison
 from scenarios.studies.compare.ranges import one_frame
 from scenarios.studies.compare.setting import SHAPE

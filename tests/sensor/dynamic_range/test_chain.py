@@ -11,27 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from sensor.dynamic_range import (
-    CONVERTERS,
-    DALSA,
-    KODAK,
+from sensor.dynamic_range.catalogue import CONVERTERS, KODAK
+from sensor.dynamic_range.chain import (
     Chain,
-    Converter,
-    DarkLaw,
-    FullWell,
-    Mapping,
-    SensorNoise,
-    bits_for,
-    chain_values,
-    converter_rule,
-    decibels,
     document_dynamic_range,
     gain_counted_once,
-    measure_chain,
-    sensor_dynamic_range,
+    rounding_variance,
 )
-from sensor.dynamic_range.chain import rounding_variance
-from sensor.dynamic_range.noise import BOLTZMANN_EV
+from sensor.dynamic_range.converter import Converter, bits_for, converter_rule
+from sensor.dynamic_range.decibels import decibels, sensor_dynamic_range
+from sensor.dynamic_range.mapping import Mapping
+from sensor.dynamic_range.monte_carlo import chain_values, measure_chain
+from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
+from sensor.dynamic_range.wells import DALSA, FullWell
 
 FAR = float(norm.isf(0.5e-6))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sensor.dynamic_range import (
+from sensor.dynamic_range.spike import (
     filling_time,
     interval_rsd,
     level_step,

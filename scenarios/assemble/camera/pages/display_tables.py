@@ -9,7 +9,7 @@ from display.chain.outcome import SPIKE, DisplayOutcome
 from display.probes.blur import Blur
 from display.probes.latency import Latency
 from display.probes.metrics import GREY, NAMES
-from display.quality import FlickerFigures
+from display.quality.figures import FlickerFigures
 
 __all__ = [
     "band_tables",

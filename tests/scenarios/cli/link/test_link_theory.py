@@ -139,4 +139,7 @@ class TestCapacity:
         assert code == 0 and "of capacity" in text and "not given, so assumed: ticks" in text
 
     def test_refuses_what_is_no_link(self, refused: Callable[..., str]) -> None:
-        assert "must be one of a link, not 'film'" in refused("link", "capacity", "film")
+        said = refused("link", "capacity", "film")
+        assert (
+            "must be one with a [link] for `viform link capacity`, not one with a [scene]" in said
+        )

@@ -1,0 +1,164 @@
+"""One stage of the bring-up: its check within a time limit, and what the line did meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from cosim import InputError
+from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.deadline import OutOfTime
+from rtl_model.bringup.bench.evidence import Evidence
+from rtl_model.bringup.bench.monitor import LineMonitor
+from rtl_model.bringup.bench.stage import Figures, Stage, StageFault
+from rtl_model.bringup.bench.uptime import Uptime
+from rtl_model.host import LineFault
+from rtl_model.registers import MAGIC
+
+__all__ = ["failed_stage", "run_stage"]
+
+_EXTRA_S = 5.0  # after a stage has failed, to examine the line
+_KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
+    "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
+    "tick", "clock",
+}  # fmt: skip
+
+
+def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: float) -> Stage:
+    """Runs the check of a stage; every fault of board or line ends in the stage's outcome.
+
+    Args:
+        name: of the stage.
+        check: returns the figures of a stage that has passed.
+        bench: the board under test.
+        allowed: time limit, s.
+    """
+    clock = bench.port.inner.now  # not limited by the deadline
+    begin = clock()
+    bench.port.allow(allowed)
+    retried, strays = bench.bone.retried, bench.bone.strays
+
+    def spent() -> float:
+        return clock() - begin
+
+    uptime: Uptime | None = None
+    try:
+        if bench.monitor is None and bench.csr.ours and bench.magic == MAGIC:
+            bench.monitor = LineMonitor(bench.bone, bench.csr)
+            bench.monitor.begin()
+        uptime = None if bench.monitor is None else Uptime(bench)
+        figures = check(bench)
+        if bench.monitor is not None and bench.board:
+            bench.monitor.geometry = bench.geometry
+        evidence = _take_evidence(bench, bench.bone.retried - retried)
+    except (LineFault, StageFault) as fault:
+        bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))  # its time may be used up
+        restart = None if uptime is None else uptime.restarted()
+        after = None if restart else _evidence_of_failure(bench, bench.bone.retried - retried)
+        restart = restart or _restarted(None, after)
+        return failed_stage(name, spent(), restart or fault, after)
+    except OutOfTime:
+        repeats = bench.bone.retried - retried
+        cause, figures = _out_of_time(name, bench, allowed)
+        stage = Stage(name, "failed", cause, figures, spent(), "out-of-time")
+        _settle(bench, repeats)
+        return stage
+    except InputError as fault:  # the board states a value that is not allowed
+        return Stage(name, "failed", str(fault), {}, spent(), "cannot-be")
+    retried, strays = bench.bone.retried - retried, bench.bone.strays - strays
+    if not (retried or strays or (evidence is not None and not evidence.clean)):
+        return Stage(name, "ok", None, figures, spent())
+    restart = _restarted(uptime, evidence)
+    if restart is not None:
+        return failed_stage(name, spent(), restart)
+    figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
+    cause, figures = _line_fault(evidence, figures)
+    return Stage(name, "failed", cause, figures, spent(), "spoilt")
+
+
+def failed_stage(
+    name: str, seconds: float, fault: LineFault | StageFault, evidence: Evidence | None = None
+) -> Stage:
+    """A failed stage. Faults of the line are added to the cause; they replace a cause that would
+    otherwise be the design's.
+
+    Args:
+        name: of the stage.
+        seconds: that it took.
+        fault: that ended it.
+        evidence: of the line during the stage, None if unknown.
+    """
+    if isinstance(fault, StageFault):
+        kind, figures = fault.kind, fault.figures
+    else:
+        kind, figures = fault.cause.value, {}
+    if evidence is None or not evidence.known or evidence.clean:
+        return Stage(name, "failed", str(fault), figures, seconds, kind)
+    figures = figures | {"line": evidence.figures}
+    if kind in _KINDS_OF_DESIGN:
+        cause = f"{evidence.text}, so nothing follows from what was seen then: {fault.text}"
+        return Stage(name, "failed", f"{cause}; {evidence.mend}", figures, seconds, "spoilt")
+    return Stage(name, "failed", f"{fault}; meanwhile {evidence.text}", figures, seconds, kind)
+
+
+def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]:
+    """Cause and figures of a stage that exceeded its time."""
+    bone = bench.bone
+    return (
+        f"stage {name} was not done within {allowed:g} s, after {bone.round_trips} round trips and "
+        f"{bone.retried} repeats; check the line, or give a slower board more time with "
+        "--time-scale",
+        {"round_trips": bone.round_trips, "retried": bone.retried},
+    )
+
+
+def _settle(bench: Bench, repeats: int) -> None:
+    """Discards an answer that was under way at the deadline, and restarts the monitor's counts."""
+    bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))
+    with suppress(LineFault, OutOfTime):
+        bench.bone.resynchronise()
+        _take_evidence(bench, repeats)
+
+
+def _restarted(uptime: Uptime | None, evidence: Evidence | None) -> StageFault | None:
+    """The fault "restarted".
+
+    The uptime shows a restart; so do the line's counters if the board had been running for so
+    short a time that its uptime has already passed the earlier value.
+    """
+    fault = None if uptime is None else uptime.restarted()
+    if fault is None and evidence is not None and evidence.anew:
+        return StageFault(
+            "restarted",
+            "the board started anew within the stage: its counters of the line began at 0 again",
+            "check its supply and its reset",
+        )
+    return fault
+
+
+def _take_evidence(bench: Bench, repeats: int) -> Evidence | None:
+    return None if bench.monitor is None else bench.monitor.take_evidence(repeats)
+
+
+def _evidence_of_failure(bench: Bench, repeats: int) -> Evidence | None:
+    """Evidence after a failed stage; None if the counters cannot be read."""
+    try:
+        return _take_evidence(bench, repeats)
+    except (LineFault, OutOfTime):
+        return None
+
+
+def _line_fault(evidence: Evidence | None, figures: Figures) -> tuple[str, Figures]:
+    """Cause and figures of a stage that passed although the line lost, added or changed bytes."""
+    repeated, strays = figures.get("reads_repeated", 0), figures.get("stray_bytes", 0)
+    counts = (
+        f"{repeated} read{'s' * (repeated != 1)} had to be repeated and {strays} "
+        f"byte{'s' * (strays != 1)} came unasked"
+    )
+    if evidence is None:
+        text = f"{counts}: the line loses, adds or changes bytes now and then"
+        return f"{text}; {Evidence(known=False).mend}", figures
+    event = evidence.text or "both ends counted the same bytes"
+    if evidence.to_board < -repeated and evidence.to_board < -1:
+        event += ", more of them than reads were repeated, as when a line is cut for a moment"
+    return f"{event}: {counts}; {evidence.mend}", figures | {"line": evidence.figures}

@@ -1,0 +1,146 @@
+"""What the commands of `viform board` share: the options of a line, the connection to a board, and
+how a fault of the line ends a command.
+
+The host is imported in the functions that need it, so that `--help` does not wait for it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rtl_model.bringup.bench.endpoint import VIRTUAL, Endpoint, csr_map, open_endpoint
+from scenarios.cli.output import print_document
+
+if TYPE_CHECKING:
+    from rtl_model.host import Board, LineFault
+
+__all__ = [
+    "BoardOptions", "Connection", "Csr", "LineOptions", "connect", "endpoint_of",
+    "warn_of_latency",
+]  # fmt: skip
+
+Csr = Annotated[
+    Path | None, typer.Option(help="csr.csv of the design that is loaded; ours when absent")
+]
+
+
+@dataclass(frozen=True)
+class LineOptions:
+    """Options of the line to a board."""
+
+    port: Annotated[
+        str, typer.Option(help="a device, any URL of pyserial, or `virtual`: one is started")
+    ] = VIRTUAL
+    baud: Annotated[int, typer.Option(help="of the line")] = 115_200
+    csr: Csr = None
+    log: Annotated[Path | None, typer.Option(help="written: every transaction, with its time")] = (
+        None
+    )
+    time_scale: Annotated[
+        float | None,
+        typer.Option(help="seconds of ours to a second of a simulated board's clock"),
+    ] = None
+    low_latency: Annotated[
+        bool,
+        typer.Option("--low-latency", help="ask an FTDI adapter's driver to hand bytes on at once"),
+    ] = False
+
+
+@dataclass(frozen=True)
+class BoardOptions(LineOptions):
+    """Options of the line, and of a virtual board behind it."""
+
+    level: Annotated[
+        str, typer.Option(help="of --port virtual: bytes, pins, or model (no Verilator)")
+    ] = "bytes"
+    fault: Annotated[
+        list[str] | None,
+        typer.Option("--fault", help="of --port virtual; see `viform board virtual --help`"),
+    ] = None
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A board that answers.
+
+    Attributes:
+        board: its registers.
+        url: of its port.
+    """
+
+    board: Board
+    url: str
+
+
+def endpoint_of(options: LineOptions) -> Any:
+    """The context that opens the endpoint of the options."""
+    virtual: dict[str, Any] = {}
+    if isinstance(options, BoardOptions):
+        virtual = {"level": options.level, "faults": options.fault}
+    return open_endpoint(options.port, options.baud, options.time_scale, **virtual)
+
+
+@contextmanager
+def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Iterator[Connection]:
+    """Connects to a board.
+
+    A fault of the line ends the command with exit 1 and its cause: a line on standard error, or
+    the document.
+
+    Args:
+        options: of the line.
+        json: whether the command prints a document.
+        recognise: whether, without csr.csv, the board's first register decides between our board
+            and an imager.
+    """
+    from rtl_model.host import Board, LineFault, Recorder, Uartbone, is_pty, open_port, recognised
+    from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
+
+    known = csr_map(options.csr)
+    with ExitStack() as stack:
+        try:
+            endpoint: Endpoint = stack.enter_context(endpoint_of(options))
+            port = open_port(endpoint.url, options.baud)
+            stack.callback(port.close)
+            if options.low_latency and not port.low_latency():
+                warn_of_latency(endpoint.url)
+            scale = endpoint.time_scale
+            recorder = None
+            if options.log is not None:
+                simulated = bool(endpoint.simulated) or is_pty(endpoint.url)
+                session = {"simulated": simulated, "time_scale": scale}
+                recorder = stack.enter_context(Recorder(options.log, port, session=session))
+            patience = SIMULATED_PATIENCE_S if endpoint.simulated else PATIENCE_S
+            bone = Uartbone(
+                port, baud=options.baud, time_scale=scale, patience_s=patience * max(1.0, scale),
+                log=recorder,
+            )  # fmt: skip
+            if recognise and known is None and options.port != VIRTUAL:
+                known = recognised(bone)
+            yield Connection(Board(bone, known), endpoint.url)
+        except LineFault as fault:
+            raise _failed(fault, json) from None
+
+
+def warn_of_latency(port: str) -> None:
+    """Prints on standard error that a port has no low-latency mode; the command continues."""
+    print(
+        f"viform: {port} has no low-latency mode, as ptys and sockets have none; going on without",
+        file=sys.stderr,
+    )
+
+
+def _failed(fault: LineFault, json: bool) -> typer.Exit:
+    """Prints a fault of the line; returns what ends the command."""
+    if json:
+        print_document({"ok": False, "kind": fault.cause.value, "cause": str(fault)})
+    else:
+        print(f"viform: {fault}", file=sys.stderr)
+    return typer.Exit(1)

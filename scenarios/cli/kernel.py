@@ -1,0 +1,29 @@
+"""Whether the chip's OpenCL kernel agrees with plain numpy on every bit: run as a child of
+`viform doctor`, since a driver may abort the process."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.compute.opencl import open_device
+from sensor import EFFECTS
+from sensor.latched.pixel.kernel import KernelPixels
+from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.plain import PlainPixels
+
+__all__ = ["kernel_agrees"]
+
+_PIXELS = _CYCLES = 64
+
+
+def kernel_agrees() -> bool:
+    """Compares all effects at 100 e on 64 pixels and cycles. Raises InputError without a device."""
+    model = ExactModel(100.0, 1, tuple(EFFECTS.values()))
+    numbers = np.arange(_PIXELS, dtype=np.uint32)
+    spans = [Span(0, _CYCLES, np.arange(_PIXELS) * 2**40)]
+    plain, kernel = PlainPixels(model, numbers), KernelPixels(model, numbers, open_device())
+    return bool((plain.expose(spans, _CYCLES) == kernel.expose(spans, _CYCLES)).all())
+
+
+if __name__ == "__main__":
+    print("agree" if kernel_agrees() else "differ")

@@ -1,0 +1,1 @@
+"""The asynchronous pixel: from light to the instants at which it fires."""

@@ -1,0 +1,1 @@
+"""Effects of the asynchronous pixel: bounds, the plan, its check, and cost."""

@@ -1,0 +1,91 @@
+"""The pixels of an array run by a plan: tiles of one set of effects together.
+
+Each set is run by the engine, or in closed form where a pixel sends but once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError
+from cosim.light.light import Light
+from sensor.asynchronous.model import EventModel, Firings
+from sensor.asynchronous.pixel.array import FEWER, AsynchronousPixels
+from sensor.asynchronous.pixel.closed import ClosedPixels
+from sensor.asynchronous.plan.plan import LATER, EventPlan
+from sensor.device.pattern import DevicePattern
+
+__all__ = ["PlannedPixels", "reduced"]
+
+Numbers = npt.NDArray[np.uint32]
+
+
+def reduced(
+    model: EventModel, pattern: DevicePattern | None, names: frozenset[str]
+) -> tuple[EventModel, DevicePattern | None]:
+    """The pixel and the device without these effects."""
+    if "shot noise" in names:
+        model = replace(model, shot=False)
+    if pattern is None:
+        return model, None
+    if "PRNU" in names:
+        pattern = replace(pattern, prnu=0.0)
+    if "dark current and DSNU" in names:
+        pattern = replace(pattern, dark=0.0)
+    if "threshold FPN" in names:
+        pattern = replace(pattern, threshold_fpn=0.0)
+    if "hot and dead pixels" in names:
+        pattern = replace(pattern, hot=0.0, dead=0.0)
+    none = pattern == DevicePattern(dsnu=pattern.dsnu, hot_current=pattern.hot_current,
+                                    device_seed=pattern.device_seed)  # fmt: skip
+    return model, None if none else pattern
+
+
+class PlannedPixels:
+    """Pixels of `shape` run by a plan. numbers: those that are run, all unless given."""
+
+    def __init__(
+        self,
+        plan: EventPlan,
+        pattern: DevicePattern | None,
+        shape: tuple[int, int],
+        gain: float,
+        *,
+        most: int = 20_000_000,
+        numbers: Numbers | None = None,
+    ) -> None:
+        self.shape, self._most, self._fired = shape, most, 0
+        self.groups: list[tuple[Numbers, EventModel, DevicePattern | None]] = []
+        self._pixels: list[AsynchronousPixels | ClosedPixels] = []
+        if numbers is None:
+            numbers = np.arange(shape[0] * shape[1], dtype=np.uint32)
+        bits = 1 << np.arange(len(plan.effects), dtype=np.int64)
+        kinds, like, of_tile = np.unique(
+            (plan.left_out * bits[:, None]).sum(0), return_index=True, return_inverse=True
+        )
+        mine = of_tile.astype(np.uint8)[plan.scene.tile_of[numbers]]
+        for kind in range(kinds.size):
+            group = numbers[mine == kind] if kinds.size > 1 else numbers
+            if not group.size:
+                continue
+            names = plan.names(int(like[kind]))
+            model, device = reduced(plan.scene.model, pattern, names)
+            self.groups.append((group, model, device))
+            if LATER in names:
+                self._pixels.append(ClosedPixels(model, shape, gain, device, group))
+            else:
+                self._pixels.append(
+                    AsynchronousPixels(model, shape, gain, device, most=most, numbers=group)
+                )
+
+    def step(self, light: Light, start: int, stop: int) -> Firings:
+        """Firings after start, up to stop (ps). Raises InputError where they are too many."""
+        parts = [pixels.unordered(light, start, stop) for pixels in self._pixels]
+        self._fired += sum(len(part) for part in parts)
+        if self._fired > self._most:
+            raise InputError("the events", f"at most {self._most:,}", "more", FEWER)
+        made = Firings.join(parts)
+        return made.take(np.lexsort((made.pixel, made.instant)))

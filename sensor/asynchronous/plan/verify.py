@@ -1,0 +1,292 @@
+"""An asynchronous plan put to the test: the pixels of a few tiles as planned, beside the reference
+and beside the same plan with one effect put back, from the same random numbers.
+
+Compared is the rate that a pixel says: 1 / width of each interval that it sends, before the clock
+counts it, matched by index while both draw the same numbers, which is the first report under a
+rule of changes and the first REPORTS without one; of a pixel that has said nothing by the end (of
+the run, or of REPORTS spikes of the tile's brightest pixel), the share of its threshold that it has
+gathered, over that time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import PS, Light
+from cosim.run.machine import Finding
+from sensor.asynchronous.model import EventModel, Firings
+from sensor.asynchronous.pixel.reference import follow
+from sensor.asynchronous.plan.effects import CONFIDENCE
+from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
+from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.device.pattern import DevicePattern
+from sensor.latched.effects import first_thresholds
+from sensor.latched.pixel.interval import interval_table
+
+__all__ = [
+    "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
+    "verify",
+]  # fmt: skip
+
+REPORTS = 8
+"""Reports of a pixel that are compared where every spike is sent."""
+RANDOM = 4
+"""Tiles chosen at random."""
+KIND = "rate of first reports, worst tile"
+
+Reals = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The array under the light of its run, as far as that is known before the run.
+
+    Attributes:
+        light: on the pixels.
+        until: instant up to which it is known, ps.
+        shape: of the array.
+        gain: photoelectrons a second for a unit of light.
+        pattern: of the device, None for none.
+        seed: of the run.
+    """
+
+    light: Light
+    until: int
+    shape: tuple[int, int]
+    gain: float
+    pattern: DevicePattern | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Root mean square over a tile's pixels, relative, with its 99.9 % confidence."""
+
+    value: float
+    low: float
+    high: float
+    tile: int
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A plan that holds.
+
+    Attributes:
+        plan: the plan.
+        error: of the worst tile.
+        tiles: that were compared.
+        left_out: as result.json has it.
+        notes: what the user must know.
+        full_physics: time that full physics would take for the run, s; None if not measured.
+    """
+
+    plan: EventPlan
+    error: Distance
+    tiles: list[int]
+    left_out: list[dict[str, Any]]
+    notes: list[str] = field(default_factory=list)
+    full_physics: float | None = None
+
+
+def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
+    """The brightest, the darkest, the steepest, some at random, the one whose bounds sum to most,
+    and for each effect the one in which leaving it out may change most."""
+    scene = plan.scene
+    steep = scene.rms / np.maximum(scene.mean, 1e-300)
+    chosen = [int(np.argmax(scene.mean)), int(np.argmin(scene.mean)),
+              int(np.argmax(steep))]  # fmt: skip
+    drawn = np.random.default_rng(seed).permutation(scene.mean.size)[:RANDOM]
+    chosen += [int(n) for n in drawn]
+    if plan.left_out.any():
+        chosen.append(int(np.argmax(plan.total)))
+    for bound, out in zip(plan.bounds, plan.left_out, strict=True):
+        if out.any():
+            chosen.append(int(np.argmax(np.where(out, bound, -1.0))))
+    return sorted(set(chosen))
+
+
+def _end(plan: EventPlan, view: View, tile: int) -> int:
+    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel; who
+    has not fired by then tells as much by its share."""
+    brightest = float(plan.scene.brightest[tile])
+    if brightest <= 0:
+        return view.until
+    return min(view.until, view.light.pieces[0].start + math.ceil(REPORTS / brightest * PS))
+
+
+def _says(model: EventModel, exact: Reals, level: npt.NDArray[np.uint16]) -> Reals:
+    """Spikes a second that reports say; a reading counts as the middle of its level."""
+    read = np.where(level == 0, 0.0, (level + 0.5) / model.levels)
+    return np.where(level == model.levels, 1.0, read) / np.maximum(exact, 1e-300) * PS
+
+
+def _gathered(pixels: PlannedPixels, view: View, stop: int) -> tuple[Numbers, Reals]:
+    """Share of its first threshold that each pixel would have gathered by `stop`, at most 1."""
+    numbers, shares = [], []
+    for group, model, pattern in pixels.groups:
+        fixed = None if pattern is None else pattern.at(group)
+        charge = np.zeros(group.size)
+        for piece in view.light.pieces:
+            a, b = piece.start, min(piece.stop, stop)
+            if a >= b:
+                break
+            first, last = (p.ravel()[group].astype(np.float64) * view.gain
+                           for p in (piece.first, piece.last))  # fmt: skip
+            level = first + (last - first) * ((b - a) / (2 * (piece.stop - piece.start)))
+            if fixed is not None:
+                level = level * fixed.gain + fixed.dark
+            charge += level * ((b - a) / PS)
+        goals = np.full(group.size, float(model.threshold))
+        if model.shot:
+            table = interval_table(float(model.threshold))
+            goals = first_thresholds(table, group, model.seed) * 2.0**-40
+        numbers.append(group)
+        shares.append(np.minimum(charge / goals, 1.0))
+    return np.concatenate(numbers), np.concatenate(shares)
+
+
+def _reports(firings: Firings, numbers: Numbers, most: int, last: bool) -> npt.NDArray[np.int64]:
+    """Indices of the first reports of each pixel, (n, most), or of its last one; -1 for none."""
+    order = np.argsort(firings.pixel, kind="stable")
+    mine = firings.pixel[order]
+    begin = np.searchsorted(mine, numbers)
+    count = np.searchsorted(mine, numbers, side="right") - begin
+    at = begin[:, None] + (np.maximum(count - 1, 0)[:, None] if last else np.arange(most))
+    there = (count > 0)[:, None] if last else np.arange(most) < count[:, None]
+    if not order.size:
+        return np.full(at.shape, -1)
+    return np.where(there, order[np.minimum(at, order.size - 1)], -1)
+
+
+def _planned(plan: EventPlan, view: View, tile: int, *, last: bool = False) -> Reals:
+    """Rates of a tile's pixels by the plan, (n, reports), NaN where there is none."""
+    numbers = np.flatnonzero(plan.scene.tile_of == tile).astype(np.uint32)
+    stop, begin = view.until if last else _end(plan, view, tile), view.light.pieces[0].start
+    pixels = PlannedPixels(plan, view.pattern, view.shape, view.gain, numbers=numbers)
+    firings = pixels.step(view.light, begin, stop)
+    most = 1 if plan.scene.model.change else REPORTS
+    at = _reports(firings, numbers, most, last)
+    rates = np.full(at.shape, np.nan)
+    said = at >= 0
+    rates[said] = _says(plan.scene.model, firings.exact[at[said]], firings.level[at[said]])
+    silent = ~said[:, 0]
+    if silent.any():
+        who, share = _gathered(pixels, view, stop)
+        rates[silent, 0] = (share[np.argsort(who)] * (PS / (stop - begin)))[silent]
+    return rates
+
+
+def _followed(plan: EventPlan, view: View, tile: int) -> Reals:
+    """The same by the reference, full physics."""
+    numbers = np.flatnonzero(plan.scene.tile_of == tile).astype(np.uint32)
+    stop, begin = _end(plan, view, tile), view.light.pieces[0].start
+    most = 1 if plan.scene.model.change else REPORTS
+    model = plan.scene.model
+    made = follow(model, numbers, view.light, view.gain, view.pattern, stop, most)
+    rates = np.where(
+        np.arange(most) < made.count[:, None], _says(model, made.exact, made.level), np.nan
+    )
+    silent = made.count == 0
+    rates[silent, 0] = made.progress[silent] * (PS / (stop - begin))
+    return rates
+
+
+def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Distance:
+    square = (one - two) ** 2
+    there = ~np.isnan(square)
+    each = np.where(there, square, 0.0).sum(1) / np.maximum(there.sum(1), 1)
+    mean, spread = float(each.mean()), CONFIDENCE * float(each.std()) / math.sqrt(each.size)
+    low, high = (math.sqrt(max(mean + sign * spread, 0.0)) / scale for sign in (-1, 1))
+    return Distance(math.sqrt(mean) / scale, low, high, tile)
+
+
+def _scale(plan: EventPlan, rates: Reals) -> float:
+    return max(float(np.nanmean(rates[:, 0])), plan.scene.floor)
+
+
+def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
+    """The plan against the reference; the worst of these tiles."""
+    worst = Distance(-1.0, 0.0, 0.0, -1)
+    for tile in tiles:
+        truth = _followed(plan, view, tile)
+        found = _distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile)
+        high = max(worst.high, found.high)
+        worst = replace(max(worst, found, key=lambda d: d.value), high=high)
+    return worst
+
+
+def _left_out(
+    plan: EventPlan, view: View, tiles: list[int]
+) -> tuple[list[dict[str, Any]], list[Finding]]:
+    """What leaving out each effect changes, as result.json has it, and the bounds that fail."""
+    rows: list[dict[str, Any]] = []
+    findings: dict[str, Finding] = {}
+    for effect, bounds, out in zip(plan.effects, plan.bounds, plan.left_out, strict=True):
+        if not out.any():
+            continue
+        other, last = plan.without({effect.name}), effect.name == "later reports"
+        most, promised = 0.0, float(bounds[out].max())
+        for tile in tiles:
+            if not out[tile]:
+                continue
+            full = _planned(other, view, tile, last=last)
+            found = _distance(_planned(plan, view, tile, last=last), full, _scale(plan, full), tile)
+            most = max(most, found.value)
+            limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
+            if found.high > limit and effect.name not in findings:
+                findings[effect.name] = Finding(
+                    effect.name,
+                    f"{effect.name} was to change at most {limit:.2g} of a tile's rate and was "
+                    f"found to change up to {found.high:.2g}: it is kept everywhere",
+                    limit, found.high, tile,
+                )  # fmt: skip
+        rows.append(
+            {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}
+        )
+    return rows, list(findings.values())
+
+
+def check_plan(
+    plan: EventPlan, view: View, tolerance: float
+) -> tuple[list[Finding], Checked | None]:
+    """Checks a plan against its bounds and the tolerance on a few tiles.
+
+    Returns the effects to reinstate, or else what was measured.
+    """
+    tiles = choose_tiles(plan, view.seed)
+    rows, findings = _left_out(plan, view, tiles)
+    if findings:
+        return findings, None
+    error = measure(plan, view, tiles)
+    if plan.left_out.any() and error.high > tolerance:
+        message = (
+            f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
+            f"more than the tolerance {tolerance:g}: everything is kept"
+        )
+        return [Finding(EVERYTHING, message, tolerance, error.high, error.tile)], None
+    notes = []
+    if not plan.left_out.any() and error.high > tolerance > 0:
+        notes.append(
+            f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
+            f"tile's rate, more than the tolerance {tolerance:g}"
+        )
+    return [], Checked(plan, error, tiles, rows, notes)
+
+
+def verify(plan: EventPlan, view: View, tolerance: float) -> Checked:
+    """Checks a plan and reinstates effects until its bounds hold. Its notes begin with the reason
+    for each."""
+    notes: list[str] = []
+    while True:
+        findings, checked = check_plan(plan, view, tolerance)
+        if checked is not None:
+            return replace(checked, notes=[*notes, *checked.notes])
+        notes += [finding.message for finding in findings]
+        plan = plan.keeping(finding.effect for finding in findings)

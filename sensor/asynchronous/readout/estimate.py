@@ -1,0 +1,146 @@
+"""The light that a set of pixels saw, from their first widths: maximum likelihood with censoring.
+
+Every pixel of a patch is one observation of the same rate: a width in ticks (the threshold's
+Gamma law between two instants; from nothing on where the shortest width held it back), a reading
+below threshold (the Poisson law between two numbers of electrons), or silence (fewer than Q
+electrons by the end: P(N < Q)). Nothing is thrown away, so that a patch of which few pixels ever
+fire is not judged by the lucky ones alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.clock import PS
+from sensor.asynchronous.model import EventModel
+from sensor.asynchronous.pixel.logtails import log_between, log_counts, log_upper
+
+__all__ = ["Observed", "RateEstimate", "estimate_rate", "mean_rate"]
+
+_NARROW = 1e-3
+"""Tick over standard deviation of a width below which a tick's probability is density x tick; that
+is off by its square over 24."""
+_GRID = 161
+CONFIDENCE = 3.2905
+"""Standard deviations of 99.9 %, two-sided."""
+
+Rates = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What pixels said, each once. widths: ticks of their first spikes, counted from a tick's edge.
+    levels: of those read first. silent: how many said nothing until `waited` ps."""
+
+    widths: npt.NDArray[np.int64]
+    levels: npt.NDArray[np.int64]
+    silent: int
+    waited: int
+
+    def __len__(self) -> int:
+        return len(self.widths) + len(self.levels) + self.silent
+
+
+@dataclass(frozen=True)
+class RateEstimate:
+    """rate: electrons a second, 0 where nothing was gathered, infinite where every width was held.
+    low, high: 99.9 % confidence from the likelihood's curvature; where the rate is 0 or infinite,
+    the other bound is where the likelihood has fallen as far."""
+
+    rate: float
+    low: float
+    high: float
+
+
+def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
+    """Of rates > 0 in electrons a second, up to a constant; finite and, in log rate, concave: a
+    threshold's logarithm has a concave log density, and counts cut to an interval vary less than
+    Poisson's."""
+    q, tick = float(model.threshold), model.tick
+    total = np.zeros(rate.shape)
+    ticks, times = np.unique(seen.widths, return_counts=True)
+    high = ticks * float(tick) - model.delay
+    held = (ticks - 1) * tick < model.shortest
+    narrow = ~held & (tick * math.sqrt(q) < _NARROW * high)
+    if narrow.any():
+        tau, n = (high[narrow] - tick / 2) / PS, times[narrow]
+        # Gamma's density at many widths: three sums say it all.
+        total += n.sum() * q * np.log(rate) - rate * float((n * tau).sum())
+    if not narrow.all():
+        top = high[~narrow] / PS
+        low = np.where(held, 0.0, np.maximum(high - tick, 0))[~narrow] / PS
+        total += log_between(q, rate[:, None] * low, rate[:, None] * top) @ times[~narrow]
+    if seen.silent:
+        total += seen.silent * log_upper(q, rate * (max(seen.waited - model.delay, 0) / PS))
+    levels, times = np.unique(seen.levels, return_counts=True)
+    mean = rate * (model.longest / PS)
+    for level, n in zip(levels.tolist(), times.tolist(), strict=True):
+        least, most = model.electrons(level)
+        if most < least:
+            raise ValueError(f"no whole number of electrons reads as level {level}")
+        total += n * log_counts(mean, least, most)
+    return total
+
+
+def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
+    """The rate under which what was seen is most likely. Raises ValueError without pixels.
+
+    The pixels are taken to be identical: that their gains differ (PRNU) is in the estimate's error,
+    by PRNU over the square root of their number, but not in low and high.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if not len(seen):
+        raise ValueError("an estimate needs at least one pixel")
+    longest = max(seen.waited, model.longest, model.tick * int(seen.widths.max(initial=1)))
+    least = 1e-6 * PS / (longest * len(seen))
+    most = 1e3 * (model.threshold + 10) * PS / min(model.tick, longest)
+    grid = np.linspace(math.log(least), math.log(most), _GRID)
+    # The highest point, then twice a finer look around it: however narrow the peak, it is the only
+    # one and no flank is flat.
+    for _ in range(3):
+        height = log_likelihood(model, seen, np.exp(grid))
+        best = int(np.argmax(height))
+        left, right = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
+        grid = np.linspace(left, right, _GRID)
+
+    def loss(x: float) -> float:
+        return -float(log_likelihood(model, seen, np.exp(np.array([x])))[0])
+
+    found = minimize_scalar(loss, bounds=(left, right), method="bounded", options={"xatol": 1e-10})
+    peak, rate = -float(found.fun), math.exp(float(found.x))
+    small, large = math.log(least), math.log(most)
+    flat = 1e-9 * max(abs(peak), 1.0)
+    if -loss(small) >= peak - flat:
+        return RateEstimate(0.0, 0.0, math.exp(_fallen(loss, small, large)))
+    if -loss(large) >= peak - flat:
+        return RateEstimate(math.inf, math.exp(_fallen(loss, large, small)), math.inf)
+    step = 1e-3
+    for _ in range(3):  # a step of one standard deviation measures the curvature best
+        drop = 2 * peak + loss(float(found.x) - step) + loss(float(found.x) + step)
+        step = min(step / math.sqrt(drop), 1.0) if drop > 0 else 1.0
+    spread = math.exp(CONFIDENCE * step)
+    return RateEstimate(rate, rate / spread, rate * spread)
+
+
+def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
+    """Where, from `top` towards `away`, the log-likelihood has fallen by half of CONFIDENCE^2."""
+    from scipy.optimize import brentq
+
+    level = loss(top) + CONFIDENCE**2 / 2
+    return float(brentq(lambda x: loss(x) - level, top, away, xtol=1e-6))
+
+
+def mean_rate(model: EventModel, seen: Observed) -> float:
+    """The plain way beside it: the mean of Q/width over pixels that fired and of
+    (level Q/N)/longest over those read, electrons a second; NaN where no pixel said anything."""
+    q = float(model.threshold)
+    fired = q * PS / np.maximum(seen.widths * float(model.tick) - model.delay, 1.0)
+    read = seen.levels * q * PS / model.levels / max(model.longest, 1)
+    said = np.concatenate([fired, read])
+    return float(said.mean()) if said.size else math.nan

@@ -1,0 +1,130 @@
+"""Events on their way out of a run: through the channel, into one stream, onto the disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Events
+from cosim.compute.memory import check_memory
+from cosim.run.result import Metric
+from sensor.asynchronous.model import EventModel, Firings, latched
+from sensor.asynchronous.readout.channel import Channel
+
+__all__ = ["STREAM", "Output", "gather_events"]
+
+STREAM = "stream.events.npz"
+"""The event stream's name in a run's folder."""
+
+STREAM_BYTES = 70
+"""Memory that each event takes beside the firings themselves while the stream is made of them:
+another copy in the stream's order, and the stream's own columns."""
+
+_DRAINED = 2**62
+_FEWER = "shorten duration, or send changes alone (sensor.asynchronous.change, 8 for example)"
+Instants = npt.NDArray[np.int64]
+
+
+@dataclass
+class Output:
+    """Takes firings step by step. channel: None lets every one leave as it fires. stop: end of the
+    run, ps.
+
+    late: whether t is taken as an event leaves the channel; what leaves after the end is then under
+    way and not in the stream. Else all that has fired is waited for.
+
+    pixels: of the array. spoke: (pixels,) bool, who has fired at all, whatever became of it."""
+
+    channel: Channel | None
+    stop: int
+    pixels: int
+    late: bool = False
+    parts: list[Firings] = field(default_factory=list)
+    leaves: list[Instants] = field(default_factory=list)
+    offered: int = 0
+    turns: int = 0
+    spoke: npt.NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.spoke = np.zeros(self.pixels, np.bool_)
+
+    @property
+    def lost(self) -> int:
+        return 0 if self.channel is None else self.channel.lost
+
+    def take(self, firings: Firings, start: int, stop: int) -> None:
+        """What fired from `start` to `stop`, ps."""
+        self.offered += len(firings)
+        self.turns += firings.work
+        self.spoke[firings.pixel] = True
+        if self.channel is None:
+            self.parts.append(firings)
+            return
+        sent = self.channel.step(firings, stop)
+        self.parts.append(sent.firings)
+        self.leaves.append(sent.leaves)
+
+    def crossed(self) -> tuple[Firings, Instants]:
+        """What the stream holds, in the order it left, and when it left, ps."""
+        if self.channel is not None and not self.late:
+            rest = self.channel.step(Firings.join([]), _DRAINED)
+            self.parts.append(rest.firings)
+            self.leaves.append(rest.leaves)
+        count = sum(len(part) for part in self.parts)
+        check_memory(f"the {count:,} events", STREAM_BYTES * count, _FEWER)
+        firings = Firings.join(self.parts)
+        if self.channel is None:
+            return firings, firings.instant
+        leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
+        self.leaves.clear()
+        inside = leaves <= (self.stop if self.late else _DRAINED)
+        if inside.all():
+            return firings, leaves
+        return firings.take(inside), leaves[inside]
+
+    def metrics(self, carried: int) -> dict[str, Metric]:
+        """Offered = carried + lost + under way; the load is the share of time the bus needs."""
+        figures = {
+            "events_offered": Metric(float(self.offered), "1"),
+            "events_carried": Metric(float(carried), "1"),
+            "events_lost": Metric(float(self.lost), "1"),
+            "events_under_way": Metric(float(self.offered - self.lost - carried), "1"),
+        }
+        if self.channel is not None:
+            load = self.offered * self.channel.model.service / self.stop
+            figures["channel_load"] = Metric(load, "1")
+        return figures
+
+    def losses(self) -> list[str]:
+        """What a user must know of lost events."""
+        if not self.lost:
+            return []
+        return [
+            f"{self.lost} of {self.offered} events ({self.lost / self.offered:.2g}) found their "
+            "place taken and are lost: raise sensor.channel.rate, or send changes alone "
+            "(sensor.asynchronous.change)"
+        ]
+
+
+def gather_events(
+    firings: Firings, stamps: Instants, model: EventModel, shape: tuple[int, int], stop: int
+) -> Events:
+    """The stream as it is read out, stamped with `stamps` (ps)."""
+    ticks = latched(stamps, model.tick)
+    made = firings
+    if (ticks[1:] < ticks[:-1]).any():
+        order = np.argsort(ticks, kind="stable")
+        made, ticks = firings.take(order), ticks[order]
+    return Events(
+        (made.pixel // shape[1]).astype(np.uint16),
+        (made.pixel % shape[1]).astype(np.uint16),
+        ticks,
+        made.width,
+        shape,
+        -(-stop // model.tick),
+        model.clock,
+        level=made.level if model.longest else None,
+        levels=model.levels,
+    )

@@ -1,0 +1,1 @@
+"""The documents of `viform plan` and `viform accuracy` for an asynchronous camera."""
