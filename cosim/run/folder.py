@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cosim import InputError
+from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.run.inputs import sealed
 
