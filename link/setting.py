@@ -17,7 +17,6 @@ from link.air.geometry import lengths
 from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
-from scenarios.assemble.camera.lensed import camera_setting
 from sensor import CameraSetting
 from sensor.sections.sensor import LensSection
 
@@ -156,8 +155,12 @@ def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
     return replace(optics, f_number=number)
 
 
-def link_setting(scenario: LinkScenario) -> LinkSetting:
-    """Raises InputError for what cannot be simulated."""
+def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
+    """The link of a scenario. Raises InputError for what cannot be simulated.
+
+    Args:
+        camera: that of [sensor], with every effect.
+    """
     section, sensor = scenario.link, scenario.sensor
     if sensor.readout != "synchronous":
         raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
@@ -165,7 +168,6 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
         if getattr(sensor, name) is not None:
             raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
     _refuse_lens(sensor.lens)
-    camera = camera_setting(scenario)
     panel, aim, air = section.panel, section.aim, section.air
     distance = section.distance * _MICRO
     optics = _optics(scenario, camera)
