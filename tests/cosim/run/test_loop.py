@@ -21,8 +21,8 @@ CYCLES = 300
 class Numbers:
     """First stage: the numbers of a block's cycles."""
 
-    def step(self, given: None, block: Block) -> np.ndarray:
-        assert given is None
+    def step(self, data: None, block: Block) -> np.ndarray:
+        assert data is None
         return np.arange(block.start, block.stop)
 
 
@@ -33,11 +33,11 @@ class Mixer:
         self.mixed = np.uint64(1)
         self.seen: list[int] = []
 
-    def step(self, given: np.ndarray, block: Block) -> np.ndarray:
-        for number in given:
+    def step(self, data: np.ndarray, block: Block) -> np.ndarray:
+        for number in data:
             self.mixed = np.uint64((int(self.mixed) * 6364136223846793005 + int(number)) % 2**64)
-        self.seen += given.tolist()
-        return given
+        self.seen += data.tolist()
+        return data
 
     def state(self) -> dict[str, np.ndarray]:
         return {"mixed": np.array(self.mixed), "seen": np.array(self.seen, np.int64)}
@@ -136,7 +136,7 @@ def test_an_interrupted_run_goes_on_to_the_same_end(
             os.kill(os.getpid(), number)
 
     with pytest.raises(Interrupted) as stopped:
-        run_blocks(chain(), CYCLES, checkpoint=checkpoint, progress=ask, mend="say --resume")
+        run_blocks(chain(), CYCLES, checkpoint=checkpoint, progress=ask, remedy="say --resume")
     assert (stopped.value.done, stopped.value.total) == (at + 64, CYCLES)
     assert str(stopped.value) == f"interrupted after {at + 64} of {CYCLES} cycles; say --resume"
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
@@ -151,10 +151,10 @@ def test_an_interrupted_run_goes_on_to_the_same_end(
 
 def test_an_interruption_inside_a_block_waits_for_its_end() -> None:
     class Asking(Mixer):
-        def step(self, given: np.ndarray, block: Block) -> np.ndarray:
+        def step(self, data: np.ndarray, block: Block) -> np.ndarray:
             if block.start == 64:
                 os.kill(os.getpid(), signal.SIGINT)
-            return super().step(given, block)
+            return super().step(data, block)
 
     stages = {"numbers": Numbers(), "mixer": Asking()}
     with pytest.raises(Interrupted):
@@ -181,10 +181,10 @@ def test_a_run_that_is_not_gone_on_with_starts_afresh(tmp_path: Path) -> None:
 
 def test_a_fault_in_a_stage_leaves_the_last_checkpoint(tmp_path: Path) -> None:
     class Faulty(Mixer):
-        def step(self, given: np.ndarray, block: Block) -> np.ndarray:
+        def step(self, data: np.ndarray, block: Block) -> np.ndarray:
             if block.start == 192:
                 raise RuntimeError("a fault of ours")
-            return super().step(given, block)
+            return super().step(data, block)
 
     checkpoint = Checkpoint(tmp_path / "checkpoint.npz", "this run")
     stages = {"numbers": Numbers(), "mixer": Faulty()}
