@@ -173,7 +173,7 @@ class Air:
         dx, dy = self.shifts[symbol]
         return float(dx), float(dy)
 
-    def step(self, given: Any, block: Block) -> Light:
+    def step(self, data: Any, block: Block) -> Light:
         """Lux over the block and two cycles around it, from instant 0 on."""
         start = max(self._clock.edge(block.start - _AROUND), 0)
         stop = self._clock.edge(block.stop + _AROUND)

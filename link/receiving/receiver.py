@@ -56,9 +56,9 @@ class Receiver:
         self.interrupted: tuple[int, float] | None = None
         """Tick behind which the pilots' sequence jumped last, and by how many ticks."""
 
-    def step(self, given: Viform, block: Any = None) -> None:
+    def step(self, data: Viform, block: Any = None) -> None:
         """Takes the words of a block."""
-        self.recording.add(given)
+        self.recording.add(data)
         waits = self._session.ready(self.recording) if self._session else self.recording.ticks
         if waits >= _LOOK:
             self._work()

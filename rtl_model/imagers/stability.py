@@ -21,8 +21,8 @@ _EXPONENT: Final = 16
 
 
 def _adaptive(device: Device | None) -> Adaptive:
-    from rtl_model.imagers.adaptive.decision import Search
-    from rtl_model.imagers.adaptive.loop import from_judged
+    from rtl_model.imagers.adaptive.device.decision import Search
+    from rtl_model.imagers.adaptive.device.loop import from_judged
 
     return lambda search: from_judged(Search(search), _EXPONENT)
 
@@ -30,8 +30,8 @@ def _adaptive(device: Device | None) -> Adaptive:
 def _late(rule_of: Adaptive, courses: list[tuple[list[float], int]]) -> float:
     """Most frames by which the loop is later than its search may be: two frames for each decision,
     and the two that were exposed before. Infinite where an exposure leaves 1 us to 2^16 us."""
-    from rtl_model.imagers.adaptive.decision import Search
-    from rtl_model.imagers.adaptive.loop import follow, recovery, worst_search
+    from rtl_model.imagers.adaptive.device.decision import Search
+    from rtl_model.imagers.adaptive.device.loop import follow, recovery, worst_search
 
     worst = 0.0
     for search in Search:
@@ -82,14 +82,14 @@ def adaptive_swings(rule_of: Adaptive, dark: int = 2000) -> float:
 
 
 def _ebaps(device: Device | None) -> Any:
-    from rtl_model.imagers.ebaps.extremes import shipped_loop
+    from rtl_model.imagers.ebaps.device.extremes import shipped_loop
 
     return shipped_loop
 
 
 def ebaps_steps(loop: Any) -> float:
     """ns off the range, or off where analysis says the loop ends between steps of 1e7."""
-    from rtl_model.imagers.ebaps.extremes import light_steps
+    from rtl_model.imagers.ebaps.device.extremes import light_steps
 
     return float(light_steps(loop))
 
@@ -97,7 +97,7 @@ def ebaps_steps(loop: Any) -> float:
 def ebaps_swings(loop: Any) -> float:
     """ns off the range or off where the loop must end after 2000 dark frames, or by which light
     that swings moved an exposure further than a step."""
-    from rtl_model.imagers.ebaps.extremes import dark_then_light, swinging
+    from rtl_model.imagers.ebaps.device.extremes import dark_then_light, swinging
 
     return float(max(dark_then_light(loop), swinging(loop)))
 
@@ -109,7 +109,7 @@ def _sum(device: Device | None) -> Any:
 
 def ebaps_sum(total: Any) -> float:
     """DN by which the sum of a whole frame is wrong: one is a wrong decision."""
-    from rtl_model.imagers.ebaps.extremes import accumulated
+    from rtl_model.imagers.ebaps.device.extremes import accumulated
 
     return float(accumulated(total))
 
@@ -123,7 +123,7 @@ _BAND: Final = 0.1
 
 
 def _cooled(device: Device | None) -> Cooled:
-    from rtl_model.imagers.emccd.cooling import Cooler
+    from rtl_model.imagers.emccd.device.cooling import Cooler
 
     return lambda air: Cooler(air, _TARGET)
 
@@ -131,7 +131,7 @@ def _cooled(device: Device | None) -> Cooled:
 def windup(cooled: Cooled, hot: float = 1800.0) -> float:
     """Kelvin by which the chip falls below its target in twenty minutes after air of 70 degC, in
     which the drive stood at its end; infinite where it is not within 0.1 K again in ten."""
-    from rtl_model.imagers.emccd.cooling import run_cooling
+    from rtl_model.imagers.emccd.device.cooling import run_cooling
 
     begin = 600.0
     cooler = cooled(lambda s: 273.15 + (70 if begin <= s < begin + hot else 25))

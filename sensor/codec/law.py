@@ -97,5 +97,5 @@ def entropy_bounds(mean: float, q: float) -> tuple[float, float]:
     n = np.arange(_reach(mean, q) + 2, dtype=np.float64)
     phase = ((np.arange(_PHASES) + 0.5) / _PHASES)[:, None]
     below = gammainc(q, (n[None, :] - phase).clip(0) * q / mean)
-    given = np.diff(below, axis=1, append=1.0)
-    return float(_entropy(given).mean()), float(_entropy(width_law(mean, q)))
+    conditional = np.diff(below, axis=1, append=1.0)
+    return float(_entropy(conditional).mean()), float(_entropy(width_law(mean, q)))

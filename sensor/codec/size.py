@@ -1,4 +1,4 @@
-"""How small a stream becomes: raw, with a general compressor, and with the first-spike codes."""
+"""Sizes of a stream: with a general compressor, and with the first-spike codes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,12 @@ UNIT = "bit/pixel-cycle"
 
 @dataclass(frozen=True)
 class Sizes:
-    """Bits a pixel and cycle; a raw stream has 1. pixels: those measured, of all."""
+    """Bits per pixel and cycle; a raw stream has 1.
+
+    Attributes:
+        zstd, repeat, line, statistical: of each form.
+        pixels, all_pixels: number of pixels that were measured, and of the stream.
+    """
 
     zstd: float
     repeat: float

@@ -15,10 +15,17 @@ __all__ = ["PhotonTransfer", "measure_transfer", "slope_through_zero"]
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """dark: the stack without light but for the bench's bias. levels: stacks under rising light, to
-    past saturation. saturation: number of the level with the most variance. gain: K, DN an
-    electron. responsivity: DN a photon. bits: of a value. linear: share of saturation that slopes
-    are fitted to."""
+    """The photon transfer curve.
+
+    Attributes:
+        dark: stack under the bias alone.
+        levels: stacks under rising light, to past saturation.
+        saturation: number of the level with the largest variance.
+        gain: K, DN/e.
+        responsivity: DN/photon.
+        bits: of a value.
+        linear: share of saturation up to which slopes are fitted.
+    """
 
     dark: Stack
     levels: tuple[Stack, ...]

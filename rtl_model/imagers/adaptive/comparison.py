@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rtl_model.imagers.adaptive.loop import shortest_exposure
-from rtl_model.imagers.adaptive.registers import DEFAULT_LONGEST
-from rtl_model.imagers.adaptive.response import longest_exposure
+from rtl_model.imagers.adaptive.device.loop import shortest_exposure
+from rtl_model.imagers.adaptive.device.registers import DEFAULT_LONGEST
+from rtl_model.imagers.adaptive.device.response import longest_exposure
 from rtl_model.imagers.adaptive.section import AdaptiveSection
 from rtl_model.imagers.comparison import Comparison, Setting
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
-from rtl_model.imagers.adaptive.decision import lengthening
-from rtl_model.imagers.adaptive.statistics import gather
+from rtl_model.imagers.adaptive.device.decision import lengthening
+from rtl_model.imagers.adaptive.device.statistics import gather
 from rtl_model.imagers.check.judge import JudgeBase, deviations
 from rtl_model.imagers.check.paired import STRIP, cut_rows
 from sensor.imagers import Exposed, PixelModel

@@ -37,12 +37,12 @@ class AdaptiveKind(ImagerKind):
         return AdaptiveModel(section)
 
     def design(self) -> Design:
-        from rtl_model.imagers.adaptive.registers import DESIGN
+        from rtl_model.imagers.adaptive.device.registers import DESIGN
 
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from rtl_model.imagers.adaptive.bus_target import bus_target
+        from rtl_model.imagers.adaptive.device.bus_target import bus_target
 
         return bus_target()
 

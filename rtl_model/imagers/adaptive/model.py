@@ -11,12 +11,12 @@ import numpy as np
 
 from cosim import InputError
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.adaptive.decision import Search, decide
-from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.decision import Search, decide
+from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.sequencer import Sequencer
+from rtl_model.imagers.adaptive.device.timing import MINIMUM_CLOCKS, Timing
 from rtl_model.imagers.adaptive.judge import AdaptiveJudge
 from rtl_model.imagers.adaptive.section import AdaptiveSection
-from rtl_model.imagers.adaptive.sequencer import Sequencer
-from rtl_model.imagers.adaptive.timing import MINIMUM_CLOCKS, Timing
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

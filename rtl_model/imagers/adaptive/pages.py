@@ -11,9 +11,9 @@ import numpy as np
 from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
-from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.timing import Timing
 from rtl_model.imagers.adaptive.model import HALF, AdaptiveModel, changes
-from rtl_model.imagers.adaptive.timing import Timing
 from rtl_model.imagers.report.figures import (
     BLUE,
     GREEN,

@@ -6,8 +6,8 @@ import math
 
 from cosim import PS
 from cosim.run.printed import Row, listed, number, unprinted
-from rtl_model.imagers.adaptive.codes import changed_bits, ring
-from rtl_model.imagers.adaptive.decision import (
+from rtl_model.imagers.adaptive.device.codes import changed_bits, ring
+from rtl_model.imagers.adaptive.device.decision import (
     HALF_SCALE,
     MULTIPLIER_BITS,
     PRINTED_MULTIPLIER_BITS,
@@ -16,10 +16,10 @@ from rtl_model.imagers.adaptive.decision import (
     lengthening,
     shortened,
 )
-from rtl_model.imagers.adaptive.latency import latency
-from rtl_model.imagers.adaptive.loop import light_for, search_path, shortest_exposure
-from rtl_model.imagers.adaptive.registers import DESIGN
-from rtl_model.imagers.adaptive.response import (
+from rtl_model.imagers.adaptive.device.latency import latency
+from rtl_model.imagers.adaptive.device.loop import light_for, search_path, shortest_exposure
+from rtl_model.imagers.adaptive.device.registers import DESIGN
+from rtl_model.imagers.adaptive.device.response import (
     brightest_lux,
     combined_response,
     darkest_lux,
@@ -27,8 +27,8 @@ from rtl_model.imagers.adaptive.response import (
     light_range_db,
     longest_exposure,
 )
-from rtl_model.imagers.adaptive.sequencer import frames_of
-from rtl_model.imagers.adaptive.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing
+from rtl_model.imagers.adaptive.device.sequencer import frames_of
+from rtl_model.imagers.adaptive.device.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing
 from sensor.imagers.cmos import BITS, CmosSetting
 
 __all__ = ["adaptive_rows"]

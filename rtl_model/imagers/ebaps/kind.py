@@ -40,12 +40,12 @@ class EbapsKind(ImagerKind):
         return EbapsModel(section)
 
     def design(self) -> Design:
-        from rtl_model.imagers.ebaps.registers import DESIGN
+        from rtl_model.imagers.ebaps.device.registers import DESIGN
 
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from rtl_model.imagers.ebaps.bus_target import bus_target
+        from rtl_model.imagers.ebaps.device.bus_target import bus_target
 
         return bus_target()
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from cosim.light.charts import ASPECT, bar_width, regions
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.ebaps.darks import DARKS, residual_variance
-from rtl_model.imagers.ebaps.exposure import ExposureRule
-from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.board.regions import LIVE
+from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.darks import DARKS, residual_variance
+from rtl_model.imagers.ebaps.device.exposure import ExposureRule
+from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.judge import EbapsJudge
-from rtl_model.imagers.ebaps.regions import LIVE
 from rtl_model.imagers.ebaps.section import EbapsSection
-from rtl_model.imagers.ebaps.timing import Timing
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

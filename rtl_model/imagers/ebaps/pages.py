@@ -14,8 +14,8 @@ from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.ebaps.darks import DARKS, mean_of_four, subtract
-from rtl_model.imagers.ebaps.exposure import ExposureRule
+from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, residual_variance, subtract
+from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.model import EbapsModel, live
 from rtl_model.imagers.report.figures import BLUE, GREEN, save_figure, stretch, style_axes
 from rtl_model.imagers.report.imager_run import ImagerRun
@@ -122,8 +122,6 @@ def _before_after(model: EbapsModel, run: ImagerRun) -> str:
 
 def _residual(model: EbapsModel, run: ImagerRun, darks: Any) -> list[list[str]]:
     """What the mean of four leaves of a dark frame's pattern, beside theory."""
-    from rtl_model.imagers.ebaps.darks import residual_variance
-
     seconds = run.imager.sequencer.dark_exposure * 1e-9
     pixels = model.pixels
     rows, columns = pixels.shape

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.run.printed import Row, listed, number, unprinted
-from rtl_model.imagers.ebaps.axi import region_offset
-from rtl_model.imagers.ebaps.cameralink import (
+from rtl_model.imagers.ebaps.board.axi import region_offset
+from rtl_model.imagers.ebaps.board.cameralink import (
     CHANNELS,
     LINK_HZ,
     SERIAL_BITS,
@@ -15,9 +15,11 @@ from rtl_model.imagers.ebaps.cameralink import (
     deserialise,
     serialise,
 )
-from rtl_model.imagers.ebaps.darks import DARKS
-from rtl_model.imagers.ebaps.drive import DRIVES, drive_records
-from rtl_model.imagers.ebaps.exposure import (
+from rtl_model.imagers.ebaps.board.regions import LIVE, REGIONS, region_bytes
+from rtl_model.imagers.ebaps.board.timing import CLOCK_HZ, Timing
+from rtl_model.imagers.ebaps.device.darks import DARKS
+from rtl_model.imagers.ebaps.device.drive import DRIVES, drive_records
+from rtl_model.imagers.ebaps.device.exposure import (
     DEFAULT_EXPOSURE,
     SHORTEST_EXPOSURE,
     STEP,
@@ -26,11 +28,9 @@ from rtl_model.imagers.ebaps.exposure import (
     Linear,
     follow,
 )
-from rtl_model.imagers.ebaps.imager import Ebaps
-from rtl_model.imagers.ebaps.regions import LIVE, REGIONS, region_bytes
-from rtl_model.imagers.ebaps.registers import DESIGN, HIGH_VOLTAGE
-from rtl_model.imagers.ebaps.settling import settle, settling_exposure
-from rtl_model.imagers.ebaps.timing import CLOCK_HZ, Timing
+from rtl_model.imagers.ebaps.device.imager import Ebaps
+from rtl_model.imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
+from rtl_model.imagers.ebaps.device.settling import settle, settling_exposure
 from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
 
 __all__ = ["ebaps_rows"]

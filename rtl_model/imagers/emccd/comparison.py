@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cosim.frames import Frame
 from rtl_model.imagers.comparison import Comparison, Setting
+from rtl_model.imagers.emccd.device.timing import exposure_range
 from rtl_model.imagers.emccd.section import EmccdSection
-from rtl_model.imagers.emccd.timing import exposure_range
 from sensor.imagers.emccd import GAIN_RANGE, EmccdPixels, without_smear
 
 __all__ = ["EmccdComparison"]

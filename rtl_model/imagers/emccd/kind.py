@@ -40,12 +40,12 @@ class EmccdKind(ImagerKind):
         return EmccdModel(section, seconds)
 
     def design(self) -> Design:
-        from rtl_model.imagers.emccd.registers import DESIGN
+        from rtl_model.imagers.emccd.device.registers import DESIGN
 
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from rtl_model.imagers.emccd.bus_target import bus_target
+        from rtl_model.imagers.emccd.device.bus_target import bus_target
 
         return bus_target()
 

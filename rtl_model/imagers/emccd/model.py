@@ -11,10 +11,10 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.emccd.cooling import Cooler
-from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.device.cooling import Cooler
+from rtl_model.imagers.emccd.device.imager import Emccd
+from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_seconds
 from rtl_model.imagers.emccd.section import EmccdSection
-from rtl_model.imagers.emccd.timing import Settings, Timing, frame_seconds
 from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.run.view import View
 from rtl_model.imagers.run.writes import write_all

@@ -12,10 +12,10 @@ from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from rtl_model.imagers.emccd.cooling import run_cooling
-from rtl_model.imagers.emccd.imager import Emccd
+from rtl_model.imagers.emccd.device.cooling import run_cooling
+from rtl_model.imagers.emccd.device.imager import Emccd
+from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_rate, window_table
 from rtl_model.imagers.emccd.model import STEP, EmccdModel, cooler_of
-from rtl_model.imagers.emccd.timing import Settings, Timing, frame_rate, window_table
 from rtl_model.imagers.report.figures import (
     BLUE,
     GREEN,

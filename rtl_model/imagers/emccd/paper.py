@@ -8,11 +8,11 @@ import numpy as np
 
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.printed import Row, listed, number, unprinted
-from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
-from rtl_model.imagers.emccd.counters import CounterSequencer
-from rtl_model.imagers.emccd.registers import DESIGN
-from rtl_model.imagers.emccd.sequencer import Cycle, Phase
-from rtl_model.imagers.emccd.timing import (
+from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
+from rtl_model.imagers.emccd.device.counters import CounterSequencer
+from rtl_model.imagers.emccd.device.registers import DESIGN
+from rtl_model.imagers.emccd.device.sequencer import Cycle, Phase
+from rtl_model.imagers.emccd.device.timing import (
     Settings,
     Timing,
     after_printed,

@@ -118,13 +118,13 @@ class BoardPanel:
             ) from exc  # fmt: skip
         self.planes = self.wrong = 0
 
-    def step(self, stream: Viform, block: Block) -> Viform:
+    def step(self, data: Viform, block: Block) -> Viform:
         """Shows one block."""
-        words = self._fit(stream.words)
+        words = self._fit(data.words)
         shown = self._board.show(unpack_planes(words, 0, block.cycles).astype(bool))
         self.planes += shown.planes
         self.wrong += shown.wrong_crc
-        return stream
+        return data
 
 
 @dataclass

@@ -104,8 +104,8 @@ class AsynchronousPixels:
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""
-        made = self.unordered(light, start, stop)
-        return made.take(np.lexsort((made.pixel, made.instant)))
+        firings = self.unordered(light, start, stop)
+        return firings.take(np.lexsort((firings.pixel, firings.instant)))
 
     def unordered(self, light: Light, start: int, stop: int) -> Firings:
         """The same in any order."""

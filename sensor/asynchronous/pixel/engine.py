@@ -39,6 +39,7 @@ def _tick(instant, part, tick):  # type: ignore[no-untyped-def]
 _electrons = njit(cache=True, error_model="numpy")(least_electrons)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
     pixels, since, part, charge, goals, spikes, width, sent, sent_level, countdown,

@@ -134,6 +134,7 @@ def _ticks(instant, part, tick):  # type: ignore[no-untyped-def]
     return -(-whole // tick)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True, error_model="numpy")
 def _follow(  # type: ignore[no-untyped-def]
     rates, slopes, begins, ends, goals, shares, shot, q, tick, shortest, longest, levels, delay,
@@ -225,7 +226,7 @@ def follow(
     )
     begins = np.array([p.start for p in pieces])
     ends = np.array([min(p.stop, stop) for p in pieces])
-    made = Followed(
+    followed = Followed(
         np.zeros((n, intervals)),
         np.zeros((n, intervals), np.int64),
         np.zeros((n, intervals), np.int64),
@@ -238,10 +239,10 @@ def follow(
         rates, slopes, begins, ends, exact_thresholds(model, numbers, intervals),
         _shares(model, numbers, intervals), model.shot, model.threshold, model.tick,
         model.shortest, model.longest, model.levels, float(model.delay), model.reset,
-        float(model.change), made.exact, made.width, made.instant, made.level, made.sent,
-        made.count, made.progress,
+        float(model.change), followed.exact, followed.width, followed.instant, followed.level,
+        followed.sent, followed.count, followed.progress,
     )  # fmt: skip
-    return made
+    return followed
 
 
 def quantile_error(model: EventModel, numbers: Numbers) -> float:

@@ -20,7 +20,7 @@ from sensor.asynchronous.readout.recover import WITHIN
 from sensor.asynchronous.report.figures import (
     delay_figure,
     events_figure,
-    patch_figure,
+    target_figure,
     view_figure,
     width_figure,
 )
@@ -98,7 +98,7 @@ def _view(judged: EventRun) -> str:
 def _targets(judged: EventRun) -> str:
     spec, views = judged.spec, judged.views
     path = judged.run.folder / "figures" / "patches.png"
-    patch_figure(views.recovered, spec.mean_dark / spec.setting.electrons_per_lux, path)
+    target_figure(views.recovered, spec.mean_dark / spec.setting.electrons_per_lux, path)
     rows = [
         [
             p.target.name, f"{p.lux:.4g}", _number(p.estimate, ".4g"), _number(p.error, "+.2%"),

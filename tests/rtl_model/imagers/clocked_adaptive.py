@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rtl_model.imagers.adaptive.codes import gray, johnson, ring
-from rtl_model.imagers.adaptive.timing import Timing
+from rtl_model.imagers.adaptive.device.codes import gray, ring
+from rtl_model.imagers.adaptive.device.timing import Timing
 
-__all__ = ["CounterSequencer", "Tick"]
+__all__ = ["CounterSequencer", "Tick", "johnson"]
 
 TIMER_BITS = 32
 """Of the free-running counter of work cycles."""
@@ -38,6 +38,15 @@ class Tick:
     idle: bool
     resets: tuple[tuple[int, int], ...]
     sampled: int | None
+
+
+def johnson(number: int, states: int) -> int:
+    """Code of a Johnson counter: ones are shifted in, then zeros. states: even; states/2 bits."""
+    if states < 2 or states % 2:
+        raise ValueError(f"states of a Johnson counter must be even, not {states}")
+    half, step = states // 2, number % states
+    ones = (1 << half) - 1
+    return (1 << step) - 1 if step <= half else ones & ~((1 << (step - half)) - 1)
 
 
 class CounterSequencer:

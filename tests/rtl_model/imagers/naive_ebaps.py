@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from rtl_model.imagers.ebaps.exposure import DEFAULT_EXPOSURE, LATENCY, ExposureRule
+from rtl_model.imagers.ebaps.device.exposure import DEFAULT_EXPOSURE, LATENCY, ExposureRule
 
 
 def unclipped(rule: ExposureRule, brightness: Callable[[int, int], int], frames: int) -> list[int]:

@@ -1,6 +1,6 @@
 """The nine drive signals stepped clock by clock, with counters as an FPGA would have them."""
 
-from rtl_model.imagers.ebaps.drive import LAG, READING, RESETTING
+from rtl_model.imagers.ebaps.device.drive import LAG, READING, RESETTING
 
 __all__ = ["dense", "disturbed", "exposed_rows", "intervals"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rtl_model.imagers.adaptive.decision import (
+from rtl_model.imagers.adaptive.device.decision import (
     LONGEST,
     MULTIPLIER_BITS,
     PRINTED_MULTIPLIER_BITS,
@@ -14,7 +14,7 @@ from rtl_model.imagers.adaptive.decision import (
     lengthening,
     shortened,
 )
-from rtl_model.imagers.adaptive.loop import (
+from rtl_model.imagers.adaptive.device.loop import (
     follow,
     from_judged,
     from_register,
@@ -26,7 +26,7 @@ from rtl_model.imagers.adaptive.loop import (
     unlimited,
     worst_search,
 )
-from rtl_model.imagers.adaptive.response import (
+from rtl_model.imagers.adaptive.device.response import (
     brightest_lux,
     combined_response,
     darkest_lux,
@@ -34,7 +34,7 @@ from rtl_model.imagers.adaptive.response import (
     half_scale_lux,
     longest_exposure,
 )
-from rtl_model.imagers.adaptive.statistics import Statistics, Window, gather
+from rtl_model.imagers.adaptive.device.statistics import Statistics, Window, gather
 from sensor.imagers.cmos import CmosSetting
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from rtl_model.imagers.adaptive.bus_target import SteadySequencer
-from rtl_model.imagers.adaptive.decision import Search
-from rtl_model.imagers.adaptive.imager import AdaptiveExposure
-from rtl_model.imagers.adaptive.latency import latency
-from rtl_model.imagers.adaptive.loop import light_for
-from rtl_model.imagers.adaptive.timing import Timing
+from rtl_model.imagers.adaptive.device.bus_target import SteadySequencer
+from rtl_model.imagers.adaptive.device.decision import Search
+from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.latency import latency
+from rtl_model.imagers.adaptive.device.loop import light_for
+from rtl_model.imagers.adaptive.device.timing import Timing
 from rtl_model.imagers.bus import line_of
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting

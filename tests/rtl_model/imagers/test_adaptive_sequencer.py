@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.adaptive.codes import changed_bits, gray, gray_bits, johnson, ring
-from rtl_model.imagers.adaptive.sequencer import actual_exposures, disturbed, frames_of
-from rtl_model.imagers.adaptive.signals import signal_list, signals_of
-from rtl_model.imagers.adaptive.timing import Timing
-from tests.rtl_model.imagers.clocked_adaptive import CounterSequencer
+from rtl_model.imagers.adaptive.device.codes import changed_bits, gray, gray_bits, ring
+from rtl_model.imagers.adaptive.device.sequencer import actual_exposures, disturbed, frames_of
+from rtl_model.imagers.adaptive.device.signals import signal_list, signals_of
+from rtl_model.imagers.adaptive.device.timing import Timing
+from tests.rtl_model.imagers.clocked_adaptive import CounterSequencer, johnson
 
 SMALL = Timing(rows=6, columns=6, line=28, frame=176, cycle=4, turn=8)
 USUAL = Timing.of(256, 256)

@@ -17,7 +17,7 @@ from rtl_model.imagers import ImagerBus, bus_target, design
 from rtl_model.imagers.bus import line_of
 from rtl_model.imagers.catalogue import IMAGERS, by_number
 from rtl_model.imagers.document import document
-from rtl_model.imagers.emccd.timing import window_table
+from rtl_model.imagers.emccd.device.timing import window_table
 from rtl_model.registers.checks import faults
 from rtl_model.virtual import VirtualBoard
 from tests.rtl_model.host.conftest import ModelPort

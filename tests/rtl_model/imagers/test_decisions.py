@@ -6,11 +6,11 @@ import pytest
 
 from cosim import PS
 from cosim.run.machine import Options
-from rtl_model.imagers.adaptive.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
+from rtl_model.imagers.adaptive.device.loop import light_for
 from rtl_model.imagers.adaptive.judge import AdaptiveJudge
-from rtl_model.imagers.adaptive.loop import light_for
 from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
-from rtl_model.imagers.ebaps.imager import Ebaps
+from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.run.tape import NoTape, Taped
 from scenarios.assemble.schema.loading import load

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import InputError
-from rtl_model.imagers.ebaps.cameralink import (
+from rtl_model.imagers.ebaps.board.cameralink import (
     CHANNELS,
     DVAL,
     FVAL,
@@ -27,7 +27,7 @@ from rtl_model.imagers.ebaps.cameralink import (
     serialise,
     words_of,
 )
-from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.imagers.ebaps.board.timing import Timing
 
 SMALL = LinkTiming(columns=9, rows=5, clock_hz=3001, rate=30)
 

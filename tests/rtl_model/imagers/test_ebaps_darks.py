@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from rtl_model.imagers.ebaps.darks import (
+from rtl_model.imagers.ebaps.device.darks import (
     TRUNCATION,
     TRUNCATION_VARIANCE,
     clipped_mean,

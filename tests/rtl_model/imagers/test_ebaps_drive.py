@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtl_model.imagers.ebaps.drive import (
+from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.drive import (
     DRIVES,
     HCLK_ROWS,
     LAG,
@@ -16,10 +17,9 @@ from rtl_model.imagers.ebaps.drive import (
     drive_records,
     merged,
 )
-from rtl_model.imagers.ebaps.exposure import DEFAULT_EXPOSURE, STEP, ExposureRule
-from rtl_model.imagers.ebaps.imager import Ebaps
-from rtl_model.imagers.ebaps.resets import late_resets, row_times
-from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.imagers.ebaps.device.exposure import DEFAULT_EXPOSURE, STEP, ExposureRule
+from rtl_model.imagers.ebaps.device.imager import Ebaps
+from rtl_model.imagers.ebaps.device.resets import late_resets, row_times
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
 from tests.rtl_model.imagers.naive_ebaps_drive import dense, disturbed, exposed_rows, intervals

@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.ebaps.fifo import AsyncFifo, Coin, Packer, Unpacker, edges_of, gray, ungray
+from rtl_model.imagers.ebaps.board.fifo import (
+    AsyncFifo,
+    Coin,
+    Packer,
+    Unpacker,
+    edges_of,
+    gray,
+    ungray,
+)
 
 MHZ = 1_000_000
 

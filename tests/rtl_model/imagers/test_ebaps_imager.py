@@ -10,14 +10,15 @@ import pytest
 from cosim.errors import InputError
 from cosim.frames import Frame
 from rtl_model.imagers.bus import line_of
-from rtl_model.imagers.ebaps.bus_target import bus_target
-from rtl_model.imagers.ebaps.imager import Ebaps
-from rtl_model.imagers.ebaps.regions import LIVE, PlainMemory, region_bytes
-from rtl_model.imagers.ebaps.registers import DESIGN
-from rtl_model.imagers.ebaps.timing import Timing
+from rtl_model.imagers.ebaps.board.regions import LIVE, region_bytes
+from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.bus_target import bus_target
+from rtl_model.imagers.ebaps.device.imager import Ebaps
+from rtl_model.imagers.ebaps.device.registers import DESIGN
 from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.ebaps import Chart, EbapsPixels, wanted_exposure
+from tests.rtl_model.imagers.ideal_memory import IdealMemory
 
 SHAPE = (24, 64)
 PIXELS = EbapsPixels(SHAPE)
@@ -113,7 +114,7 @@ class TestDarks:
             assert f.state["raw_mean"] - f.state["mean"] == pytest.approx(level, abs=200)
 
     def test_corrected_is_live_less_the_mean_of_four(self) -> None:
-        memory = PlainMemory()
+        memory = IdealMemory()
         camera = Ebaps(PIXELS, memory=memory)
         camera.write("ebaps_loop", 0)
         camera.store_darks()
@@ -197,7 +198,7 @@ class TestWhole:
     def test_five_regions(self) -> None:
         assert region_bytes() == 1280 * 1024 * 2
         with pytest.raises(ValueError, match="0 to 4"):
-            PlainMemory().store(5, np.zeros((1, 1), np.uint16))
+            IdealMemory().store(5, np.zeros((1, 1), np.uint16))
 
     def test_bad_input_is_one_line(self) -> None:
         camera = imager()

@@ -11,15 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtl_model.imagers.ebaps.exposure import ACCUMULATOR_BITS, ExposureRule, Linear, follow
-from rtl_model.imagers.ebaps.extremes import (
+from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.exposure import ACCUMULATOR_BITS, ExposureRule, Linear, follow
+from rtl_model.imagers.ebaps.device.extremes import (
     accumulated,
     dark_then_light,
     light_steps,
     shipped_loop,
     swinging,
 )
-from rtl_model.imagers.ebaps.settling import (
+from rtl_model.imagers.ebaps.device.settling import (
     last_hunting,
     resting,
     settle,
@@ -27,7 +28,6 @@ from rtl_model.imagers.ebaps.settling import (
     settling_share,
     spans,
 )
-from rtl_model.imagers.ebaps.timing import Timing
 from tests.rtl_model.imagers import naive_ebaps as naive
 
 RULE = ExposureRule()

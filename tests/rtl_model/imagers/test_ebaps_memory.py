@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import InputError
-from rtl_model.imagers.ebaps.axi import (
+from rtl_model.imagers.ebaps.board.axi import (
     BURST_BEATS,
     AxiRules,
     Beat,
@@ -19,20 +19,22 @@ from rtl_model.imagers.ebaps.axi import (
     bursts_of,
     region_offset,
 )
-from rtl_model.imagers.ebaps.burst_memory import BurstMemory
-from rtl_model.imagers.ebaps.crossing import (
+from rtl_model.imagers.ebaps.board.burst_memory import BurstMemory
+from rtl_model.imagers.ebaps.board.crossing import (
     Clocks,
+    Path,
     burst_clocks,
     frame_bytes_per_second,
     memory_load,
     transfer,
 )
-from rtl_model.imagers.ebaps.ddr import Ddr, DdrPort
-from rtl_model.imagers.ebaps.fifo import AsyncFifo
-from rtl_model.imagers.ebaps.imager import Ebaps
-from rtl_model.imagers.ebaps.regions import REGIONS, PlainMemory, region_bytes
+from rtl_model.imagers.ebaps.board.ddr import Ddr, DdrPort
+from rtl_model.imagers.ebaps.board.fifo import AsyncFifo
+from rtl_model.imagers.ebaps.board.regions import REGIONS, region_bytes
+from rtl_model.imagers.ebaps.device.imager import Ebaps
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
+from tests.rtl_model.imagers.ideal_memory import IdealMemory
 
 MHZ = 1_000_000
 QUIET = Signals(None, True, None, True, False, True, None, True, None, True)
@@ -100,7 +102,7 @@ class TestRules:
         assert "without an address" in self.faults(more)[0]
 
     def test_a_frame_from_a_crooked_bias_crosses(self) -> None:
-        done = transfer(Ddr(512), bias=512, write=(0, picture(1, (32, 80))), read=None)
+        done = transfer(Ddr(512), Path(bias=512), write=(0, picture(1, (32, 80))), read=None)
         assert done.done and any("crosses 4 KiB" in fault for fault in done.faults)
         with pytest.raises(ValueError, match="multiple of 4096"):
             BurstMemory(bias=512)
@@ -141,7 +143,7 @@ class TestTwoWays:
         assert fast.bursts == slow.bursts
 
     def test_whole_frames(self) -> None:
-        memory, plain = BurstMemory(), PlainMemory()
+        memory, plain = BurstMemory(), IdealMemory()
         for region in range(REGIONS):
             frame = picture(region, (1024, 1280))
             memory.store(region, frame)
@@ -189,10 +191,10 @@ class TestThroughput:
             for count in (8, 16):
                 frame = np.zeros((count, 8 * beats), np.uint16)
                 fast = Clocks(pixel=2500 * MHZ, display=1900 * MHZ)
-                args = {"clocks": fast, "beats": beats, "latency": latency, "depth": 4096}
+                path = Path(clocks=fast, beats=beats, latency=latency, depth=4096)
                 took[count] = (
-                    transfer(Ddr(), write=(0, frame), **args).clocks,  # type: ignore[arg-type]
-                    transfer(Ddr(), read=([0], frame.shape), **args).clocks,  # type: ignore[arg-type]
+                    transfer(Ddr(), path, write=(0, frame)).clocks,
+                    transfer(Ddr(), path, read=([0], frame.shape)).clocks,
                 )
             write, read = (b - a for a, b in zip(took[8], took[16], strict=True))
             assert write == 8 * burst_clocks(beats, latency)
@@ -213,8 +215,8 @@ class TestThroughput:
             ddr.bytes[region_offset(n) :][: frame.nbytes] = frame.view(np.uint8).flat
         live = picture(9, (20, 128))
         done = transfer(
-            ddr, write=(4, live), read=(range(4), live.shape), stall=0.6, seed=3,
-            clocks=Clocks(phases=(3, 1, 2)),
+            ddr, Path(clocks=Clocks(phases=(3, 1, 2)), stall=0.6, seed=3),
+            write=(4, live), read=(range(4), live.shape),
         )  # fmt: skip
         assert done.done and done.faults == []
         assert (done.overflows, done.underflows) == (0, 0)
@@ -235,7 +237,7 @@ class TestThroughput:
         with pytest.raises(ValueError, match="room for a burst"):
             ReadMaster([AsyncFifo(64, prog_empty=1, prog_full=60)])
         with pytest.raises(ValueError, match="1 to 256"):
-            transfer(Ddr(), beats=257, depth=1024)
+            transfer(Ddr(), Path(beats=257, depth=1024))
         with pytest.raises(IndexError, match="beyond the memory"):
             ddr = Ddr()
             ddr.write(ddr.bytes.size - 8, 0, 0xFFFF)
@@ -245,7 +247,7 @@ def test_the_imager_films_the_same_through_every_memory() -> None:
     pixels = EbapsPixels((6, 24))
     scene = Still(np.full((6, 24), 1e-4))
     films = []
-    for memory in (PlainMemory(), None, BurstMemory(cycles=True, stall=0.5)):
+    for memory in (IdealMemory(), None, BurstMemory(cycles=True, stall=0.5)):
         camera = Ebaps(pixels, memory=memory)
         camera.store_darks()
         kept = frozenset(pixels.effects)

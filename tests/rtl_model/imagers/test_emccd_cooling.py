@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import expm
 
 from cosim.clock import PS
-from rtl_model.imagers.emccd.cold_plant import Plant, Temperatures, Thermistor
-from rtl_model.imagers.emccd.cooling import Cooler, CoolingFault, PidSettings, run_cooling
+from rtl_model.imagers.emccd.device.cold_plant import Plant, Temperatures, Thermistor
+from rtl_model.imagers.emccd.device.cooling import Cooler, CoolingFault, PidSettings, run_cooling
 
 ZERO = 273.15
 TARGET = ZERO - 10

@@ -11,11 +11,11 @@ from cosim.clock import PS
 from rtl_model.host import Board, Uartbone
 from rtl_model.host.csr import imager_map
 from rtl_model.imagers.bus import line_of
-from rtl_model.imagers.emccd.bus_target import EmccdSequencer
-from rtl_model.imagers.emccd.cooling import Cooler, run_cooling
-from rtl_model.imagers.emccd.imager import Emccd
-from rtl_model.imagers.emccd.registers import DESIGN, PARAMETERS
-from rtl_model.imagers.emccd.timing import Settings, Timing, frame_clocks
+from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
+from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
+from rtl_model.imagers.emccd.device.imager import Emccd
+from rtl_model.imagers.emccd.device.registers import DESIGN, PARAMETERS
+from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_clocks
 from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.emccd import HighVoltage

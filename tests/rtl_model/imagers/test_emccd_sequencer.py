@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers.emccd.bus_target import EmccdSequencer
-from rtl_model.imagers.emccd.counted import counted
-from rtl_model.imagers.emccd.counters import CounterSequencer
-from rtl_model.imagers.emccd.sequencer import SIGNALS, Cycle, signal_changes
-from rtl_model.imagers.emccd.timing import (
+from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
+from rtl_model.imagers.emccd.device.counted import counted
+from rtl_model.imagers.emccd.device.counters import CounterSequencer
+from rtl_model.imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
+from rtl_model.imagers.emccd.device.timing import (
     EXPOSURE_STEPS,
     SIZES,
     Settings,

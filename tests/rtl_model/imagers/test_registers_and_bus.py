@@ -186,9 +186,9 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
 
 
 def imagers():
-    from rtl_model.imagers.adaptive.imager import AdaptiveExposure
-    from rtl_model.imagers.ebaps.imager import Ebaps
-    from rtl_model.imagers.emccd.imager import Emccd
+    from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
+    from rtl_model.imagers.ebaps.device.imager import Ebaps
+    from rtl_model.imagers.emccd.device.imager import Emccd
     from sensor.imagers.cmos import AdaptivePixels
     from sensor.imagers.ebaps import EbapsPixels
 

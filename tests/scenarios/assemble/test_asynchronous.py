@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Interrupted
-from cosim.files import read_events
+from cosim.files.event_file import read_events
 from cosim.light.steps import light_steps
 from cosim.run.machine import Options, Run
 from cosim.run.result import Result

@@ -1,0 +1,1 @@
+"""The sensor itself: timing, sequencer, exposure selection, registers."""

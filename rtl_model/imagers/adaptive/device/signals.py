@@ -1,0 +1,68 @@
+"""The sequencer's signals over the clock, from the frames' timings (document 001, figures 4 and 5).
+
+Vout, Hout: work phase that follows the sample of row 0, of any row. Hrst1, Hrst2: reset of the row
+that the reset counter points at; the exposure begins where it falls. sampling: the idle phase that
+ends with a row's sample, in which nothing else switches. Pout: work phases in which pixels leave
+and are scanned. select: the work cycle that decides. row, reset1, reset2: the counters' Gray codes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from heapq import merge
+
+from rtl_model.imagers.adaptive.device.codes import gray_bits, ring
+from rtl_model.imagers.adaptive.device.timing import FrameTiming, Timing
+from rtl_model.imagers.trace import Signal
+
+__all__ = ["Change", "signal_list", "signals_of"]
+
+Change = tuple[int, str, int]
+"""Clock, signal, value from then on."""
+
+
+def signal_list(timing: Timing) -> tuple[Signal, ...]:
+    """Every signal of the sequencer, with its bits and its value at power-on."""
+    bits, first = gray_bits(timing.rows), ring(0, timing.rows)
+    lines = ("Vout", "Hout", "Hrst1", "Hrst2", "sampling", "Pout", "select")
+    codes = ("row", "reset1", "reset2")
+    return (
+        *(Signal(name) for name in lines),
+        *(Signal(name, bits, first) for name in codes),
+    )
+
+
+def signals_of(timing: Timing, frames: Sequence[FrameTiming]) -> Iterator[Change]:
+    """Every change of every signal that these frames make, in order of clocks."""
+    parts = [part(timing, frame) for frame in frames for part in (_resets, _reading)]
+    return merge(*parts, key=lambda change: change[0])
+
+
+def _resets(timing: Timing, frame: FrameTiming) -> Iterator[Change]:
+    pulse, code = f"Hrst{frame.counter}", f"reset{frame.counter}"
+    for row in range(timing.rows):
+        end = frame.reset(row)
+        step = -(-end // timing.cycle) * timing.cycle
+        yield end - timing.work, pulse, 1
+        yield end, pulse, 0
+        yield step, code, ring(row + 1, timing.rows)
+
+
+def _reading(timing: Timing, frame: FrameTiming) -> Iterator[Change]:
+    for row in range(timing.rows):
+        at = frame.sample(row)
+        yield at - timing.work, "sampling", 1
+        yield at, "sampling", 0
+        yield at, "Hout", 1
+        if row == 0:
+            yield at, "Vout", 1
+        yield at + timing.work, "Hout", 0
+        if row == 0:
+            yield at + timing.work, "Vout", 0
+        yield at + timing.turn, "row", ring(row + 1, timing.rows)
+        for cycle in range(timing.out_cycles):
+            start = at + timing.turn + cycle * timing.cycle
+            yield start, "Pout", 1
+            yield start + timing.work, "Pout", 0
+    yield frame.start + timing.deciding - timing.cycle, "select", 1
+    yield frame.start + timing.deciding, "select", 0

@@ -1,0 +1,1 @@
+"""The imager itself: sequencer, drive, exposure loop, dark frames, registers."""

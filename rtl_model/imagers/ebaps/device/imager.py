@@ -1,0 +1,186 @@
+"""The whole EBAPS imager: pixels behind the sequencer, frames through the board's memory."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.frames import Frame
+from rtl_model.imagers.ebaps.board.burst_memory import BurstMemory
+from rtl_model.imagers.ebaps.board.regions import LIVE, FrameMemory
+from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, subtract
+from rtl_model.imagers.ebaps.device.drive import DRIVE_SIGNALS, drive_records
+from rtl_model.imagers.ebaps.device.resets import late_resets, row_times
+from rtl_model.imagers.ebaps.device.sequencer import Read, Sequencer, Shot
+from rtl_model.imagers.trace import Record, Signal, write_trace
+from rtl_model.imagers.writing import register_of, write_instant
+from sensor.imagers import Exposed, Scenery
+from sensor.imagers.ebaps import EbapsPixels
+
+__all__ = ["SIGNALS", "TRACED", "Ebaps"]
+
+Image = npt.NDArray[np.uint16]
+SIGNALS = (*DRIVE_SIGNALS, Signal("read"), Signal("key"), Signal("exposure_ns", 26))
+"""Of a trace: the drive signals, rows being read, KEY and exposure as the frame took them."""
+TRACED = 8
+"""Frames in a trace."""
+
+
+class Ebaps:
+    """See `Imager`. pixels: of any size up to the timing's; smaller ones are the array's upper left
+    corner, at its row times, and the mean is theirs alone. memory: where frames are stored;
+    as bursts at once when None.
+
+    A dark frame (KEY = 1) is delivered as it was read; a live one with the mean of four darks taken
+    away once four are stored. A frame's `state` has, besides its exposure and voltage, the mean,
+    `raw_mean`, what the loop says of it, and how many rows were reset late (`resets`).
+    """
+
+    name = "ebaps"
+
+    def __init__(
+        self, pixels: EbapsPixels | None = None, *, memory: FrameMemory | None = None,
+        timing: Timing | None = None,
+    ) -> None:  # fmt: skip
+        self.pixels = EbapsPixels() if pixels is None else pixels
+        self.timing = Timing() if timing is None else timing
+        height, width = self.pixels.shape
+        if height > self.timing.rows or width > self.timing.columns:
+            raise ValueError(f"pixels must fit {self.timing.rows} x {self.timing.columns}")
+        self.memory: FrameMemory = BurstMemory() if memory is None else memory
+        self.sequencer = Sequencer(self._expose, self.timing)
+        self.now = 0
+        self._writes: list[tuple[int, int, str, int]] = []
+        self._order = 0
+        self._at: dict[int, EbapsPixels] = {}
+        self._shown: Image | None = None
+        self._raw_mean = 0.0
+        self._times: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
+        self._late = 0
+        self._film: tuple[Scenery, int, frozenset[str]] | None = None
+
+    def write(self, register: str, value: int, at: int | None = None) -> None:
+        """See `Imager`; names may leave out the `ebaps_`. InputError for no such register, one that
+        is only read, a value that does not fit, a time that has passed."""
+        registers = self.sequencer.registers
+        entry = register_of(registers, register)
+        when = write_instant(entry, register, value, at, self.now)
+        if when == self.now:
+            self._until(when)
+            registers.write(entry.name, value)
+            return
+        self._order += 1
+        heapq.heappush(self._writes, (when, self._order, entry.name, value))
+
+    def read(self, register: str) -> int:
+        """See `Imager`. InputError for no such register."""
+        registers = self.sequencer.registers
+        return registers.read(register_of(registers, register).name)
+
+    def store_darks(self, at: int | None = None) -> None:
+        """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
+        when = self.now if at is None else at
+        self.write("ebaps_key", 1, when)
+        first = self.sequencer.upcoming
+        while self.timing.ps(self.timing.vsync(first)) < when:
+            first += 1
+        last = self.timing.ps(self.timing.vsync(first + DARKS - 1))
+        self.write("ebaps_key", 0, last + 1)
+
+    def film(
+        self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
+        trace: Path | None = None,
+    ) -> Iterator[Frame]:  # fmt: skip
+        """See `Imager`. The trace shows the first `TRACED` frames that are delivered."""
+        self._film = (scene, seed, kept)
+        records: list[Record] = []
+        traced: list[tuple[int, int]] = []
+        while True:
+            clock = self.sequencer.next_event()
+            instant = self.timing.ps(clock)
+            if instant > until:
+                break
+            self._until(instant)
+            self.now = max(self.now, instant)
+            shot = self.sequencer.step()
+            if shot is None:
+                continue
+            if trace is not None and len(traced) < TRACED:
+                records += self._records(shot)
+                traced.append((shot.number, shot.exposure))
+            yield self._frame(shot, instant)
+        self._until(until)
+        self.now = max(self.now, until)
+        if trace is not None:
+            records += drive_records(traced, self.timing)
+            write_trace(trace, SIGNALS, sorted(records, key=lambda r: r[0]), top="ebaps")
+
+    def _until(self, instant: int) -> None:
+        """Writes that are due by then; one at the instant of a VSYNC comes before it."""
+        while self._writes and self._writes[0][0] <= instant:
+            _, _, register, value = heapq.heappop(self._writes)
+            self.sequencer.registers.write(register, value)
+
+    def _model(self, volts: int) -> EbapsPixels:
+        if volts not in self._at:
+            self._at[volts] = self.pixels.at(volts=float(volts))
+        return self._at[volts]
+
+    def _expose(self, shot: Shot) -> Read:
+        """Pixels of a frame whose last row has been read, through the memory."""
+        assert self._film is not None
+        scene, seed, kept = self._film
+        height, width = self.pixels.shape
+        around = self.sequencer.around(shot)
+        self._times = begin, end = row_times(self.timing, shot.number, around, height)
+        self._late = int(np.count_nonzero(late_resets(self.timing, shot.number, around)[:height]))
+        dark = np.zeros((height, width))
+        light = dark if shot.closed else scene.lux_seconds(0, begin, end)
+        seconds = (end - begin) / 1e12
+        exposed = Exposed(light, seconds, np.zeros(height), 0, shot.number)
+        values = self._model(shot.volts).convert(exposed, seed, kept)
+        self.memory.store(shot.region, values)
+        raw = int(values.sum(dtype=np.int64))
+        self._raw_mean = raw / values.size
+        shown = values
+        if not shot.key and self.sequencer.subtracts():
+            darks = [self.memory.read(n) for n in range(DARKS)]
+            shown = subtract(self.memory.read(LIVE), mean_of_four(darks), self.sequencer.pedestal())
+        self._shown = shown
+        return Read(raw, int(shown.sum(dtype=np.int64)), values.size)
+
+    def _frame(self, shot: Shot, instant: int) -> Frame:
+        assert self._shown is not None
+        assert self._times is not None
+        begin, end = self._times
+        sequencer = self.sequencer
+        status = sequencer.status
+        state = {
+            "exposure_ns": float(shot.exposure),
+            "mean": float(self._shown.mean(dtype=np.float64)),
+            "raw_mean": self._raw_mean,
+            "settled": float(status & 1),
+            "too_dark": float(status >> 1 & 1),
+            "too_bright": float(status >> 2 & 1),
+            "key": float(shot.key),
+            "high_voltage": float(shot.volts),
+            "dark_exposure_ns": float(sequencer.dark_exposure),
+            "rows_reset_late": float(self._late),
+            "next_exposure_ns": float(sequencer.registers.read("ebaps_exposure")),
+        }
+        return Frame(self._shown, self.pixels.bits, shot.number, begin, end, instant, state)
+
+    def _records(self, shot: Shot) -> list[Record]:
+        t, n = self.timing, shot.number
+        fall = t.ps(t.vsync(n + 1))
+        return [
+            Record(t.ps(t.vsync(n)), "exposure_ns", shot.exposure),
+            Record(t.ps(t.vsync(n)), "key", int(shot.key)),
+            Record(fall, "read", 1),
+            Record(t.ps(t.ready(n)), "read", 0),
+        ]

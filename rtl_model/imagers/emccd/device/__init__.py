@@ -1,0 +1,1 @@
+"""The camera itself: timing, sequencer, registers, cooling."""

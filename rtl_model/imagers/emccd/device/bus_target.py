@@ -1,0 +1,134 @@
+"""The EMCCD's sequencer with its registers, from cycle to cycle.
+
+Between two cycles it waits. At an edge of the wait the next cycle begins if sync, as it stands in
+the register, is internal, or if a pulse has come at that very edge; then all parameters are taken,
+together. So a host can free a camera that waits for pulses which do not come. (The document judges
+sync at a cycle's end and takes parameters before the next; that the wait itself looks at the
+register is assumed.) A pulse that comes while a cycle runs is lost, and counted.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable
+
+from rtl_model.imagers.emccd.device.registers import design
+from rtl_model.imagers.emccd.device.sequencer import Cycle, Phase
+from rtl_model.imagers.emccd.device.timing import Settings, Timing
+from rtl_model.imagers.register_file import RegisterFile
+
+__all__ = ["EmccdSequencer", "bus_target"]
+
+
+class EmccdSequencer:
+    """One camera from power-on, edge 0; see `BusTarget`.
+
+    pulses: edges at which sync pulses are seen. begun: called with each cycle when it begins.
+
+    Attributes:
+        clock: edges passed. cycle: the one that runs or ran last.
+    """
+
+    def __init__(
+        self,
+        timing: Timing | None = None,
+        pulses: Iterable[int] = (),
+        begun: Callable[[Cycle], None] | None = None,
+    ) -> None:
+        self.timing = timing or Timing()
+        self.registers = RegisterFile(design(self.timing))
+        self._pulses = sorted(pulses)
+        self._begun = begun
+        self.clock = 0
+        self._start(0)
+        work = {"exposure": "steps", "gain": "gain_step", "first_row": "first", "rows": "rows"}
+        for name, field in work.items():
+            self.registers.on_read[f"emccd_work_{name}"] = lambda field=field: self._at_work(field)  # type: ignore[misc]
+        self.registers.on_read |= {
+            "emccd_state": lambda: int(self.phase),
+            "emccd_cycles": lambda: self._cycles,
+            "emccd_frames": lambda: self.frames,
+            "emccd_cycle_clock": lambda: self.cycle.start if self.cycle else 0,
+            "emccd_frame_clocks": lambda: self.cycle.clocks if self.cycle else 0,
+            "emccd_pulses_lost": lambda: self._lost,
+        }
+        self.registers.on_write["emccd_trigger"] = self._trigger
+
+    def _start(self, clock: int) -> None:
+        self.cycle: Cycle | None = None
+        self._cycles = self._lost = 0
+        self._waits = clock  # edge from which on the next cycle may begin
+
+    def reset(self, clock: int) -> None:
+        """Starts anew at edge `clock`; a cycle that ran is given up."""
+        self.clock = max(self.clock, clock)
+        self._start(clock)
+
+    @property
+    def phase(self) -> Phase:
+        """What is done in the clock before the next edge."""
+        return Phase.WAIT if self.cycle is None else self.cycle.phase(self.clock - 1)
+
+    @property
+    def frames(self) -> int:
+        """Frames whose last pixel had left before the next edge."""
+        return self._cycles - (self.cycle is not None and self.clock <= self.cycle.ready)
+
+    def advance(self, clock: int) -> None:
+        """Runs all edges before `clock`; does nothing where that has passed."""
+        while self.run(clock):
+            continue
+
+    def run(self, clock: int) -> bool:
+        """Runs all edges before `clock`, or until a cycle has begun; whether one has."""
+        if clock <= self.clock:
+            return False
+        waits = max(self._waits, self.clock)
+        external = bool(self.registers.read("emccd_sync"))
+        while self._pulses and self._pulses[0] < min(waits, clock):
+            self._lost += 1
+            self._pop(self._pulses[0])
+        edge = waits
+        if external:
+            edge = self._pulses[0] if self._pulses else clock
+        if edge >= clock:
+            self.clock = clock
+            return False
+        self._lost += not external and bool(self._pulses) and self._pulses[0] == edge
+        self._pop(edge)
+        self._begin(edge)
+        return True
+
+    def _pop(self, edge: int) -> None:
+        """Takes the pulses of one edge, which are one."""
+        while self._pulses and self._pulses[0] == edge:
+            heapq.heappop(self._pulses)
+
+    def _begin(self, edge: int) -> None:
+        file = self.registers
+        file.take("cycle")
+        settings = Settings(
+            steps=file.at_work("emccd_exposure"),
+            first=file.at_work("emccd_first_row"),
+            rows=file.at_work("emccd_rows"),
+            gain_step=file.at_work("emccd_gain"),
+            external=bool(file.at_work("emccd_sync")),
+        ).within(self.timing)
+        self.cycle = Cycle(self._cycles, edge, self.timing, settings)
+        self._cycles += 1
+        self._waits = self.cycle.end
+        self.clock = edge + 1
+        if self._begun is not None:
+            self._begun(self.cycle)
+
+    def _trigger(self, value: int) -> None:
+        if value & 1:
+            heapq.heappush(self._pulses, self.clock)
+
+    def _at_work(self, field: str) -> int:
+        return int(getattr(self.cycle.settings, field)) if self.cycle else 0
+
+
+def bus_target() -> EmccdSequencer:
+    """The camera that a virtual board serves."""
+    return EmccdSequencer()

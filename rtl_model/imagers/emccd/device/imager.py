@@ -1,0 +1,184 @@
+"""`Emccd`: the whole camera, light to frames, over its registers.
+
+The sequencer runs clock by clock; a frame's pixels are worked out when its last one has left, with
+the parameters that its cycle took when it began. All rows of the image area are exposed together
+and go into the pixel model, since smear and blooming need them; the window comes out.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from cosim.clock import PS
+from cosim.frames import Frame
+from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
+from rtl_model.imagers.emccd.device.cooling import Cooler
+from rtl_model.imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
+from rtl_model.imagers.emccd.device.timing import Timing
+from rtl_model.imagers.trace import Signal, trace_ending, write_trace
+from rtl_model.imagers.writing import register_of, write_instant
+from sensor.imagers import Scenery
+from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
+
+__all__ = ["Emccd"]
+
+_TRACED = 2
+"""Frames whose signals a trace holds."""
+_SYNC = Signal("sync_in")
+
+
+class Emccd:
+    """An `Imager`. pixels: its chip. timing: of its sequencer. high_voltage: gain of each step.
+    pulses: instants of external sync, ps, each seen at the first edge not before it. cooler: gives
+    the chip's temperature at each frame, from where it stands; the pixels' own when None.
+
+    Register names may leave out the `emccd_`.
+    """
+
+    name = "emccd"
+
+    def __init__(
+        self,
+        pixels: EmccdPixels | None = None,
+        timing: Timing | None = None,
+        *,
+        high_voltage: HighVoltage | None = None,
+        pulses: Iterable[int] = (),
+        cooler: Cooler | None = None,
+    ) -> None:
+        self.pixels = pixels or EmccdPixels()
+        self.timing = timing or Timing()
+        if (self.timing.rows, self.timing.columns) != self.pixels.shape:
+            raise ValueError(f"timing must be for {self.pixels.shape} pixels, not {self.timing}")
+        self.high_voltage = high_voltage or HighVoltage(stages=self.pixels.stages)
+        self.cooler = cooler
+        # A cooler that has run before goes on from there.
+        self._cooled = 0 if cooler is None else cooler.samples * cooler.settings.sample
+        self._clock = self.timing.clock
+        self._pulses = [self._edge(ps) for ps in pulses]
+        self._waiting: list[tuple[int, int, str, int]] = []  # (edge, order, register, value)
+        self._written = self._now = 0
+        self._cycles: list[Cycle] = []  # begun, not yet delivered
+        self.sequencer = EmccdSequencer(self.timing, self._pulses, self._cycles.append)
+
+    @property
+    def now(self) -> int:
+        """Where it stands, ps."""
+        return self._now
+
+    def write(self, register: str, value: int, at: int | None = None) -> None:
+        """See `Imager`. It is strobed at the first edge not before `at`; a cycle that begins at a
+        later edge takes it. What is written at 0 stands before the first edge. InputError for no
+        such register, one that is only read, a value that does not fit, a time that has passed."""
+        entry = register_of(self.sequencer.registers, register)
+        when = write_instant(entry, register, value, at, self._now)
+        edge = max(self._edge(when), self.sequencer.clock - 1) if when else -1
+        insort(self._waiting, (edge, self._written, entry.name, value))
+        self._written += 1
+        self._strobe(self.sequencer.clock)
+
+    def read(self, register: str) -> int:
+        """See `Imager`."""
+        registers = self.sequencer.registers
+        return registers.read(register_of(registers, register).name)
+
+    def film(
+        self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
+        trace: Path | None = None,
+    ) -> Iterator[Frame]:  # fmt: skip
+        """See `Imager`. A row's times are the exposure's, between the two transfers; the window's
+        rows are delivered, all columns of them."""
+        if scene.shape != self.pixels.shape:
+            raise ValueError(f"scene must be {self.pixels.shape}, not {scene.shape}")
+        if trace is not None:
+            trace_ending(trace)
+        traced: list[Cycle] = []
+        stop = self._clock.cycle_at(until) + 1
+        while (cycle := self._cycle(stop)) is not None:
+            ready = self._clock.edge(cycle.ready)
+            self._now = ready
+            if len(traced) < _TRACED:
+                traced.append(cycle)
+            yield self._frame(cycle, scene, seed, kept)
+        self._now = max(self._now, until)
+        if trace is not None:
+            self._write_trace(trace, [*traced, *self._cycles][:_TRACED], until)
+
+    def _edge(self, ps: int) -> int:
+        """The first edge that is not before an instant."""
+        edge = self._clock.cycle_at(ps)
+        return edge + (self._clock.edge(edge) < ps)
+
+    def _strobe(self, clock: int) -> None:
+        """Writes whose edge has passed take their places."""
+        while self._waiting and self._waiting[0][0] < clock:
+            _, _, name, value = self._waiting.pop(0)
+            self.sequencer.registers.write(name, value)
+
+    def _cycle(self, stop: int) -> Cycle | None:
+        """Runs edges before `stop` until a frame's last pixel has left; its cycle, or None."""
+        while True:
+            goal = stop
+            if self._cycles:
+                goal = min(goal, self._cycles[0].ready + 1)
+            if self._waiting:
+                goal = min(goal, self._waiting[0][0] + 1)
+            begun = self.sequencer.run(goal)
+            self._strobe(self.sequencer.clock)
+            if self._cycles and self.sequencer.clock > self._cycles[0].ready:
+                return self._cycles.pop(0)
+            if not begun and self.sequencer.clock >= stop:
+                return None
+
+    def _frame(self, cycle: Cycle, scene: Scenery, seed: int, kept: frozenset[str]) -> Frame:
+        rows, settings = self.timing.rows, cycle.settings
+        begin = np.full(rows, self._clock.edge(cycle.exposure_begin), np.int64)
+        end = np.full(rows, self._clock.edge(cycle.exposure_end), np.int64)
+        ready = self._clock.edge(cycle.ready)
+        kelvin = self.pixels.kelvin
+        if self.cooler is not None:
+            self.cooler.advance(self._cooled + ready)
+            kelvin = self.cooler.kelvin
+        gain = self.high_voltage.gain(settings.gain_step, kelvin)
+        exposed = EmccdExposed(
+            lux_seconds=scene.lux_seconds(0, begin, end),
+            seconds=(end - begin) / PS,
+            waiting=cycle.waiting(),
+            first=0,
+            frame=cycle.number,
+            read=(cycle.before, settings.rows),
+            gain=gain,
+            kelvin=kelvin,
+            row_shift=self.timing.row_shift,
+        )
+        window = slice(cycle.before, cycle.before + settings.rows)
+        state = {
+            "exposure_steps": float(settings.steps),
+            "gain_step": float(settings.gain_step),
+            "gain": gain,
+            "first_row": float(settings.first),
+            "rows": float(settings.rows),
+            "external": float(settings.external),
+            "frame_clocks": float(cycle.clocks),
+            "kelvin": kelvin,
+        }
+        values = self.pixels.convert(exposed, seed, kept)
+        return Frame(
+            values, self.pixels.bits, cycle.number, begin[window], end[window], ready, state
+        )
+
+    def _write_trace(self, path: Path, cycles: list[Cycle], until: int) -> None:
+        """Signals of these cycles, with the sync input, up to the instant `until`."""
+        edge = self._clock.edge
+        changes = [change for cycle in cycles for change in signal_changes(cycle)]
+        last = cycles[-1].end if cycles else 0
+        for pulse in self._pulses:
+            if pulse <= last:
+                changes += [(pulse, _SYNC.name, 1), (pulse + 1, _SYNC.name, 0)]
+        changes.sort(key=lambda change: change[0])  # stable: the sequencer's own order stays
+        records = ((edge(k), name, value) for k, name, value in changes if edge(k) <= until)
+        write_trace(path, (*SIGNALS, _SYNC), records, top="emccd")

@@ -1,0 +1,36 @@
+"""Control loops as one would first write them: what cases 33 to 38 are there to catch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rtl_model.imagers.adaptive.device.decision import Search
+from rtl_model.imagers.adaptive.device.loop import from_register, unlimited
+from rtl_model.imagers.emccd.device.cooling import Cooler
+from tests.rtl_model.imagers.naive_ebaps import (
+    float32_sum,
+    proportional,
+    sum_of_32_bits,
+    unclipped,
+)
+
+__all__ = [
+    "float32_sum", "no_end", "proportional", "sum_of_32_bits", "twice_followed", "unclipped",
+    "wound_up",
+]  # fmt: skip
+
+
+def no_end(search: int) -> Any:
+    """Shortens below the shortest exposure, to none."""
+    return unlimited(Search(search))
+
+
+def twice_followed(search: int) -> Any:
+    """Reckons from a decision that no frame has shown yet."""
+    return from_register(Search(search))
+
+
+def wound_up(air: Callable[[float], float]) -> Cooler:
+    """Integrates while the drive stands at its end."""
+    return Cooler(air, 263.15, anti_windup=False)
