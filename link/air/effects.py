@@ -179,6 +179,6 @@ def _effect(name: str, change: Change) -> Effect:
 
     streams = {"vibration": Stream.VIBRATION, "scintillation": Stream.SCINTILLATION}
     return Effect(
-        name, _SOURCES[name], streams.get(name, Stream.NONE), "", str, bound,
+        name, _SOURCES[name], streams.get(name, Stream.NONE), bound,
         cost if name in _COSTS else free,
     )  # fmt: skip

@@ -20,7 +20,8 @@ from link.mode import Mode
 from link.timing import Registration, Timing
 from sensor import EFFECTS, make_pixels
 from sensor.latched.pixel.fixed_point import to_fixed
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["Compared", "comparison"]
 

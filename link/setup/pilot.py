@@ -50,9 +50,8 @@ def strip_of(setting: LinkSetting) -> LinkSetting:
     high = np.maximum(high, low + 2 * _MARGIN)  # out of view: something, which will not work
     wide, high_rows = (int(n) for n in high - low)
     chip = replace(setting.camera.chip, width=wide, height=high_rows)
-    camera = replace(
-        setting.camera, chip=chip, row_skew=setting.camera.row_skew * high_rows / height
-    )
+    camera = replace(setting.camera, chip=chip)
+    camera = camera.changed(row_skew=setting.camera.row_skew * high_rows / height)
     # The small sensor's middle is elsewhere than the whole one's.
     x = setting.aim.offset[0] + (width - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
     y = setting.aim.offset[1] + (height - 1) / 2 - (float(low[1]) + (high_rows - 1) / 2)

@@ -18,7 +18,7 @@ from link.sending import Transmission
 from link.setup.setup import set_up_link
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
-from rtl_model.stand_in import stand_in
+from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
 from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.camera.lensed import camera_setting, resized
@@ -40,7 +40,7 @@ def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
     low, high = (np.full((4, 8), np.float32(x * lux)) for x in (0.1, 1.0))
     edge = Clock(40_000).edge
     light = Light((Piece(0, edge(3), low, high), Piece(edge(3), edge(8), high, high)))
-    with stand_in("serial:virtual", "sensor.source", Geometry(rows=4, columns=8)) as place:
+    with open_board("serial:virtual", "sensor.source", Geometry(rows=4, columns=8)) as place:
         camera = BoardCamera(place, setting, 0.5, 8)
         made = camera.step(light, Block(0, 8))
     q, middles = 255, [0.1 + 0.9 * (k + 0.5) / 3 for k in range(3)]
