@@ -1,4 +1,7 @@
-"""`viform link capacity`: what a link's light and pixels could carry, and what its design does."""
+"""`viform link capacity`: what a link's light and pixels could carry, and what its design does.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`viform link receive`: a file out of a stream that filmed a panel."""
+"""`viform link receive`: a file out of a stream that filmed a panel.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 
