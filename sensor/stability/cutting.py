@@ -19,7 +19,7 @@ from cosim.run.case import Case
 from cosim.spikes.viform import unpack_planes
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.sampling import row_offsets
 from sensor.stability.gathering import CLOCK
 
@@ -130,7 +130,7 @@ def plain_bits() -> Bits:
     offsets = row_offsets(CLOCK, chip.height, SMALL.row_skew, 0.0, (0, chip.height))
     exposure = Exposure(CLOCK, SMALL.electrons_per_lux, None, offsets)
     numbers = np.arange(chip.height * chip.width, dtype=np.uint32)
-    pixels = PlainPixels(SMALL.model, numbers)
+    pixels = NumpyPixels(SMALL.model, numbers)
     words = pixels.expose(exposure.spans(_light(0, chip.height), 0, CYCLES), CYCLES)
     bits = unpack_planes(words.reshape(-1, chip.height, chip.width), 0, CYCLES)
     bits.setflags(write=False)

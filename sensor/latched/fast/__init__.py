@@ -2,7 +2,6 @@
 
 from sensor.latched.fast.bound import charge_error, rate_bound
 from sensor.latched.fast.pixels import FastPixels
-from sensor.latched.fast.plain import PlainFast
 from sensor.latched.fast.units import units_of
 
-__all__ = ["FastPixels", "PlainFast", "charge_error", "rate_bound", "units_of"]
+__all__ = ["FastPixels", "charge_error", "rate_bound", "units_of"]

@@ -149,7 +149,7 @@ def units_of(model: ExactModel) -> Units:
 
 
 def quantile(table: npt.NDArray[np.int32], word: npt.NDArray[np.uint32]) -> npt.NDArray[np.int32]:
-    """Threshold in units for each random word: the plain form of the kernel's `quantile`.
+    """Threshold in units for each random word: the numpy form of the kernel's `quantile`.
 
     The distance y from the nearer end of (0, 1) as a float is an octave (its exponent) and a place
     in it (its mantissa), at which a polynomial is taken.

@@ -1,4 +1,4 @@
-"""The exact pixel compiled by numba: the same bits as `plain`, a pixel at a time."""
+"""The exact pixel compiled by numba: the same bits as `NumpyPixels`, a pixel at a time."""
 
 from __future__ import annotations
 

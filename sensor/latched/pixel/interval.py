@@ -104,7 +104,7 @@ NO_TABLE.setflags(write=False)
 
 
 def threshold(table: Charge, word: npt.NDArray[np.uint32]) -> Charge:
-    """Threshold in Q24.40 for each random word: the plain form of the lookup."""
+    """Threshold in Q24.40 for each random word: the numpy form of the lookup."""
     word = np.asarray(word, np.uint32)
     upper = word >> np.uint32(31)
     y = np.where(upper == 1, ~word, word)

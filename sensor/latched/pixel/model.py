@@ -1,6 +1,6 @@
 """What every form of the exact pixel shares: its setting, its state, the charge it is given.
 
-Three forms compute the same bits from it: `plain` (numpy, the truth), `compiled` (numba) and
+Three forms compute the same bits from it: `numpy_form` (the truth), `compiled` (numba) and
 `kernel` (OpenCL).
 """
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -28,14 +29,16 @@ from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.residual import RESIDUAL
 from sensor.latched.effects.windows import bound_of, contrast, shifted
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels, PlainFast
+from sensor.latched.fast import FastPixels
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.pixel.transfer import Transfer
 from sensor.latched.tiers import Tier, tier_pixels
+from tests.sensor.latched.numpy_fast import NumpyFast
 
 CLOCK = Clock(40_000)
 PERIOD = CLOCK.edge(1)
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class LightGain(PixelEffect):
@@ -81,8 +84,9 @@ class LightGain(PixelEffect):
 def viform(*words: str) -> dict[str, Any]:
     """The document of `viform WORDS --json`, with the effect registered."""
     done = subprocess.run(
-        [sys.executable, __file__, *words, "--json"], capture_output=True, text=True, check=False
-    )
+        [sys.executable, __file__, *words, "--json"], capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return dict(json.loads(done.stdout))
 
@@ -151,15 +155,15 @@ def test_numba_opencl_and_plain_numpy_give_the_same_bits(setting: CameraSetting)
         model = replace(setting, reset=reset).model
         assert len(model.transfers) == 1
         forms = [make_pixels(model, numbers, d) for d in (None, open_device())]
-        forms.append(PlainPixels(model, numbers))
+        forms.append(NumpyPixels(model, numbers))
         spans = Exposure(CLOCK, 40_000.0).spans(light, 0, 128)
         words = [form.expose(spans, 128) for form in forms]
         assert np.array_equal(words[0], words[2]) and np.array_equal(words[1], words[2])
         plain = ExactModel(300.0, 4, model.effects, reset=reset, dead_time=model.dead_time)
-        assert not np.array_equal(words[2], PlainPixels(plain, numbers).expose(spans, 128))
+        assert not np.array_equal(words[2], NumpyPixels(plain, numbers).expose(spans, 128))
         fast = model, (6, 21), numbers
         found = FastPixels(*fast, open_device(), CLOCK, 40_000.0)
-        expected = PlainFast(*fast, CLOCK, 40_000.0)
+        expected = NumpyFast(*fast, CLOCK, 40_000.0)
         assert np.array_equal(found.expose(light, 0, 128), expected.expose(light, 0, 128))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from cosim.plan.planner import ESTIMATE_WEIGHT
 from sensor.latched.pixel import interval, model
-from tests.sensor.random_scenes import random_scene, rates
+from tests.sensor.latched.random_scenes import random_scene, rates
 
 RULES = ("residual carried", "random initial charge")
 """What the pixel is, not what it adds; they cost nothing and are never left out."""

@@ -20,7 +20,7 @@ from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, Reset
-from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import thresholds
 
@@ -43,7 +43,7 @@ def test_the_forms_agree_under_every_reset_rule_and_dead_time(
     model = ExactModel(q, 7, effects, 5.0 if noise else 0.0, reset, dead_time)
     pixels = np.arange(n, dtype=np.uint32)
     for ramp in (None, slope):
-        plain = PlainPixels(model, pixels)
+        plain = NumpyPixels(model, pixels)
         words = plain.expose([Span(0, cycles, first, ramp)], cycles)
         for form in (CompiledPixels(model, pixels), KernelPixels(model, pixels, device)):
             spans = [Span(0, 65, first, ramp), Span(65, cycles - 65, first, ramp, 65)]

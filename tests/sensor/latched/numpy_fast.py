@@ -21,13 +21,13 @@ from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, drawn
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.transfer import transferred_light
 
-__all__ = ["PlainFast"]
+__all__ = ["NumpyFast"]
 
 _F = np.float32
 Array = npt.NDArray[Any]
 
 
-class PlainFast:
+class NumpyFast:
     """One cycle at a time over all pixels; takes what `FastPixels` takes, but no device."""
 
     def __init__(

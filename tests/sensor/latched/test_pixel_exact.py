@@ -15,7 +15,7 @@ from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, ExactPixels, Reset
-from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.pixel.span import Span
 
 NOISELESS = (RESIDUAL,)
@@ -52,7 +52,7 @@ def test_the_three_forms_agree_with_plain_numpy_on_every_bit(
     pixels = np.random.default_rng(1).integers(0, 2**32, n, dtype=np.uint32)
     model = ExactModel(threshold, 7, effects)
     charge, slope = light(n, threshold, cycles, ramp, 2)
-    plain = PlainPixels(model, pixels)
+    plain = NumpyPixels(model, pixels)
     expected = plain.expose([Span(0, cycles, charge, slope)], cycles)
     assert 0 < np.bitwise_count(expected).sum() < n * cycles
     forms: list[ExactPixels] = [
@@ -133,7 +133,7 @@ def test_spike_indices_beyond_2_to_the_32_agree_and_do_not_repeat(device: Device
     n, pixels = 64, np.arange(64, dtype=np.uint32)
     model = ExactModel(100.0, 1, ALL)
     charge = np.full(n, 30 * ONE, np.int64)
-    forms: list[ExactPixels] = [PlainPixels(model, pixels), KernelPixels(model, pixels, device)]
+    forms: list[ExactPixels] = [NumpyPixels(model, pixels), KernelPixels(model, pixels, device)]
     words = []
     for form in forms:
         state = form.state()
@@ -141,7 +141,7 @@ def test_spike_indices_beyond_2_to_the_32_agree_and_do_not_repeat(device: Device
         form.restore(state)
         words.append(form.expose([Span(0, 320, charge)], 320))
     assert np.array_equal(*words)
-    fresh = PlainPixels(model, pixels).expose([Span(0, 320, charge)], 320)
+    fresh = NumpyPixels(model, pixels).expose([Span(0, 320, charge)], 320)
     assert not np.array_equal(fresh, words[0])
 
 
@@ -155,7 +155,7 @@ class TestClosedForms:
         pixels = np.arange(n, dtype=np.uint32)
         charge = to_fixed(np.linspace(0, 0.999 * q, n))
         made: dict[str, ExactPixels] = {
-            "plain": PlainPixels(model, pixels),
+            "plain": NumpyPixels(model, pixels),
             "numba": CompiledPixels(model, pixels),
             "opencl": KernelPixels(model, pixels, device),
         }
@@ -196,7 +196,7 @@ class TestClosedForms:
         model = ExactModel(8.0, 1, NOISELESS)
         charge = np.array([2 * ONE, 2 * ONE - 1, 2 * ONE + 1])
         for pixels in (
-            PlainPixels(model, np.arange(3, dtype=np.uint32)),
+            NumpyPixels(model, np.arange(3, dtype=np.uint32)),
             KernelPixels(model, np.arange(3, dtype=np.uint32), device),
         ):
             words = pixels.expose([Span(0, 5, charge)], 5)
@@ -238,7 +238,7 @@ def test_light_that_changes_every_few_cycles_gives_the_same_bits(
             slope, elapsed = lit[random.integers(60)] // 512, int(random.integers(9))
         spans.append(Span(at, size, charge, slope, elapsed))
         at += size
-    plain, kernel = PlainPixels(model, pixels), KernelPixels(model, pixels, device)
+    plain, kernel = NumpyPixels(model, pixels), KernelPixels(model, pixels, device)
     expected = plain.expose(spans, cycles)
     assert 0.1 < np.bitwise_count(expected).sum() / (n * cycles) < 0.9
     assert np.array_equal(kernel.expose(iter(spans), cycles), expected)

@@ -18,7 +18,7 @@ from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
 from sensor.latched.sampling import row_offsets
-from tests.sensor.piecewise import light_between
+from tests.sensor.latched.piecewise import light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000

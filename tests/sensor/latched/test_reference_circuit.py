@@ -15,7 +15,7 @@ from sensor.circuit.train import spike_train
 from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
-from tests.sensor.piecewise import light_between
+from tests.sensor.latched.piecewise import light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000

@@ -16,14 +16,15 @@ from cosim.compute.opencl import Device
 from sensor import DevicePattern
 from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels, PlainFast, rate_bound
+from sensor.latched.fast import FastPixels, rate_bound
 from sensor.latched.fast.units import first_charge, quantile, units_of
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
-from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.sampling import row_offsets
-from tests.sensor.piecewise import level, light_between
+from tests.sensor.latched.numpy_fast import NumpyFast
+from tests.sensor.latched.piecewise import level, light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000
@@ -100,7 +101,7 @@ def test_kernels_agree_with_plain_numpy_on_every_bit(
         pattern if seed % 2 else None, offsets, random.integers(0, 4, (7, 3)).astype(np.uint8),
     )  # fmt: skip
     fast = FastPixels(*setting[:3], device, *setting[3:])
-    plain = PlainFast(*setting)
+    plain = NumpyFast(*setting)
     knots = [0, 3 * PERIOD + 5, 9 * PERIOD, 9 * PERIOD + PERIOD // 3, 20 * PERIOD, 200 * PERIOD]
     light = light_between(SHAPE, knots, True) if seed % 2 else boxed(seed, 700.0, 25)
     found = run(fast, light, [0, 5, 37, 64, 130, 171])
@@ -120,9 +121,9 @@ def test_cycles_of_very_many_pieces_agree_too(device: Device) -> None:
     gain = 300.0 * 40_000 / 1500
     fast = FastPixels(*setting, device, CLOCK, gain)
     found = run(fast, light, [0, 1, 9])
-    plain = PlainFast(*setting, CLOCK, gain)
+    plain = NumpyFast(*setting, CLOCK, gain)
     assert np.array_equal(found, run(plain, light, [0, 9]))
-    exact = PlainPixels(model, NUMBERS)
+    exact = NumpyPixels(model, NUMBERS)
     spans = Exposure(CLOCK, gain).spans(light, 0, 9)
     assert np.mean(found != bits(exact.expose(spans, 9), 9)) < 1e-3
 
@@ -236,7 +237,7 @@ def test_thresholds_are_the_exact_tiers_to_the_error_said(electrons: float) -> N
     assert abs(np.mean(found - exact)) < units.error / 4 + 1
 
 
-def exact_rate(model: ExactModel, exact: PlainPixels, numbers: Any) -> Any:
+def exact_rate(model: ExactModel, exact: NumpyPixels, numbers: Any) -> Any:
     """Stored charge of the exact tier's pixels over their own threshold."""
     from sensor.latched.fast.units import running
 
@@ -277,7 +278,7 @@ def test_the_proven_bound_of_the_rate_is_never_exceeded(device: Device, seed: in
     )
     assert bound.kind == "proof"
     fast = FastPixels(model, shape, numbers, device, CLOCK, gain, pattern, offsets)
-    exact = PlainPixels(model, numbers)
+    exact = NumpyPixels(model, numbers)
     before = fast.fraction(), exact_rate(model, exact, numbers)
     found = run(fast, light, [0, 64, 640])
     spans = Exposure(CLOCK, gain, pattern, offsets).spans(light, 0, cycles)
@@ -316,7 +317,7 @@ def test_under_a_hard_reset_the_estimate_holds(device: Device, seed: int) -> Non
     bound = rate_bound(model, 0.2 * electrons, brightest * electrons, cycles)
     assert bound.kind == "estimate" and bound.value < 0.02
     fast = FastPixels(model, shape, numbers, device, CLOCK, gain)
-    exact = PlainPixels(model, numbers)
+    exact = NumpyPixels(model, numbers)
     before = fast.fraction(), exact_rate(model, exact, numbers)
     found = run(fast, light, [0, 64, 640])
     expected = bits(exact.expose(Exposure(CLOCK, gain).spans(light, 0, cycles), cycles), cycles)
@@ -354,7 +355,7 @@ def test_spike_indices_beyond_2_to_the_32_agree(device: Device) -> None:
     plane = level(SHAPE, 1, 0.8)
     light, model = Light((Piece(0, PS, plane, plane),)), ExactModel(100.0, 1, ALL)
     fast = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 100.0 * 40_000)
-    plain = PlainFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000)
+    plain = NumpyFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000)
     words = []
     for pixels in (fast, plain):
         words.append(run(pixels, light, [0, 60]))
@@ -363,7 +364,7 @@ def test_spike_indices_beyond_2_to_the_32_agree(device: Device) -> None:
         pixels.restore(state)
         words.append(run(pixels, light, [60, 150]))
     assert np.array_equal(words[1], words[3])
-    fresh = run(PlainFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000), light, [0, 150])[60:]
+    fresh = run(NumpyFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000), light, [0, 150])[60:]
     assert not np.array_equal(fresh, words[3])
     assert np.array_equal(fast.state()["spikes"], plain.state()["spikes"])
     assert fast.state()["spikes"].max() > 2**32
@@ -377,7 +378,7 @@ def test_light_is_held_where_the_exact_tier_holds_it(device: Device) -> None:
     numbers = np.arange(16, dtype=np.uint32)
     fast = FastPixels(model, (1, 16), numbers, device, CLOCK, 40_000.0)
     spans = Exposure(CLOCK, 40_000.0).spans(light, 0, 100)
-    exact = bits(PlainPixels(model, numbers).expose(spans, 100), 100)
+    exact = bits(NumpyPixels(model, numbers).expose(spans, 100), 100)
     # Phases of the two differ from saturation on.
     saturated = int(100 * (1 - 1e5 / LARGEST))
     found = run(fast, light, [0, 100])

@@ -17,7 +17,7 @@ from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import LARGEST, ONE
 from sensor.latched.sampling import row_offsets
-from tests.sensor.piecewise import charges, level, light_between
+from tests.sensor.latched.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
 PERIOD = PS // 40_000

@@ -13,10 +13,10 @@ from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import thresholds
 
-__all__ = ["PlainPixels"]
+__all__ = ["NumpyPixels"]
 
 
-class PlainPixels:
+class NumpyPixels:
     """One numpy operation a cycle over all pixels. pixels: their numbers, (n,) uint32."""
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32]) -> None:
