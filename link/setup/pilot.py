@@ -103,6 +103,6 @@ def film_pilot(
     count = groups * size.layout.group
     sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
     words, timing, air = _film(strip, sent, device)
-    made = make_detector(detector, sent.layout, air.truth, timing)
-    made.learn(words, 0, sent.bits(0, TRAINING), 0)
-    return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))
+    learned = make_detector(detector, sent.layout, air.truth, timing)
+    learned.learn(words, 0, sent.bits(0, TRAINING), 0)
+    return Pilot(learned.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

@@ -113,8 +113,8 @@ def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
-    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel; who
-    has not fired by then tells as much by its share."""
+    """Instant up to which a tile is compared, ps: the end, or REPORTS spikes of its brightest
+    pixel. The share of a pixel that has not fired by then is as good an estimate."""
     brightest = float(plan.scene.brightest[tile])
     if brightest <= 0:
         return view.until
