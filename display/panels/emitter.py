@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
-__all__ = ["gone_in", "relax"]
+from display.panels.panel import SpikePanel
+
+__all__ = ["Emitter", "gone_in", "relax"]
+
+
+class Emitter(NamedTuple):
+    """A pixel's emitter as compiled kernels take it.
+
+    Attributes:
+        share: of a plane in which the pixel is driven.
+        rise, decay: time constants in planes, 0 for none.
+    """
+
+    share: float
+    rise: float
+    decay: float
+
+    @classmethod
+    def of(cls, panel: SpikePanel) -> Emitter:
+        hz = panel.clock.hz
+        return cls(panel.share, panel.rise * hz, panel.decay * hz)
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ from numba import njit
 from cosim import Viform
 from display.drives import DRIVES
 from display.drives.compiled import compiled, level, remember
-from display.panels.emitter import gone_in, relax
+from display.panels.emitter import Emitter, gone_in, relax
 from display.panels.panel import SpikePanel
 
 __all__ = ["every_drive", "panel_light"]
@@ -76,16 +76,14 @@ def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
         row[n] += a
 
 
-def _show(  # type: ignore[no-untyped-def]
-    words, cycles, spikes, pulse, rise, decay, span, group, light,
-):  # fmt: skip
+def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[no-untyped-def]
     """Adds the light of each plane of each pixel to light[group[pixel], plane // span]; compiled
     for a drive.
 
-    words: (pixels, words), so that a pixel's lie side by side. spikes: see `Drive`. rise, decay:
-    the time constants in planes, 0 for none. A pixel's drive is laid out from spike to spike in a
-    line that stays in the cache.
+    words: (pixels, words), so that a pixel's words are contiguous. spikes: see `Drive`. A pixel's
+    drive is laid out from spike to spike in a line that stays in the cache.
     """
+    pulse, rise, decay = emitter
     reach = max(_LINE // span, 1) * span
     line = np.empty(reach + _SHORT)
     slow = rise > 0 or decay > 0
@@ -161,15 +159,12 @@ def panel_light(
         raise ValueError(f"groups must be of {height} x {width} pixels, not {groups.size}")
     cycles = stream.cycles // span * span
     words = np.ascontiguousarray(stream.words.reshape(len(stream.words), -1).T)
-    hz, scheme = panel.clock.hz, DRIVES[drive]
-    pulse, show = replace(panel, drive=drive).share, compiled(_show, scheme)
+    scheme, emitter = DRIVES[drive], Emitter.of(replace(panel, drive=drive))
+    show = compiled(_show, scheme)
 
     def some(pixels: slice) -> Values:
         light = np.zeros((int(groups.max()) + 1, cycles // span))
-        show(
-            words[pixels], cycles, scheme.spikes, pulse, panel.rise * hz, panel.decay * hz,
-            span, groups[pixels], light,
-        )  # fmt: skip
+        show(words[pixels], cycles, scheme.spikes, emitter, span, groups[pixels], light)
         return light
 
     if cycles * groups.size < _LONG:

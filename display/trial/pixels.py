@@ -10,7 +10,7 @@ that lies between two patches is not represented.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from numba import njit
 from cosim.spikes.viform import WORD
 from display.drives.compiled import compiled, level, remember
 from display.observe.views import Views
-from display.panels.emitter import gone_in, relax
+from display.panels.emitter import Emitter, gone_in, relax
 from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
 from display.setting import DisplaySetting
@@ -30,11 +30,21 @@ Values = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint32]
 
 
-def _show(  # type: ignore[no-untyped-def]
-    words, cycles, batch, spikes, pulse, rise, decay, tau, age, started, memory, emitted, out
-):
+class PixelState(NamedTuple):
+    """State of pixels as in `GoldenRenderer`, (pixels,) each."""
+
+    tau: Words
+    age: Words
+    started: npt.NDArray[np.bool_]
+    memory: Values
+    level: Values
+
+
+def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no-untyped-def]
     """Adds the light of each span of planes of each pixel to `out`, (spans, pixels); compiled for a
-    drive. rise, decay: time constants in planes."""
+    drive."""
+    pulse, rise, decay = emitter
+    tau, age, started, memory, emitted = state
     instant = rise == 0.0 and decay == 0.0
     up, down = gone_in(pulse, rise), gone_in(pulse, decay)
     up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
@@ -67,39 +77,42 @@ def _show(  # type: ignore[no-untyped-def]
 
 
 class PanelPixels:
-    """A number of pixels of a panel. State as in `GoldenRenderer`, (pixels,) each."""
+    """A number of pixels of a panel, from the dark on."""
 
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel
-        self.tau, self.age = (np.zeros(pixels, np.uint32) for _ in range(2))
-        self.started = np.zeros(pixels, np.bool_)
-        self.level, self.memory = np.zeros(pixels), np.zeros(pixels)
+        tau, age = (np.zeros(pixels, np.uint32) for _ in range(2))
+        memory, level = (np.zeros(pixels) for _ in range(2))
+        self._state = PixelState(tau, age, np.zeros(pixels, np.bool_), memory, level)
+
+    @property
+    def level(self) -> Values:
+        """(pixels,) level of the emitters at the end of the last plane, packets a cycle."""
+        return self._state.level
 
     def light(self, words: Words, cycles: int, batch: int) -> Values:
         """(spans, pixels) packets Q of the next `cycles` planes. words: (words, pixels)."""
-        panel, hz = self.panel, self.panel.clock.hz
+        scheme, emitter = self.panel.scheme, Emitter.of(self.panel)
         out = np.zeros((-(-cycles // batch), words.shape[1]))
-        compiled(_show, panel.scheme)(
-            np.ascontiguousarray(words), cycles, batch, panel.scheme.spikes, panel.share,
-            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.started, self.memory,
-            self.level, out,
-        )  # fmt: skip
+        words = np.ascontiguousarray(words)
+        compiled(_show, scheme)(words, cycles, batch, scheme.spikes, emitter, self._state, out)
         return out
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
-        return {n: getattr(self, n).copy() for n in ("tau", "age", "started", "memory", "level")}
+        return {name: values.copy() for name, values in self._state._asdict().items()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
-        for name, value in state.items():
-            setattr(self, name, value.copy())
+        self._state = PixelState(**{name: values.copy() for name, values in state.items()})
 
 
 @njit(cache=True)
-def _integrate_periodic(light, weight, slope, dy, dx, dy_slope, dx_slope, row, rows, image):  # type: ignore[no-untyped-def]
+def _integrate_periodic(light, view, row, rows, image):  # type: ignore[no-untyped-def]
     """Adds a moving eye's image of every patch, each `rows` lines of the plane, to `image` (lines,
-    columns); light: (spans, lines, columns); row: (lines,) place on the panel, 0 to 1."""
+    columns). light: (spans, lines, columns). view: the arrays of `Views` for this image, in their
+    order. row: (lines,) place on the panel, 0 to 1."""
+    weight, slope, dy, dx, dy_slope, dx_slope = view
     spans, lines, columns = light.shape
     for s in range(spans):
         if weight[s] == 0.0 and slope[s] == 0.0:
@@ -149,11 +162,9 @@ class PatchDisplay:
             return
         shape = len(self._row), self._columns
         for n, image in enumerate(self.images):
-            _integrate_periodic(
-                light.reshape(-1, *shape), views.weight[n], views.slope[n], views.dy[n],
-                views.dx[n], views.dy_slope[n], views.dx_slope[n], self._row, self._rows,
-                image.reshape(shape),
-            )  # fmt: skip
+            view = tuple(values[n] for values in vars(views).values())
+            shaped = light.reshape(-1, *shape)
+            _integrate_periodic(shaped, view, self._row, self._rows, image.reshape(shape))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""

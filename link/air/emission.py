@@ -50,7 +50,7 @@ class Emission:
             raise ValueError(f"symbol must be {self._next}, not {symbol}: an emitter remembers")
         ticks = min(self._source.ticks, self._planes - symbol * self._source.ticks)
         pixels = PanelPixels(self._panel, bits.size)
-        pixels.level = self._level.copy()
+        pixels.level[:] = self._level
         self._before[symbol] = self._level
         self._before.pop(symbol - _KEPT, None)
         word = np.where(bits.ravel(), np.uint32((1 << ticks) - 1), np.uint32(0))[None]
