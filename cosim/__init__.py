@@ -3,12 +3,11 @@ run loop. Every part stands on it; it knows none of them."""
 
 from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.errors import InputError, Interrupted, ViformError
-from cosim.frames import Frame
 from cosim.light.lens import Lens
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.plan.effects import Bound, Effect, Summary
 from cosim.run.loop import Checkpoint, run_blocks
-from cosim.spikes.events import Events, events_of, viform_of
+from cosim.spikes.events import Events
 from cosim.spikes.intensities import Intensities, intensity_image, join_intensities, last_reports
 from cosim.spikes.viform import SpikeStream, Viform
 from cosim.stage import BLOCK, Block
@@ -23,7 +22,6 @@ __all__ = [
     "Clock",
     "Effect",
     "Events",
-    "Frame",
     "InputError",
     "Intensities",
     "Interrupted",
@@ -35,11 +33,9 @@ __all__ = [
     "Summary",
     "Viform",
     "ViformError",
-    "events_of",
     "intensity_image",
     "join_intensities",
     "last_reports",
     "run_blocks",
     "seconds_to_ps",
-    "viform_of",
 ]

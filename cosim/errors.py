@@ -19,21 +19,23 @@ class ViformError(Exception):
 
 
 class InputError(ViformError):
-    """A user's input cannot be used. The text is one line: "WHAT must be MUST, not GIVEN; MEND".
+    """A user's input cannot be used. The text is one line: "WHAT must be MUST, not ACTUAL; REMEDY".
 
     Attributes:
         what: name of the thing, such as "sensor.clock".
         must: what it must be.
-        given: what it is.
-        mend: an instruction.
+        actual: what it is.
+        remedy: an instruction.
     """
 
-    def __init__(self, what: str, must: str, given: str, mend: str) -> None:
-        self.what, self.must, self.given, self.mend = what, must, given, mend
-        super().__init__(what, must, given, mend)  # all of them, so that it can be pickled
+    def __init__(self, what: str, must: str, actual: str, remedy: str) -> None:
+        self.what, self.must, self.actual, self.remedy = what, must, actual, remedy
+        super().__init__(what, must, actual, remedy)  # all of them, so that it can be pickled
 
     def __str__(self) -> str:
-        return " ".join(f"{self.what} must be {self.must}, not {self.given}; {self.mend}".split())
+        return " ".join(
+            f"{self.what} must be {self.must}, not {self.actual}; {self.remedy}".split()
+        )
 
 
 class MissingPackages(InputError):
@@ -44,11 +46,11 @@ class MissingPackages(InputError):
     """
 
     def __init__(
-        self, what: str, must: str, given: str, mend: str, packages: Sequence[str] = ()
+        self, what: str, must: str, actual: str, remedy: str, packages: Sequence[str] = ()
     ) -> None:
-        super().__init__(what, must, given, mend)
+        super().__init__(what, must, actual, remedy)
         self.packages = tuple(packages)
-        self.args = (what, must, given, mend, self.packages)
+        self.args = (what, must, actual, remedy, self.packages)
 
 
 class Interrupted(ViformError):
@@ -56,13 +58,13 @@ class Interrupted(ViformError):
 
     Attributes:
         done, total: work done and work in all, in `unit`.
-        mend: how to go on.
+        remedy: how to go on.
         unit: of the work; cycles by default.
     """
 
-    def __init__(self, done: int, total: int, mend: str, unit: str = "cycles") -> None:
-        self.done, self.total, self.mend, self.unit = done, total, mend, unit
-        super().__init__(done, total, mend, unit)
+    def __init__(self, done: int, total: int, remedy: str, unit: str = "cycles") -> None:
+        self.done, self.total, self.remedy, self.unit = done, total, remedy, unit
+        super().__init__(done, total, remedy, unit)
 
     def __str__(self) -> str:
-        return f"interrupted after {self.done} of {self.total} {self.unit}; {self.mend}"
+        return f"interrupted after {self.done} of {self.total} {self.unit}; {self.remedy}"

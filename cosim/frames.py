@@ -14,10 +14,14 @@ __all__ = ["Frame"]
 class Frame:
     """One frame of a conventional imager.
 
-    values: (H, W) uint16, DN. bits: of a value; full scale is 2^bits - 1. number: of the frame,
-    from 0. begin: (H,) int64 ps, when each row's exposure began. end: (H,) int64 ps, when it ended.
-    ready: ps, when the frame's last pixel had left the imager. state: figures of its controllers
-    that belong to this frame (exposure multiplier, saturated pixels, gain step), by name.
+    Attributes:
+        values: (H, W) uint16, DN.
+        bits: of a value; full scale is 2^bits - 1.
+        number: of the frame, from 0.
+        begin, end: (H,) int64 ps, start and end of each row's exposure.
+        ready: ps, when the frame's last pixel has left the imager.
+        state: figures of the controllers for this frame (exposure multiplier, saturated pixels,
+            gain step), by name.
     """
 
     values: npt.NDArray[np.uint16]

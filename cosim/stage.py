@@ -1,8 +1,8 @@
 """Blocks of cycles, and the stages of a chain that they go through.
 
-A stage takes what the one before it made of a block and makes the next thing of it: a scene makes
-light, a lens maps it, a camera makes spikes of it, a recorder writes them. A stage that remembers
-anything has `state` and `restore`.
+Each stage transforms the output of the stage before it, block by block: a scene gives light, a lens
+maps it, a camera turns it into spikes, a recorder writes them. A stage that keeps state between
+blocks implements `Stateful`.
 """
 
 from __future__ import annotations
@@ -40,14 +40,16 @@ def blocks(cycles: int, size: int = BLOCK, start: int = 0) -> Iterator[Block]:
 
 
 class Stage(Protocol):
-    """One part of the chain. `given` is what the stage before made, None for the first."""
+    """One part of the chain."""
 
-    def step(self, given: Any, block: Block) -> Any: ...
+    def step(self, data: Any, block: Block) -> Any:
+        """The output of a block of cycles. data: output of the stage before, None for the first."""
+        ...
 
 
 @runtime_checkable
 class Stateful(Protocol):
-    """A stage whose next block depends on the ones before."""
+    """A stage whose next block depends on the blocks before it."""
 
     def state(self) -> State: ...
     def restore(self, state: State) -> None: ...

@@ -15,7 +15,14 @@ from pathlib import Path
 
 from cosim import InputError, Interrupted
 from cosim.files.whole import whole
-from cosim.run.folder import PUT_BACK, begin_folder, check_room, claimed, mend, output_folder
+from cosim.run.folder import (
+    PUT_BACK,
+    begin_folder,
+    check_room,
+    claimed,
+    how_to_resume,
+    output_folder,
+)
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Result, dumps, write_result
@@ -88,7 +95,9 @@ def run_scenario(
                 leftover.unlink(missing_ok=True)
             finished = True
         except KeyboardInterrupt:
-            raise Interrupted(machine.length, machine.length, mend(folder), machine.unit) from None
+            raise Interrupted(
+                machine.length, machine.length, how_to_resume(folder), machine.unit
+            ) from None
         finally:
             if not finished:  # whatever the reason, the recording is not lost
                 with suppress(OSError):  # a full disk

@@ -65,5 +65,5 @@ def open_dat(path: Path, size: Size | None = None, config: Config | None = None)
         return DatStream(path, said.size)
     except InputError as exc:
         raise InputError(
-            exc.what, f"{exc.must}, as its {CONFIG} says", exc.given, exc.mend
+            exc.what, f"{exc.must}, as its {CONFIG} says", exc.actual, exc.remedy
         ) from exc

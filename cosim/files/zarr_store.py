@@ -156,11 +156,11 @@ class Recorder:
         # With the default, a chunk without spikes would be no file, just as one that was lost.
         return cast("zarr.Array[Any]", words).with_config({"write_empty_chunks": True})
 
-    def step(self, given: Viform, block: Block) -> Viform:
+    def step(self, data: Viform, block: Block) -> Viform:
         """Writes one block and hands it on."""
         if self._array is None:
             self._array = self._open(resumed=block.start > 0)
-        words, offset = given.words, block.start % WORD
+        words, offset = data.words, block.start % WORD
         if offset:  # go on in the word that the block before left open
             joined = np.zeros((words_for(offset + block.cycles), *self._shape), np.uint32)
             joined[: len(words)] = words << np.uint32(offset)
@@ -177,7 +177,7 @@ class Recorder:
             import zarr
 
             zarr.open_group(self._path, mode="r+").attrs["complete"] = True
-        return given
+        return data
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The word that is not full yet, where there is one."""

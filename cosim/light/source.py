@@ -31,7 +31,7 @@ class Source(Protocol):
     notes: list[str]
     degraded: list[str]
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         """The light of a block; blocks come in order."""
         ...
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Plane
+from cosim.light.light import Plane
 
 __all__ = ["Likeness", "inside"]
 

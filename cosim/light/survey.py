@@ -14,8 +14,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from cosim import BLOCK, Block, Clock, Light, Piece, Plane
+from cosim.clock import Clock
+from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
+from cosim.stage import BLOCK, Block
 
 __all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Box, Plane, SpikeStream
+from cosim.light.light import Box, Plane
 from cosim.report.png import for_display
-from cosim.spikes.viform import count_spikes
+from cosim.spikes.viform import SpikeStream, count_spikes
 
 __all__ = ["WINDOWS", "accumulation", "busiest_box", "crop", "enlarge", "mark_pixels"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError
+from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = ["Levels", "encode", "for_display", "to_linear_bytes", "write_linear_png", "write_png"]

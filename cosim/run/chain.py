@@ -9,7 +9,7 @@ from shutil import rmtree
 from typing import Any, Final
 
 from cosim.errors import InputError
-from cosim.run.folder import mend, room_for
+from cosim.run.folder import how_to_resume, room_for
 from cosim.run.loop import Checkpoint, run_blocks
 from cosim.run.progress import Progress
 
@@ -64,7 +64,7 @@ class BlockChain:
             return run_blocks(
                 self.stages, self.cycles, checkpoint=Checkpoint(self.checkpoint, self.identity),
                 begin=self.begin, progress=progress.advance, every_s=self.every_s,
-                mend=mend(self.folder),
+                remedy=how_to_resume(self.folder),
             )  # fmt: skip
 
     def save(self) -> None:

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cosim import InputError
+from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.run.inputs import sealed
 
 __all__ = [
-    "NO_ROOM", "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed", "mend",
-    "output_folder", "room_for",
+    "NO_ROOM", "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed",
+    "how_to_resume", "output_folder", "room_for",
 ]  # fmt: skip
 
 PUT_BACK = "put_back.json"
@@ -81,7 +81,7 @@ def begin_folder(folder: Path, scenario: str) -> None:
         part.write_text(sealed(scenario), encoding="utf-8")
 
 
-def mend(folder: Path) -> str:
+def how_to_resume(folder: Path) -> str:
     """How a run that did not get to its end goes on."""
     return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
 
@@ -97,7 +97,7 @@ def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
             raise
         raise InputError(
             "--out", f"where there is room for {what}", f"{folder} ({exc.strerror})",
-            f"make room, then {then or mend(folder)}",
+            f"make room, then {then or how_to_resume(folder)}",
         ) from exc  # fmt: skip
 
 

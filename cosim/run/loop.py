@@ -51,16 +51,18 @@ class Checkpoint:
         """Restores the stages; the cycle to go on from (0 where there is no checkpoint)."""
         if not self.path.exists():
             return 0
-        mend = f"remove {self.path} to start afresh, or give the run another --out"
+        remedy = f"remove {self.path} to start afresh, or give the run another --out"
         try:
             arrays = load_arrays(self.path)
             cycle, identity = int(arrays.pop("cycle")), str(arrays.pop("identity"))
         except (OSError, ValueError, TypeError, KeyError) as exc:
             raise InputError(
-                "the checkpoint", "one that this run wrote", "a damaged file", mend
+                "the checkpoint", "one that this run wrote", "a damaged file", remedy
             ) from exc
         if identity != self.identity:
-            raise InputError("the checkpoint", "one of this same scenario", "one of another", mend)
+            raise InputError(
+                "the checkpoint", "one of this same scenario", "one of another", remedy
+            )
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
                 prefix = f"{name}/"
@@ -96,13 +98,13 @@ def run_blocks(
     begin: int = 0,
     every_s: float = 30.0,
     progress: Callable[[int], None] = lambda done: None,
-    mend: str = "run it again",
+    remedy: str = "run it again",
 ) -> dict[str, float]:
     """Runs `cycles` cycles through the stages in order, from cycle `begin` on, which is what
     `Checkpoint.load` gave for a run that is resumed; seconds spent in each stage.
 
     A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
-    with the number of cycles done. Raises Interrupted after Ctrl-C, with `mend` as its advice.
+    with the number of cycles done. Raises Interrupted after Ctrl-C, with `remedy` as its advice.
     """
     spent = dict.fromkeys(stages, 0.0)
     saved = time.monotonic()
@@ -116,7 +118,7 @@ def run_blocks(
                     value = stage.step(value, block)
                 except Exception as exc:
                     if asked.is_set():  # what a stage asks for is not more than what a user does
-                        raise Interrupted(block.start, cycles, mend) from exc
+                        raise Interrupted(block.start, cycles, remedy) from exc
                     raise
                 spent[name] += time.perf_counter() - since
             progress(block.stop)
@@ -125,5 +127,5 @@ def run_blocks(
                 checkpoint.save(block.stop, stages)
                 saved = time.monotonic()
             if stopping:
-                raise Interrupted(block.stop, cycles, mend)
+                raise Interrupted(block.stop, cycles, remedy)
     return spent

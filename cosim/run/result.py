@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError
+from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = [

@@ -71,9 +71,9 @@ class PanelStage:
         self.images: dict[str, npt.NDArray[np.float32]] = {}
         self.emitted: float | None = None
 
-    def step(self, given: Viform, block: Block) -> Viform:
+    def step(self, data: Viform, block: Block) -> Viform:
         """Takes one block; draws when there are enough, or at the run's end."""
-        words = given.words
+        words = data.words
         self.fired += int(np.bitwise_count(words).sum(dtype=np.int64))
         if self._mapping is not None:
             words = self._mapping(words)
@@ -85,7 +85,7 @@ class PanelStage:
             self._draw()
         if last:
             self._end()
-        return given
+        return data
 
     def _draw(self) -> None:
         words = self._waiting[0] if len(self._waiting) == 1 else np.concatenate(self._waiting)

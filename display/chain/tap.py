@@ -43,15 +43,15 @@ class LightTap:
     def _at(self, plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return plane[self._rows, self._columns] / self._white
 
-    def step(self, given: Light, block: Block) -> Light:
+    def step(self, data: Light, block: Block) -> Light:
         """Records the pieces that begin in the block, and passes the light on."""
-        for piece in given.pieces:
+        for piece in data.pieces:
             if piece.stop > self._stop and piece.start < self._clock.edge(block.stop):
                 self._starts.append(piece.start)
                 self._firsts.append(self._at(piece.first))
                 self._lasts.append(self._at(piece.last))
                 self._stop = piece.stop
-        return given
+        return data
 
     def light(self) -> Light:
         """The recorded light, (1, places), white = 1."""

@@ -56,9 +56,9 @@ class Receiver:
         self.interrupted: tuple[int, float] | None = None
         """Tick behind which the pilots' sequence jumped last, and by how many ticks."""
 
-    def step(self, given: Viform, block: Any = None) -> None:
+    def step(self, data: Viform, block: Any = None) -> None:
         """Takes the words of a block."""
-        self.recording.add(given)
+        self.recording.add(data)
         waits = self._session.ready(self.recording) if self._session else self.recording.ticks
         if waits >= _LOOK:
             self._work()
@@ -188,6 +188,6 @@ class Receiver:
 def _further(evidence: Evidence) -> int:
     """How far it went."""
     return (
-        len(evidence.found.tags) + (evidence.refined is not None) + (evidence.lit is not None)
+        len(evidence.search.tags) + (evidence.refined is not None) + (evidence.lit is not None)
         + (evidence.clocking is not None)
     )  # fmt: skip

@@ -2,9 +2,7 @@
 
 `bench` holds the board under test, `stages` the checks, `report` the page and the JUnit file, and
 `machine` the run of a [board] scenario.
+
+The commands of `viform board` import `bench.endpoint` when the program starts, so nothing is
+imported here.
 """
-
-from rtl_model.bringup.bench.stage import Stage
-from rtl_model.bringup.run import BringUp, bring_up
-
-__all__ = ["BringUp", "Stage", "bring_up"]

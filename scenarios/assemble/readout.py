@@ -76,10 +76,10 @@ def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
 def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
     """Cycles of sensor.clock whose images are made; five evenly spaced ones unless given."""
     at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
-    late = [n for n in at if n >= cycles]
-    if late:
+    beyond = [n for n in at if n >= cycles]
+    if beyond:
         raise InputError(
-            "image.at", f"cycles below {cycles}", f"{late[0]}", "lengthen duration or drop it"
+            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
         )
     return list(at)
 

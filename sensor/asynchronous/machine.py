@@ -137,11 +137,13 @@ class AsynchronousMachine:
         assert checked is not None
         views = self._views(recording)
         output: Output = recording.chain.sink
-        found, error = views.recovered, checked.error
+        recovered, error = views.recovered, checked.error
         files = [STREAM, *write_images(recording.folder, views.shots, METHOD)]
         beyond = spec.tolerance > 0 and error.high > spec.tolerance
         fidelity = (
-            dynamic_range(found, spec.model, spec.stop) if found else judge(views.shots, METHOD)
+            dynamic_range(recovered, spec.model, spec.stop)
+            if recovered
+            else judge(views.shots, METHOD)
         )
         delays = [] if views.delay is None else latency_rows("channel", views.delay)
         rate = len(views.sent) / max(seconds["sensor"], 1e-9)
@@ -163,7 +165,7 @@ class AsynchronousMachine:
             throughput=[Throughput("sensor", rate, "events/s")],
             files=files,
             notes=[
-                *_plan_notes(checked), *spec.source.degraded, *output.losses(), *unheard(found)
+                *_plan_notes(checked), *spec.source.degraded, *output.losses(), *unheard(recovered)
             ],
             views=views,
         )  # fmt: skip
@@ -175,14 +177,14 @@ class AsynchronousMachine:
         output: Output = recording.chain.sink
         sent, leaves = output.crossed()
         delay = None if output.channel is None else leaves - sent.instant
-        stamps = leaves if output.late else sent.instant
+        stamps = leaves if output.stamped_late else sent.instant
         events = gather_events(sent, stamps, spec.model, spec.shape, spec.stop)
         write_events(events, recording.folder / STREAM)
         seconds["recorder"] = time.perf_counter() - begin
         begin = time.perf_counter()
         per_lux = spec.setting.electrons_per_lux
         recovered = recover(
-            spec.targets, sent, output.spoke, spec.model, spec.stop, spec.lens.gain, per_lux,
+            spec.targets, sent, output.fired, spec.model, spec.stop, spec.lens.gain, per_lux,
             spec.mean_dark,
         )  # fmt: skip
         white = spec.illuminance * spec.lens.gain * per_lux

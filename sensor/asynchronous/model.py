@@ -1,4 +1,4 @@
-"""The asynchronous pixel's setting, and what it sends: spikes at their own instants."""
+"""The rules of an asynchronous pixel, and the events that it sends."""
 
 from __future__ import annotations
 
@@ -20,25 +20,27 @@ def least_electrons(level: int, threshold: int, levels: int) -> int:
 
 @dataclass(frozen=True)
 class EventModel:
-    """The rules of one interval, Huang 2022 sections 4.3 to 4.5 and 5.2. Times in picoseconds.
+    """The rules of one interval, Huang 2022 sections 4.3 to 4.5 and 5.2. Times are in picoseconds.
 
-    threshold: Q, whole electrons. seed: of the run, below 2^32. clock: that times and widths are
-    measured with; its period is a whole number of picoseconds.
+    The period under steady light is max(Q/light + delay, shortest) + reset.
 
-    shortest: least width that the circuit can read out, at least a period. A pixel that is full
-    sooner stays full, loses what arrives, and fires when this time is up. longest: after it the
-    charge is read without a spike and the pixel is reset; 0 for never. levels: N of that reading,
-    which is floor(N charge / Q). delay: of the comparator; it counts in the width. reset: dead time
-    after each spike or reading, in which light is lost. The period under steady light is therefore
-    max(Q/light + delay, shortest) + reset.
-
-    change: a spike is sent only when its width differs from the last one sent by more than
-    `change` times that width's relative standard deviation 1/sqrt(Q); a reading, when its level
-    does by more than `change` times the Poisson deviation of the last one sent, or when the last
-    was a spike. 0 sends everything. The pixel compares widths as they are, before the clock
-    measures them.
-
-    shot: shot noise; without it every threshold is Q.
+    Attributes:
+        threshold: Q, whole electrons.
+        seed: of the run, below 2^32.
+        clock: measures times and widths; its period is a whole number of picoseconds.
+        shortest: least width that the circuit can read out, at least a period. A pixel that is full
+            sooner stays full, loses what arrives, and fires at the end of this time.
+        longest: time after which the charge is read without a spike and the pixel is reset; 0 for
+            never.
+        levels: N of that reading, floor(N charge / Q).
+        delay: of the comparator; it is part of the width.
+        reset: dead time after each spike or reading, in which light is lost.
+        change: a spike is sent only if its width differs from the last one sent by more than
+            `change` times the relative standard deviation of that width, 1/sqrt(Q); a reading, if
+            its level differs by more than `change` times the Poisson deviation of the last one
+            sent, or if the last was a spike. 0 sends everything. The pixel compares widths before
+            the clock measures them.
+        shot: whether there is shot noise; without it every threshold is Q.
     """
 
     threshold: int
@@ -81,10 +83,14 @@ class EventModel:
 class Firings:
     """What pixels send, in order of time; those of one picosecond in the order of their numbers.
 
-    pixel: (n,) uint32, number in the array. instant: (n,) int64, picoseconds, rounded up. width:
-    (n,) int64 ticks, from the tick in which the interval began to the one in which it ended. exact:
-    (n,) float64, the width in picoseconds before the clock measured it. level: (n,) uint16, of
-    `EventModel.levels`, which itself is a full spike. work: turns of the inner loop that this took.
+    Attributes:
+        pixel: number in the array, (n,) uint32.
+        instant: in picoseconds, rounded up, (n,) int64.
+        width: in ticks, from the one in which the interval began to the one in which it ended,
+            (n,) int64.
+        exact: width in picoseconds before the clock measured it, (n,) float64.
+        level: of `EventModel.levels`, which itself is a full spike, (n,) uint16.
+        work: turns of the inner loop.
     """
 
     pixel: npt.NDArray[np.uint32]

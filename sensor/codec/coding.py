@@ -1,5 +1,8 @@
-"""Streams to frames of first spikes and back: in chunks of cycles and bands of pixels, each pixel's
-state carried from chunk to chunk, so that a stream of any length is coded in bounded memory."""
+"""Streams to frames of first spikes and back, in chunks of cycles and bands of pixels.
+
+The state of each pixel is carried from chunk to chunk, so that a stream of any length is coded in
+bounded memory.
+"""
 
 from __future__ import annotations
 
@@ -44,11 +47,14 @@ Words = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class Code:
-    """name: `line` and `repeat` lose nothing. `statistical` sends changes beyond k standard
-    deviations of a width at `threshold` electrons with `threshold_noise` electrons; refine: widths
-    in the mean that is sent after a change, 0 for none (the paper's rule).
+    """A code and its settings. Raises ValueError for settings out of range.
 
-    Raises ValueError for settings that are none.
+    Attributes:
+        name: `line` and `repeat` are lossless; `statistical` sends changes beyond `k` standard
+            deviations of a width.
+        k: of the statistical code.
+        threshold, threshold_noise: of the pixel that the widths come from, electrons.
+        refine: widths in the mean that is sent after a change; 0 for none (the rule of the paper).
     """
 
     name: Literal["line", "repeat", "statistical"]

@@ -54,10 +54,10 @@ def choose_code(
     """The code that options ask for; None for an output that is no first-spike file. Raises
     InputError for options that do not go together."""
     settings = {"--k": k, "--threshold": threshold, "--threshold-noise": noise, "--refine": refine}
-    given = [option for option, value in settings.items() if value is not None]
+    options = [option for option, value in settings.items() if value is not None]
     if not is_coded(out):
-        if name is not None or given:
-            option = "--code" if name is not None else given[0]
+        if name is not None or options:
+            option = "--code" if name is not None else options[0]
             raise InputError(
                 option, f"given with a {FSC} to write", str(out), f"leave {option} out"
             )
@@ -65,10 +65,10 @@ def choose_code(
     if name not in (None, *CODES):
         raise InputError("--code", f"one of {', '.join(CODES)}", repr(name), "choose one")
     if name != "statistical":
-        if given:
+        if options:
             raise InputError(
-                given[0], "given with --code statistical", f"with {name or 'line'}",
-                f"leave {given[0]} out",
+                options[0], "given with --code statistical", f"with {name or 'line'}",
+                f"leave {options[0]} out",
             )  # fmt: skip
         return Code("repeat" if name == "repeat" else "line")
     if k is None or threshold is None:

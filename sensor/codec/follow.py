@@ -41,8 +41,8 @@ def _bounds(mean, spikes, rsd2, k, refine):  # type: ignore[no-untyped-def]
     n = max(refine, 1)
     one = mean * mean * rsd2 + LATCH_VARIANCE
     many = mean * mean * rsd2 / n + LATCH_VARIANCE / (n * n)
-    own = many if spikes > 1 else 0.0  # the plain rule compares with k sigma of one width
-    return k * math.sqrt(one + own), k * math.sqrt(2 * many)
+    last = many if spikes > 1 else 0.0  # the plain rule compares with k sigma of one width
+    return k * math.sqrt(one + last), k * math.sqrt(2 * many)
 
 
 @njit(cache=True, nogil=True)

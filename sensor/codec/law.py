@@ -1,4 +1,4 @@
-"""What the physics says of widths and of the code of them, in closed form.
+"""Laws of widths, and of a code of them, in closed form.
 
 A width X of steady light is Gamma(Q) with mean mu ticks (Huang 2022, section 5.1): relative
 standard deviation (RSD) 1/sqrt(Q); threshold noise of s electrons adds (s/Q)^2 to its square. The
@@ -97,5 +97,5 @@ def entropy_bounds(mean: float, q: float) -> tuple[float, float]:
     n = np.arange(_reach(mean, q) + 2, dtype=np.float64)
     phase = ((np.arange(_PHASES) + 0.5) / _PHASES)[:, None]
     below = gammainc(q, (n[None, :] - phase).clip(0) * q / mean)
-    given = np.diff(below, axis=1, append=1.0)
-    return float(_entropy(given).mean()), float(_entropy(width_law(mean, q)))
+    conditional = np.diff(below, axis=1, append=1.0)
+    return float(_entropy(conditional).mean()), float(_entropy(width_law(mean, q)))

@@ -127,6 +127,7 @@ def to_line(records, carry, columns):  # type: ignore[no-untyped-def]
     return wide, bent, broken
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def from_line(place, gap, spikes, width, bend, rest, phase, carry, words, cycles):  # type: ignore[no-untyped-def]
     """Draws the spikes of columns into words (pixels, all of the stream's); whether they are such

@@ -1,4 +1,4 @@
-"""How small a stream becomes: raw, with a general compressor, and with the first-spike codes."""
+"""Sizes of a stream: with a general compressor, and with the first-spike codes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,12 @@ UNIT = "bit/pixel-cycle"
 
 @dataclass(frozen=True)
 class Sizes:
-    """Bits a pixel and cycle; a raw stream has 1. pixels: those measured, of all."""
+    """Bits per pixel and cycle; a raw stream has 1.
+
+    Attributes:
+        zstd, repeat, line, statistical: of each form.
+        pixels, all_pixels: number of pixels that were measured, and of the stream.
+    """
 
     zstd: float
     repeat: float
@@ -111,7 +116,7 @@ def measure_sizes(stream: SpikeStream, threshold: float, noise: float) -> Sizes:
 
 
 def size_metrics(sizes: Sizes) -> dict[str, Metric]:
-    """What result.json says of them; size_first_spike is the smaller of the lossless two."""
+    """Metrics for result.json; size_first_spike is the smaller of the two lossless sizes."""
     return {
         "size_zstd": Metric(sizes.zstd, UNIT),
         "size_repeat": Metric(sizes.repeat, UNIT),

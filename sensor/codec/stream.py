@@ -1,4 +1,4 @@
-"""Frames of a whole stream to its planes."""
+"""Decoding of a whole stream."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def decode(
 
 
 def recode(stream: SpikeStream, code: Code) -> Viform:
-    """What is left of a stream that went through a code."""
+    """A stream coded and decoded again."""
     frames = [memoryview(frame.data) for frame in encode(stream, code, None)]
     start = int(getattr(stream, "start", 0))
     return decode(code, frames, stream.shape, stream.cycles, stream.clock, start)

@@ -94,6 +94,7 @@ def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-unt
     return math.inf, 0.0
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, parallel=True)
 def jump(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, first, slope, gain, dark, anchor, stop, until,

@@ -45,6 +45,7 @@ def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
     return current
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, parallel=True)
 def walk(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, response, variance, mean, number, first, slope,

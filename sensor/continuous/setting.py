@@ -1,4 +1,4 @@
-"""What decides the reports of a continuous-photographing sensor."""
+"""The setting of a continuous-photographing sensor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
 
 QUIET = 6.0
 """Standard deviations of shot noise that the threshold holds at least where no floor is given. A
-change is told from a reference that is as noisy as the current itself, so their difference has
+change is measured from a reference that is as noisy as the current itself, so their difference has
 sqrt(2) times its deviation."""
 
 
@@ -31,16 +31,24 @@ def quiet_floor(contrast: float, time_constant: float, sigmas: float = QUIET) ->
 
 @dataclass(frozen=True)
 class ContinuousSetting:
-    """chip: preset; its size, pitch and quantum efficiency are used, its clocks and thresholds are
-    of its spike readout and are not. clock: of the time stamps; with noise the monitor also looks
-    once a tick. seed: of the run, below 2^32. time_constant: of the monitor's one-pole filter,
-    seconds. contrast: change that is reported, relative to the last report. floor: the same in
-    electrons/s; the larger of both counts. converter: of the reported value. measure: seconds for
-    which the photocurrent is averaged once a change has been seen; 0 reads the monitor's current.
-    dead_time: seconds after a report in which the monitor does not look. noise: shot noise kept.
-    wavelength_nm: at which lux are counted as photons. pattern: of the device, or None.
+    """Everything that decides the reports but the light. Raises ValueError for a number out of
+    range.
 
-    Raises ValueError where a number is out of its range.
+    Attributes:
+        chip: preset. Its size, pitch and quantum efficiency are used; its clocks and thresholds
+            belong to its spike readout.
+        clock: of the time stamps; with noise the monitor also samples once a tick.
+        seed: of the run, below 2^32.
+        time_constant: of the monitor's one-pole filter, s.
+        contrast: change that is reported, relative to the last report.
+        floor: the same in electrons/s; the larger of both counts.
+        converter: of the reported value.
+        measure: time over which the photocurrent is averaged after a change, s; 0 reads the
+            monitor's current.
+        dead_time: time after a report in which the monitor is inactive, s.
+        noise: whether there is shot noise.
+        wavelength_nm: at which lux are counted as photons.
+        pattern: of the device, None for a perfect one.
     """
 
     chip: Chip

@@ -1,5 +1,4 @@
-"""What a run with the continuous readout makes of its reports: images, figures of merit, the light
-of single pixels."""
+"""Images of reports at chosen instants, figures of merit, and the light of single pixels."""
 
 from __future__ import annotations
 
@@ -13,6 +12,7 @@ from cosim import Clock, Intensities, Light, Plane, last_reports
 from cosim.light.source import Source
 from cosim.run.result import Metric
 from sensor.continuous.setting import ContinuousSetting
+from sensor.latched.effects import EFFECTS
 from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 
@@ -28,9 +28,14 @@ Instants = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class ContinuousShot:
-    """One instant: cycle of sensor.clock, truth in its middle, and the last reports by its end,
-    white = 1, (H, W); black where there is none yet. age: ticks from the report that is shown to
-    the instant, (H, W) int64; -1 where there is none."""
+    """One instant.
+
+    Attributes:
+        cycle: of sensor.clock.
+        truth: reflectance in its middle, white = 1, (H, W).
+        continuous: last reports by its end, white = 1, (H, W); black without a report.
+        age: ticks from that report to the instant, (H, W) int64; -1 without a report.
+    """
 
     cycle: int
     truth: Plane
@@ -45,8 +50,13 @@ class ContinuousShot:
 
 @dataclass
 class PixelLight:
-    """The light of a few pixels as the sensor gets it, knot by knot. points: (row, column, name).
-    when: instants, ps. level: lux, (points,) each; two knots at one instant are a jump."""
+    """The light of a few pixels as the sensor receives it, knot by knot.
+
+    Attributes:
+        points: row, column and name of each pixel.
+        when: instants of the knots, ps; two at one instant are a jump.
+        level: lux at each knot, (points,).
+    """
 
     points: list[tuple[int, int, str]]
     when: list[int] = field(default_factory=list)
@@ -100,10 +110,10 @@ def report_metrics(reports: Intensities, setting: ContinuousSetting) -> dict[str
 
 def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]:
     """Effects that act, by name."""
-    made = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
-    made += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
-    made += ["converter", "report clock"]
-    return made + [e.name for e in camera.kept if e not in camera.effects]
+    names = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
+    names += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
+    names += ["converter", "report clock"]
+    return names + [e.name for e in camera.kept if e.name not in EFFECTS]
 
 
 def notes_of(setting: ContinuousSetting, white: float) -> list[str]:

@@ -1,4 +1,4 @@
-"""What every monitor remembers, and room for the reports of one call of a kernel."""
+"""The state of the monitors, and the reports of one call of a kernel."""
 
 from __future__ import annotations
 
@@ -19,10 +19,16 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Monitors:
-    """A value a pixel of: current: filtered, electrons/s. reference: the last report's, NaN before
-    the first. when: the instant from which the comparator looks, or at which the measurement that
-    is running began (noiseless: picoseconds) or ends (sampled: tick). measuring: 1 while one runs.
-    charge: electrons that it has counted so far."""
+    """One value per pixel.
+
+    Attributes:
+        current: filtered photocurrent, electrons/s.
+        reference: value of the last report, NaN before the first.
+        when: instant from which the comparator is active, or at which the running measurement began
+            (without noise: picoseconds) or ends (sampled: tick).
+        measuring: 1 during a measurement.
+        charge: of the measurement so far, electrons.
+    """
 
     current: Floats
     reference: Floats
@@ -45,8 +51,13 @@ class Monitors:
 
 @dataclass(frozen=True, eq=False)
 class Reports:
-    """pixel: place in the plane. tick: of the report. value: electrons/s, before the converter.
-    All (n,), in no particular order."""
+    """Reports in no particular order, each array (n,).
+
+    Attributes:
+        pixel: place in the plane.
+        tick: of the report.
+        value: before the converter, electrons/s.
+    """
 
     pixel: Ints
     tick: Ints

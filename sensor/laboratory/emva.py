@@ -83,8 +83,8 @@ class Report:
         return [{"name": name, **asdict(figure)} for name, figure in self.figures.items()]
 
 
-def _parameter(symbol: str, section: str, what: str, unit: str, found: Estimate) -> Parameter:
-    return Parameter(symbol, section, what, unit, found.value, *found.limits(LEVEL))
+def _parameter(symbol: str, section: str, what: str, unit: str, estimate: Estimate) -> Parameter:
+    return Parameter(symbol, section, what, unit, estimate.value, *estimate.limits(LEVEL))
 
 
 def _deviation(
@@ -131,16 +131,16 @@ def _linearity(transfer: PhotonTransfer) -> Parameter:
     fit = line(value)
     off, errors = (value - fit) / fit, (influence - line(influence))
     wide = [Estimate(0.0, e / f).deviation for e, f in zip(errors, fit, strict=True)]
-    found = float(np.abs(off).mean())
+    estimate = float(np.abs(off).mean())
     half = deviations(LEVEL) * float(np.mean(wide))
     return Parameter(
         "LE",
         LINEARITY,
         "linearity error",
         "%",
-        100 * found,
-        100 * max(found - half, 0),
-        100 * (found + half),
+        100 * estimate,
+        100 * max(estimate - half, 0),
+        100 * (estimate + half),
     )
 
 

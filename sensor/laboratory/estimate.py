@@ -46,11 +46,11 @@ class Estimate:
     def variance(self) -> float:
         """Of the value. Pixels of a column or a row may share something (column gain, row noise):
         the largest of what pixels, columns and rows as units give is taken."""
-        found = 0.0
+        largest = 0.0
         for units in (self.influence.ravel(), *(self.influence.mean(axis=a) for a in (0, 1))):
             if units.size > 1:
-                found = max(found, float((units**2).sum()) / (units.size * (units.size - 1)))
-        return found
+                largest = max(largest, float((units**2).sum()) / (units.size * (units.size - 1)))
+        return largest
 
     @property
     def deviation(self) -> float:

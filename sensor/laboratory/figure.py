@@ -31,13 +31,13 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
     gain, prnu, response = report["gain"], report["prnu"], report["responsivity"]
     dark = report.transfer.dark
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4))
-    seen = (signal > 0) & (variance > 0)
-    left.loglog(signal[seen], np.sqrt(variance[seen]), "o", color=_BLUE, markersize=4,
+    positive = (signal > 0) & (variance > 0)
+    left.loglog(signal[positive], np.sqrt(variance[positive]), "o", color=_BLUE, markersize=4,
                 label="temporal noise, dark subtracted")  # fmt: skip
     left.loglog(signal, np.sqrt(gain.value * signal), "-", color=_BLUE, linewidth=1,
                 label=f"K = {gain.value:.4g} DN/e")  # fmt: skip
-    shown = (signal > 0) & (spatial > 0)
-    left.loglog(signal[shown], spatial[shown], "s", color=_GREEN, markersize=4,
+    spread = (signal > 0) & (spatial > 0)
+    left.loglog(signal[spread], spatial[spread], "s", color=_GREEN, markersize=4,
                 label="spatial noise")  # fmt: skip
     if prnu.value > 0:
         left.loglog(signal, prnu.value / 100 * signal, "-", color=_GREEN, linewidth=1,

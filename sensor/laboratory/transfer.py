@@ -15,10 +15,17 @@ __all__ = ["PhotonTransfer", "measure_transfer", "slope_through_zero"]
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """dark: the stack without light but for the bench's bias. levels: stacks under rising light, to
-    past saturation. saturation: number of the level with the most variance. gain: K, DN an
-    electron. responsivity: DN a photon. bits: of a value. linear: share of saturation that slopes
-    are fitted to."""
+    """The photon transfer curve.
+
+    Attributes:
+        dark: stack under the bias alone.
+        levels: stacks under rising light, to past saturation.
+        saturation: number of the level with the largest variance.
+        gain: K, DN/e.
+        responsivity: DN/photon.
+        bits: of a value.
+        linear: share of saturation up to which slopes are fitted.
+    """
 
     dark: Stack
     levels: tuple[Stack, ...]
@@ -75,7 +82,7 @@ def measure_transfer(bench: Bench) -> PhotonTransfer:
     dark = bench.dark(bench.seconds)
     levels = tuple(take_levels(bench))
     noise = [float(s.variance.mean()) for s in levels]
-    # Not the last level: its neighbour tells that the variance has turned.
+    # Not the last level: only a neighbour beyond shows that the variance has turned.
     peak = int(np.argmax(noise[1:-1])) + 1
     end = bench.linear * levels[peak].photons
     used = [n for n, level in enumerate(levels) if level.photons <= end]

@@ -76,8 +76,8 @@ def write_clip(
                     progress.advance(n + 1)
             container.mux(video.encode(None))
     except av.FFmpegError as exc:
-        given = f"{width}x{height} ({exc.strerror})"
-        raise InputError("the clip", f"of a size that {codec} takes", given, "use .npz") from exc
+        size = f"{width}x{height} ({exc.strerror})"
+        raise InputError("the clip", f"of a size that {codec} takes", size, "use .npz") from exc
 
 
 def _container(path: Path) -> str:

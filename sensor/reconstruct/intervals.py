@@ -42,38 +42,38 @@ def _highest(word: npt.NDArray[np.uint32]) -> Cycles:
 def _at_or_after(stream: SpikeStream, cycles: Cycles) -> Cycles:
     """First spike at or after each pixel's cycle, -1 where there is none. cycles: (n,) all
     pixels."""
-    found = np.full(cycles.shape, _NONE, np.int64)
+    cycle = np.full(cycles.shape, _NONE, np.int64)
     start = cycles // WORD
     for w in range(int(start.min()), words_for(stream.cycles)):
-        here = np.flatnonzero((found == _NONE) & (start <= w))
+        here = np.flatnonzero((cycle == _NONE) & (start <= w))
         if here.size == 0:
-            if (found != _NONE).all():
+            if (cycle != _NONE).all():
                 break
             continue
         word = _row(stream, w, here)
         low = np.where(start[here] == w, cycles[here] % WORD, 0).astype(np.uint32)
         word &= np.uint32(0xFFFFFFFF) << low
         hit = word != 0
-        found[here[hit]] = w * WORD + _lowest(word[hit])
-    return found
+        cycle[here[hit]] = w * WORD + _lowest(word[hit])
+    return cycle
 
 
 def _before(stream: SpikeStream, cycles: Cycles) -> Cycles:
     """Last spike before each pixel's cycle, -1 where there is none. cycles: (n,) all pixels."""
-    found = np.full(cycles.shape, _NONE, np.int64)
+    cycle = np.full(cycles.shape, _NONE, np.int64)
     start = (cycles - 1) // WORD
     for w in range(int(start.max()), -1, -1):
-        here = np.flatnonzero((found == _NONE) & (start >= w))
+        here = np.flatnonzero((cycle == _NONE) & (start >= w))
         if here.size == 0:
-            if (found != _NONE).all():
+            if (cycle != _NONE).all():
                 break
             continue
         word = _row(stream, w, here)
         drop = np.where(start[here] == w, WORD - 1 - (cycles[here] - 1) % WORD, 0).astype(np.uint32)
         word &= np.uint32(0xFFFFFFFF) >> drop
         hit = word != 0
-        found[here[hit]] = w * WORD + _highest(word[hit])
-    return found
+        cycle[here[hit]] = w * WORD + _highest(word[hit])
+    return cycle
 
 
 def _row(stream: SpikeStream, w: int, pixels: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
@@ -91,14 +91,20 @@ def interval_image(stream: SpikeStream, at: int) -> tuple[Cycles, Cycles]:
     n = stream.shape[0] * stream.shape[1]
     instant = np.full(n, at, np.int64)
     begin, end = _before(stream, instant), _at_or_after(stream, instant)
-    early, late = begin == _NONE, end == _NONE
-    if (early & ~late).any():
+    open_begin, open_end = begin == _NONE, end == _NONE
+    if (open_begin & ~open_end).any():
         # The nearest whole interval starts with the first spike.
-        following = _at_or_after(stream, np.where(early & ~late, end + 1, stream.cycles))
-        begin, end = np.where(early & ~late, end, begin), np.where(early & ~late, following, end)
-    if (late & ~early).any():
-        preceding = _before(stream, np.where(late & ~early, begin, 0))
-        end, begin = np.where(late & ~early, begin, end), np.where(late & ~early, preceding, begin)
+        following = _at_or_after(stream, np.where(open_begin & ~open_end, end + 1, stream.cycles))
+        begin, end = (
+            np.where(open_begin & ~open_end, end, begin),
+            np.where(open_begin & ~open_end, following, end),
+        )
+    if (open_end & ~open_begin).any():
+        preceding = _before(stream, np.where(open_end & ~open_begin, begin, 0))
+        end, begin = (
+            np.where(open_end & ~open_begin, begin, end),
+            np.where(open_end & ~open_begin, preceding, begin),
+        )
     whole = (begin != _NONE) & (end != _NONE)
     begin, end = np.where(whole, begin, _NONE), np.where(whole, end, _NONE)
     return begin.reshape(stream.shape), end.reshape(stream.shape)

@@ -28,9 +28,13 @@ LATCHED: Final = ("tfp", "tfi")
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One instant: cycle, true reflectance, and the estimates of it, white = 1, (H, W).
+    """One instant.
 
-    tau: cycles of the interval that holds the instant, (H, W) int64, 0 where there is none.
+    Attributes:
+        cycle: of the instant.
+        truth: reflectance, white = 1, (H, W).
+        tfp, tfi: its estimates.
+        tau: length of the interval that holds the instant, cycles, (H, W) int64; 0 for none.
     """
 
     cycle: int
@@ -43,7 +47,7 @@ class Shot:
 def take_shots(
     stream: SpikeStream, source: Source, instants: list[int], window: int, white_rate: float
 ) -> list[Shot]:
-    """What the images of these cycles show, and what was there in the middle of each cycle."""
+    """Images of these cycles, with the truth in the middle of each."""
     shots = []
     for cycle in instants:
         tau = isi(stream, cycle)
@@ -66,7 +70,7 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
 
 
 def interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:
-    """How long the interval that tells a pixel's light is: over pixels and instants."""
+    """Length of the interval that an estimate is made from, over pixels and instants."""
     tau = np.concatenate([shot.tau.ravel() for shot in shots])
     tau = tau[tau > 0]
     if tau.size == 0:
@@ -77,7 +81,7 @@ def interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:
 
 
 def spike_rate(stream: SpikeStream) -> float:
-    """Spikes a pixel and cycle, over the whole stream."""
+    """Spikes per pixel and cycle, over the whole stream."""
     chunk, words = 2, -(-stream.cycles // 32)
     total = sum(
         int(np.bitwise_count(stream.read_words(w, w + chunk)).sum(dtype=np.int64))

@@ -77,7 +77,7 @@ class _Scene:
     def __init__(self, first: int, stop: int) -> None:
         self._light = _light(first, stop)
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         return self._light
 
 
@@ -87,9 +87,9 @@ class _Keep:
     def __init__(self) -> None:
         self.planes: list[Bits] = []
 
-    def step(self, given: Viform, block: Block) -> Viform:
-        self.planes.append(unpack_planes(given.words, 0, given.cycles))
-        return given
+    def step(self, data: Viform, block: Block) -> Viform:
+        self.planes.append(unpack_planes(data.words, 0, data.cycles))
+        return data
 
 
 def filming(device: Device | None) -> Film:

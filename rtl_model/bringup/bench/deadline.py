@@ -1,4 +1,4 @@
-"""A port that nobody waits on for longer than was allowed, whatever the board does."""
+"""A port with a time limit, so that no stage waits for ever."""
 
 from __future__ import annotations
 
@@ -11,13 +11,18 @@ __all__ = ["DeadlinePort", "OutOfTime"]
 
 
 class OutOfTime(ViformError):
-    """The time allowed is over; not a fault of the line by itself."""
+    """The time limit is exceeded; not necessarily a fault of the line."""
 
 
 class DeadlinePort:
-    """A port over another; after `allow(seconds)` everything ends with OutOfTime when these have
-    passed by the system's clock. Every loop of a host that talks comes through here, so none can
-    go on for ever. `heard`: what has come since the last write."""
+    """A port over another one. Every operation after the time limit raises OutOfTime.
+
+    Every loop that communicates uses the port, so no loop is endless.
+
+    Attributes:
+        inner: the other port.
+        heard: bytes received since the last write.
+    """
 
     def __init__(self, inner: Port) -> None:
         self.inner, self.name, self.baud = inner, inner.name, inner.baud
@@ -25,39 +30,39 @@ class DeadlinePort:
         self.heard = b""
 
     def allow(self, seconds: float) -> None:
-        """Starts the time anew."""
+        """Sets the time limit, s from now by the system's clock."""
         self._end = time.monotonic() + seconds
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """As the port's, and never longer than is left."""
+        """As `Port`, limited by the remaining time."""
         got = self.inner.read(count, min(deadline_s, self._left()))
         self.heard += got
         return got
 
     def write(self, data: bytes, deadline_s: float = 1.0) -> None:
-        """As the port's, and never longer than is left."""
+        """As `Port`, limited by the remaining time."""
         self.heard = b""
         self.inner.write(data, min(deadline_s, self._left()))
 
     def drain(self) -> bytes:
-        """As the port's."""
+        """As `Port`."""
         self._left()
         got = self.inner.drain()
         self.heard += got
         return got
 
     def set_baud(self, baud: int) -> None:
-        """As the port's."""
+        """As `Port`."""
         self.inner.set_baud(baud)
         self.baud = baud
 
     def now(self) -> float:
-        """As the port's."""
+        """As `Port`."""
         self._left()
         return self.inner.now()
 
     def close(self) -> None:
-        """As the port's."""
+        """As `Port`."""
         self.inner.close()
 
     def _left(self) -> float:

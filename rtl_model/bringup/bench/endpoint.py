@@ -1,8 +1,8 @@
 """The board that `--port` or `board.port` names: the port of a real one, or a virtual board that is
 started and runs as long as it is used.
 
-Host, cycle model and simulators are imported in the functions that need them, so that a command's
-help does not wait for them.
+The commands of `viform board` import this file when the program starts, so everything else is
+imported in the functions that need it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cosim import InputError
-from rtl_model.geometry import Geometry
-
 if TYPE_CHECKING:
+    from rtl_model.geometry import Geometry
     from rtl_model.host import CsrMap
     from rtl_model.virtual import Level, VirtualBoard
 
@@ -45,6 +43,7 @@ class Endpoint:
 
 def checked_level(level: str) -> Level:
     """`level` itself. Raises InputError for an unknown level of simulation."""
+    from cosim import InputError
     from rtl_model.virtual import LEVELS
 
     known = next((name for name in LEVELS if name == level), None)
@@ -74,6 +73,8 @@ def virtual_board(
 
     Raises InputError for an unknown level or fault and for a baud that the clock does not allow.
     """
+    from cosim import InputError
+    from rtl_model.geometry import Geometry
     from rtl_model.virtual import VirtualBoard, nominal_clock
 
     known = checked_level(level)
@@ -102,6 +103,8 @@ def open_endpoint(
         time_scale: None for 1, or for the measured one of a virtual board.
         level, faults, geometry: of a virtual board.
     """
+    from cosim import InputError
+
     if time_scale is not None and not 0 < time_scale < 1e6:
         raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
     if baud <= 0:

@@ -1,4 +1,4 @@
-"""What the line did to bytes between two moments, as far as both ends' counts tell it."""
+"""Transmission errors of the line in an interval, as far as the counts at both ends show them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,24 @@ __all__ = ["Evidence"]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What happened to bytes between two moments; numbers of bytes unless said.
+    """Transmission errors in an interval; numbers of bytes unless noted.
 
-    to_board, from_board: more (added) or fewer (lost) than set out that way. framing, aborts,
-    unknown: as the board counted them. unasked: that the board sent beyond those asked for.
-    words: that the board took beyond those written. crc: whether their CRC-32 is another.
-    bus_errors: accesses to no register. Of answers that were wrong once, `address` were another
-    register's, `answers` were not, and `open` may be either. early: readings sent again before the
-    counters were known. misplaced: requests and writes that failed once and not when sent again.
-    repeats: all reads that were sent again. known: whether the board's counters could be read; else
-    all of the line's own is 0. anew: these began at 0 again meanwhile, as when power or
-    configuration goes.
+    Attributes:
+        known: whether the board's counters could be read; otherwise all counts are 0.
+        to_board, from_board: bytes added (positive) or lost (negative) in that direction.
+        framing, aborts, unknown: framing errors, watchdog aborts and unknown commands, counted by
+            the board.
+        unasked: bytes that the board sent beyond those requested.
+        words: words that the board counted beyond those written.
+        crc: whether the CRC-32 of the written words differs.
+        bus_errors: accesses to no register.
+        address: answers that were wrong once and came from another register.
+        answers: answers that were wrong once and were changed on the way from the board.
+        open: answers that were wrong once, of undecided direction.
+        early: reads repeated before the counters were known.
+        misplaced: requests and writes that failed once and passed when repeated.
+        repeats: all repeated reads.
+        anew: whether the counters restarted from 0, as after a loss of power or configuration.
     """
 
     known: bool = True
@@ -44,8 +51,8 @@ class Evidence:
 
     @property
     def changed_to_board(self) -> bool:
-        """Whether a byte to the board was changed, for all that is known: the board did what it was
-        not told to, and no byte of the way is missing or too many."""
+        """Whether a byte to the board was changed: the board did something that was not requested,
+        and no byte of that direction is missing or added."""
         if self.to_board:
             return False
         odd = (self.aborts, self.unknown, self.unasked, self.words, self.bus_errors, self.address)
@@ -53,7 +60,7 @@ class Evidence:
 
     @property
     def clean(self) -> bool:
-        """Whether nothing happened to any byte, as far as it shows."""
+        """Whether no error is known."""
         return self.known and not (
             self.to_board or self.from_board or self.changed_to_board or self.answers or self.open
             or self.early or self.misplaced
@@ -61,18 +68,18 @@ class Evidence:
 
     @property
     def directions(self) -> list[str]:
-        """Which ways were hit beyond doubt: "to-board", "from-board"."""
-        made = []
+        """Directions with a certain error: "to-board", "from-board"."""
+        directions = []
         if self.to_board or self.changed_to_board:
-            made.append("to-board")
+            directions.append("to-board")
         if self.from_board or self.answers:
-            made.append("from-board")
-        return made
+            directions.append("from-board")
+        return directions
 
     @property
     def text(self) -> str:
-        """What happened, one clause; empty where nothing did."""
-        told = []
+        """The errors in one clause; empty if there are none."""
+        clauses = []
         if not self.known:
             return (
                 "the line is too bad for the board's counters to be read, or these began anew: "
@@ -80,40 +87,42 @@ class Evidence:
             )
         if self.to_board:
             what = "lost" if self.to_board < 0 else "added"
-            told.append(f"{_many(abs(self.to_board), 'byte')} to the board {what}{self._saw()}")
+            clauses.append(
+                f"{_many(abs(self.to_board), 'byte')} to the board {what}{self._counted()}"
+            )
         elif self.changed_to_board:
-            told.append(f"one byte or more to the board changed{self._saw()}")
+            clauses.append(f"one byte or more to the board changed{self._counted()}")
         if self.from_board:
             what = "lost" if self.from_board < 0 else "added"
-            told.append(f"{_many(abs(self.from_board), 'byte')} from the board {what}")
+            clauses.append(f"{_many(abs(self.from_board), 'byte')} from the board {what}")
         if self.answers:
-            told.append(f"{_many(self.answers, 'answer')} from the board changed on the way")
+            clauses.append(f"{_many(self.answers, 'answer')} from the board changed on the way")
         if self.open:
-            told.append(
+            clauses.append(
                 f"{_many(self.open, 'answer')} wrong once (a byte changed from the board, or to it "
                 "in the request's address: these cannot be told apart)"
             )
-        if self.misplaced and not told:
-            told.append(
+        if self.misplaced and not clauses:
+            clauses.append(
                 f"{_many(self.misplaced, 'request')} failed once and not again, though both ends "
                 "counted the same bytes: its address changed on the way to the board, or the board "
                 "did not take it, which cannot be told apart"
             )
         if self.early:
-            told.append(
+            clauses.append(
                 f"{_many(self.early, 'answer')} wrong once while the board's counters were first "
                 "read, of which the direction cannot be told"
             )
-        if not told and self.repeats:
-            told.append(
+        if not clauses and self.repeats:
+            clauses.append(
                 f"{_many(self.repeats, 'answer')} late or wrong once, though both ends counted the "
                 "same bytes: held up on the way"
             )
-        return ", ".join(told)
+        return ", ".join(clauses)
 
     @property
     def figures(self) -> Figures:
-        """As JSON says it. `to_board_changed` and `from_board_changed` are at least so many."""
+        """The document. `to_board_changed` and `from_board_changed` are lower bounds."""
         return {
             "counters_read": self.known,
             "directions": self.directions,
@@ -133,24 +142,24 @@ class Evidence:
             "words_crc_wrong": self.crc,
         }
 
-    def _saw(self) -> str:
-        """The board's own counters of errors, in brackets."""
+    def _counted(self) -> str:
+        """The board's error counters, in brackets."""
         counted = (
             (self.aborts, "request", "cut by its watchdog"),
             (self.unknown, "unknown command", ""),
             (self.framing, "stop bit", "low"),
             (self.bus_errors, "access", "to no register"),
         )
-        seen = [" ".join((_many(n, what), how)).strip() for n, what, how in counted if n > 0]
+        counts = [" ".join((_many(n, what), how)).strip() for n, what, how in counted if n > 0]
         if self.address:
-            seen.append("another register answered")
+            counts.append("another register answered")
         if self.crc and not self.to_board:
-            seen.append("the words written have another CRC-32")
-        return f" ({', '.join(seen)})" if seen else ""
+            counts.append("the words written have another CRC-32")
+        return f" ({', '.join(counts)})" if counts else ""
 
     @property
     def mend(self) -> str:
-        """What to do about it."""
+        """What to check or repair."""
         ways = self.directions
         if ways == ["to-board"]:
             return "check the wire to the board's RX, its level and ground, and that no other " \

@@ -1,4 +1,4 @@
-"""What a stage of the bring-up finds, and how it says what is wrong."""
+"""Records of the bring-up: stages, their faults, and the report."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ __all__ = ["STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
 STAGES = (
     "port", "bytes", "identity", "counters", "registers", "prbs", "patterns", "threshold", "timing",
 )  # fmt: skip
-"""In the order in which they run: each needs those before it."""
+"""In the order in which they run: each depends on those before it."""
 
 Outcome: TypeAlias = Literal["ok", "failed", "left out"]
 Figures: TypeAlias = dict[str, Any]
-"""Name to number, text or a list of those: what JSON can say."""
+"""Names with numbers, texts or lists of those, as JSON allows."""
 
 
 class StageFault(ViformError):
     """A stage's check failed.
 
-    kind: a short name of the cause for programs; text: what was seen, where; mend: what to do
-    about it; figures: those found until then.
+    Attributes:
+        kind: short name of the cause, for programs.
+        text: observation, and where.
+        mend: what to check or repair.
+        figures: measured until then.
     """
 
     def __init__(self, kind: str, text: str, mend: str, figures: Figures | None = None) -> None:
@@ -37,8 +40,16 @@ class StageFault(ViformError):
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage: `cause` is a sentence with its mend, `kind` its short name; both None where the
-    outcome is ok. `seconds` by the port's clock."""
+    """One stage that has run or was left out.
+
+    Attributes:
+        name: one of `STAGES`.
+        outcome: of its check.
+        cause: one sentence with what to repair; None if the outcome is ok.
+        figures: measured.
+        seconds: duration by the port's clock, s.
+        kind: short name of the cause, for programs; None if the outcome is ok.
+    """
 
     name: str
     outcome: Outcome
@@ -48,7 +59,7 @@ class Stage:
     kind: str | None = None
 
     def document(self) -> dict[str, Any]:
-        """The stage as JSON says it."""
+        """The stage's part of the document."""
         return {
             "name": self.name,
             "outcome": self.outcome,
@@ -61,8 +72,16 @@ class Stage:
 
 @dataclass
 class Report:
-    """All stages of one bring-up, in order; those after a failed one may be left out. `board`: what
-    it said of itself; `bursts`: captured planes beside the expected, in order of capture."""
+    """All stages of a bring-up.
+
+    Attributes:
+        port, baud: of the line.
+        simulated: whether there is no real clock behind the port.
+        stages: in order; those after a failed one may be left out.
+        board: figures of the identity stage, None if it did not pass.
+        bursts: captured planes and the expected ones, in order of capture.
+        wall_s: duration, s.
+    """
 
     port: str
     baud: int
@@ -95,11 +114,11 @@ class Report:
         return None if self.failed is None else self.failed.cause
 
     def figure(self, stage: str, name: str) -> Any:
-        """One figure of a stage, None where it is not known."""
+        """One figure of a stage, None if it is unknown."""
         return next((s.figures.get(name) for s in self.stages if s.name == stage), None)
 
     def document(self) -> dict[str, Any]:
-        """The report as JSON says it."""
+        """The document of `viform board bringup --json`."""
         return {
             "ok": self.ok,
             "port": self.port,

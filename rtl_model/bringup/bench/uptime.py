@@ -1,4 +1,4 @@
-"""Has the board started anew? Its uptime fell: whatever else a stage found follows from that."""
+"""Detection of a restart of the board by its uptime, which explains all other faults of a stage."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _WRAP = 1 << 32  # clocks
 
 
 class Uptime:
-    """The board's uptime at the beginning of a stage."""
+    """The board's uptime at the start of a stage."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._before = self._read()
 
     def restarted(self) -> StageFault | None:
-        """The fault "restarted" where the uptime has fallen and cannot have run over."""
+        """The fault "restarted" if the uptime has fallen and cannot have overflowed, else None."""
         now = self._read()
         if self._before is None or now is None:
             return None
@@ -34,7 +34,7 @@ class Uptime:
             return None
         again = self._read()
         if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
-            return None  # one of the readings was spoilt: nothing began within the stage
+            return None  # one of the readings was wrong: no restart within the stage
         return StageFault(
             "restarted",
             f"the board started anew within the stage: ctrl_uptime fell from {first} to {last}",
@@ -49,7 +49,7 @@ class Uptime:
             return None
 
     def _clock_hz(self) -> int | None:
-        """Nominal; asked for where the stage identity, which tells it, has not passed."""
+        """Nominal clock, Hz; read from the board if the identity stage has not passed."""
         if self._bench.board:
             return self._bench.geometry.clock_hz
         try:

@@ -1,5 +1,4 @@
-"""Which bits of captured planes are wrong, and what shape they have: a pixel, a column, a row, a
-lane of the array, or none of those."""
+"""Wrong bits of captured planes, and their common location: a pixel, row, column, lane or frame."""
 
 from __future__ import annotations
 
@@ -23,12 +22,17 @@ _MEND = {
 
 
 class WrongBits(NamedTuple):
-    """Where captured planes differ from what they must be.
+    """Difference between captured and expected planes.
 
-    bits: that are wrong, of `compared`. frame, row, column: of the first wrong bit in order of
-    time, `got` what it was. shape: one of pixel, row, column, lane, frame, scattered; place: its
-    number (of a pixel "row, column"). stuck: 0 or 1 where every bit of the shape read that,
-    whatever it had to be, else None.
+    Attributes:
+        bits: number of wrong bits.
+        compared: number of compared bits.
+        frame, row, column, got: position and value of the first wrong bit in time.
+        shape: smallest location that contains all wrong bits: pixel, row, column, lane, frame or
+            scattered.
+        place: number of that location ("row, column" of a pixel).
+        stuck: 0 or 1 if every bit of the location reads that value, though both are expected; else
+            None.
     """
 
     bits: int
@@ -43,7 +47,7 @@ class WrongBits(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What is wrong, one clause."""
+        """The difference in one clause."""
         wrong = f"{self.bits} of {self.compared} bits are wrong"
         first = (
             f"the first in frame {self.frame}, row {self.row}, column {self.column} "
@@ -62,19 +66,20 @@ class WrongBits(NamedTuple):
 
     @property
     def mend(self) -> str:
-        """Where to look."""
+        """What to check."""
         return _MEND[self.shape]
 
     def document(self) -> dict[str, Any]:
-        """As JSON says it."""
+        """Its part of the document."""
         return self._asdict() | {"text": self.text, "mend": self.mend}
 
 
 def compare(got: Planes, expected: Planes, lanes: int) -> WrongBits | None:
-    """Returns what is wrong in `got`, (frames, rows, columns) bool, or None where nothing is.
+    """Compares captured with expected planes; None if they are equal.
 
-    lanes: pixels computed in one clock: lane n holds the columns n, n + lanes, ...
-    ValueError where the shapes differ.
+    Args:
+        got, expected: (frames, rows, columns) bool. Raises ValueError if the shapes differ.
+        lanes: pixels computed in one clock; lane n has the columns n, n + lanes, ...
     """
     if got.shape != expected.shape:
         raise ValueError(f"planes must be of one shape, not {got.shape} and {expected.shape}")
@@ -98,7 +103,7 @@ def _shape(
     lanes: int,
     size: tuple[int, ...],
 ) -> tuple[str, str]:
-    """The smallest shape that holds all wrong bits, and its number."""
+    """The smallest location that contains all wrong bits, and its number."""
     one_row, one_column = np.unique(rows).size == 1, np.unique(columns).size == 1
     if one_row and one_column:
         return "pixel", f"{rows[0]}, {columns[0]}"
@@ -114,7 +119,7 @@ def _shape(
 
 
 def _stuck(got: Planes, expected: Planes, shape: str, place: str, lanes: int) -> int | None:
-    """The value that every bit of the shape reads, where it should have taken both."""
+    """The value of every bit of the location, if both values are expected there."""
     if shape == "pixel":
         row, column = (int(part) for part in place.split(","))
         part, must = got[:, row, column], expected[:, row, column]

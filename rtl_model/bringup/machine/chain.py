@@ -8,7 +8,7 @@ from pathlib import Path
 from cosim import Interrupted, Viform
 from cosim.files.zarr_store import write_zarr
 from cosim.run.chain import STREAM
-from cosim.run.folder import mend
+from cosim.run.folder import how_to_resume
 from cosim.run.progress import Progress
 from rtl_model.bringup.bench.endpoint import Endpoint, csr_map
 from rtl_model.bringup.bench.stage import STAGES, Report, Stage
@@ -65,7 +65,9 @@ class BoardChain:
         try:
             return self._run(progress)
         except KeyboardInterrupt:
-            raise Interrupted(self._stages, len(STAGES), mend(self._folder), "stages") from None
+            raise Interrupted(
+                self._stages, len(STAGES), how_to_resume(self._folder), "stages"
+            ) from None
 
     def _run(self, progress: Progress) -> dict[str, float]:
         section, endpoint = self._section, self._endpoint

@@ -14,7 +14,7 @@ from typing import Any
 
 from cosim import Interrupted
 from cosim.frames import Frame
-from cosim.run.folder import mend, room_for
+from cosim.run.folder import how_to_resume, room_for
 from cosim.run.inputs import sealed
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
@@ -130,7 +130,9 @@ class FrameChain:
                 store.finish()
         except KeyboardInterrupt:
             tape.sync()
-            raise Interrupted(len(self.frames), total, mend(self._folder), "frames") from None
+            raise Interrupted(
+                len(self.frames), total, how_to_resume(self._folder), "frames"
+            ) from None
         finally:
             tape.close()
         self.decisions = decisions.result()

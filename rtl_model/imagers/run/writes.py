@@ -28,5 +28,5 @@ def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
             which = "its register" if exc.what == "register" else f"{exc.what} to be"
             raise InputError(
                 f"imager.writes.{n}", f"a write that the imager takes, {which} {exc.must}",
-                f"{[f'{seconds:g} s', register, value]} ({exc.given})", exc.mend,
+                f"{[f'{seconds:g} s', register, value]} ({exc.actual})", exc.remedy,
             ) from exc  # fmt: skip

@@ -21,10 +21,10 @@ class SceneStage:
     def __init__(self, source: Source, reach: tuple[int, int]) -> None:
         self._source, self._reach = source, reach
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         before, after = self._reach
         start = max(block.start - before, 0)
-        return self._source.step(given, Block(start, block.stop + after - start))
+        return self._source.step(data, Block(start, block.stop + after - start))
 
 
 class LensStage:
@@ -33,5 +33,5 @@ class LensStage:
     def __init__(self, lens: Lens, pitch_um: float) -> None:
         self._relay = lens.relay(pitch_um)
 
-    def step(self, given: Light, block: Block) -> Light:
-        return self._relay(given)
+    def step(self, data: Light, block: Block) -> Light:
+        return self._relay(data)

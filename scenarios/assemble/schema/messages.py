@@ -210,4 +210,4 @@ def first_fault(exc: ValidationError, whole: type[BaseModel], mend: str) -> Inpu
     # The examples of `_one_line` are those of scenarios.
     found = _one_line(error, whole)
     known = error["type"] == "extra_forbidden"
-    return InputError(found.what, found.must, found.given, found.mend if known else mend)
+    return InputError(found.what, found.must, found.actual, found.remedy if known else mend)

@@ -13,7 +13,7 @@ from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
-    from rtl_model.bringup import Stage
+    from rtl_model.bringup.bench.stage import Stage
 
 __all__ = ["board_bringup", "print_stage"]
 
@@ -33,7 +33,7 @@ def board_bringup(
     """Bring a board up: port, bytes, identity, counters, registers, PRBS, pixel patterns, threshold
     sweep, frame timing. Exit 1 where a stage fails, with its cause."""
     from cosim import InputError
-    from rtl_model.bringup import BringUp, bring_up
+    from rtl_model.bringup.run import BringUp, bring_up
 
     csr = csr_map(options.csr)
     if out is not None:

@@ -35,7 +35,7 @@ def board_replay(
     port = ReplayPort(log)  # refuses what is no log
     known = csr_map(csr)
     if judge:
-        from rtl_model.bringup import BringUp, bring_up
+        from rtl_model.bringup.run import BringUp, bring_up
         from scenarios.cli.board.bringup import print_stage
 
         simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated

@@ -40,7 +40,7 @@ class StepSource:
         if self._at >= stop:
             self.degraded.append("the run ends before the light jumps: lengthen duration")
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         return self._light
 
     def truth(self, ps: int) -> Plane:

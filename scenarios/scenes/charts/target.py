@@ -97,7 +97,7 @@ class TargetSource:
         pieces.append(Piece(knots[-1][0], _FOREVER, last, last))
         return Light(tuple(pieces))
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         return self.light
 
     def truth(self, ps: int) -> Plane:

@@ -131,7 +131,7 @@ class FilmSource:
                 "held; shorten duration or lower scene.frame_rate"
             )
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         start, stop = self._clock.edge(block.start), self._clock.edge(block.stop)
         pieces = [self._piece(self._frame_number(start))]
         n = self._frame_number(start)

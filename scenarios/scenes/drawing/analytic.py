@@ -90,7 +90,7 @@ class AnalyticSource:
             self._pieces[cycle] = piece
         return self._pieces[cycle]
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         if not self._every:
             if not self._pieces:
                 plane = self._plane(0)

@@ -136,7 +136,7 @@ class PacedSource:
         moving = sum(min(self._parts, n) for c, n in self._steps.items() if c < cycles)
         return Sketch(planes, reach, box, moving / cycles)
 
-    def step(self, given: None, block: Block) -> Light:
+    def step(self, data: None, block: Block) -> Light:
         pieces: list[Piece] = []
         cycle = kept = self._first(block.start)
         while cycle < block.stop:

@@ -67,7 +67,7 @@ def _scene(name: str) -> tuple[str, dict[str, Any]]:
     try:
         short, loaded = load(name)
     except InputError as exc:
-        if exc.what == "the scenario" and exc.mend == "see `viform list`":
+        if exc.what == "the scenario" and exc.remedy == "see `viform list`":
             known = ", ".join([*shipped(), *(k for k in _KINDS if k not in shipped())])
             raise InputError(
                 "the scene", f"one of {known} or a TOML file", repr(name), "see `viform list`"

@@ -1,6 +1,5 @@
 """The stability suite: stiff and extreme cases, each beside a reference of its own."""
 
-from cosim.run.case import Case, Row
 from display.stability import SHOWING as _SHOWING
 from link.stability import LINKING as _LINKING
 from rtl_model.imagers.stability import CONTROLLING as _CONTROLLING
@@ -14,7 +13,7 @@ from sensor.stability.gathering import GATHERING as _GATHERING
 from sensor.stability.solving import SOLVING as _SOLVING
 from sensor.stability.ticks import TICKS as _TICKS
 
-__all__ = ["CASES", "Case", "Row"]
+__all__ = ["CASES"]
 
 _ALL = (
     *_GATHERING, *_BRIGHT, *_CHANCE, *_FIRING, *_TICKS, *_CIRCUITS, *_SOLVING, *_DENORMALS,

@@ -31,6 +31,7 @@ def is_steady(light: Light, stop: int) -> bool:
     return piece.constant and piece.stop >= stop
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True, error_model="numpy")
 def _first(  # type: ignore[no-untyped-def]
     numbers, plane, gain, scale, dark, table, shot, threshold, seed, tick, shortest, delay, begins,

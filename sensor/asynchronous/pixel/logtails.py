@@ -55,11 +55,11 @@ def _far_lower(q: float, x: Reals) -> Reals:
 
 def _log_tail(q: float, x: Reals, near: Reals, far: Callable[[float, Reals], Reals]) -> Reals:
     deep = (near < _DEEP) & (x > 0)
-    found = np.full(x.shape, -np.inf)
-    np.log(near, out=found, where=~deep & (near > 0))
+    result = np.full(x.shape, -np.inf)
+    np.log(near, out=result, where=~deep & (near > 0))
     if deep.any():
-        found[deep] = far(q, x[deep])
-    return found
+        result[deep] = far(q, x[deep])
+    return result
 
 
 def log_upper(q: float, x: Reals) -> Reals:
@@ -83,21 +83,21 @@ def _less(large: Reals, small: Reals) -> Reals:
 
 def log_between(q: float, a: Reals, b: Reals) -> Reals:
     """log P(a < Gamma(q) <= b), 0 <= a < b: the difference of the smaller tails."""
-    found = np.empty(a.shape)
+    result = np.empty(a.shape)
     up = a > q
-    found[up] = _less(log_upper(q, a[up]), log_upper(q, b[up]))
+    result[up] = _less(log_upper(q, a[up]), log_upper(q, b[up]))
     down = ~up
-    found[down] = _less(log_lower(q, b[down]), log_lower(q, a[down]))
-    return found
+    result[down] = _less(log_lower(q, b[down]), log_lower(q, a[down]))
+    return result
 
 
 def log_counts(mean: Reals, least: int, most: int) -> Reals:
     """log P(least <= Poisson(mean) <= most), mean > 0."""
     if least == 0:
         return log_upper(most + 1.0, mean)
-    found = np.empty(mean.shape)
+    result = np.empty(mean.shape)
     up = mean < least
-    found[up] = _less(log_lower(float(least), mean[up]), log_lower(most + 1.0, mean[up]))
+    result[up] = _less(log_lower(float(least), mean[up]), log_lower(most + 1.0, mean[up]))
     down = ~up
-    found[down] = _less(log_upper(most + 1.0, mean[down]), log_upper(float(least), mean[down]))
-    return found
+    result[down] = _less(log_upper(most + 1.0, mean[down]), log_upper(float(least), mean[down]))
+    return result

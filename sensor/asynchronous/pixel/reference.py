@@ -32,11 +32,17 @@ Numbers = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The first intervals of n pixels, (n, intervals) each; what did not end in time is not said.
+    """The first intervals of n pixels, as far as they have ended; arrays are (n, intervals).
 
-    exact: widths, ps. width: in ticks. instant: ps, rounded up. level: `EventModel.levels` for a
-    spike. sent: by the rule of changes. count: (n,) intervals that ended. progress: (n,) share of
-    its threshold that the interval then under way has gathered, at most 1.
+    Attributes:
+        exact: widths, ps.
+        width: in ticks.
+        instant: of the end, ps, rounded up.
+        level: `EventModel.levels` for a spike.
+        sent: whether the rule of changes sends it.
+        count: intervals that ended, (n,).
+        progress: share of its threshold that the interval then under way has gathered, at most 1,
+            (n,).
     """
 
     exact: Reals
@@ -134,6 +140,7 @@ def _ticks(instant, part, tick):  # type: ignore[no-untyped-def]
     return -(-whole // tick)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True, error_model="numpy")
 def _follow(  # type: ignore[no-untyped-def]
     rates, slopes, begins, ends, goals, shares, shot, q, tick, shortest, longest, levels, delay,
@@ -225,7 +232,7 @@ def follow(
     )
     begins = np.array([p.start for p in pieces])
     ends = np.array([min(p.stop, stop) for p in pieces])
-    made = Followed(
+    followed = Followed(
         np.zeros((n, intervals)),
         np.zeros((n, intervals), np.int64),
         np.zeros((n, intervals), np.int64),
@@ -238,10 +245,10 @@ def follow(
         rates, slopes, begins, ends, exact_thresholds(model, numbers, intervals),
         _shares(model, numbers, intervals), model.shot, model.threshold, model.tick,
         model.shortest, model.longest, model.levels, float(model.delay), model.reset,
-        float(model.change), made.exact, made.width, made.instant, made.level, made.sent,
-        made.count, made.progress,
+        float(model.change), followed.exact, followed.width, followed.instant, followed.level,
+        followed.sent, followed.count, followed.progress,
     )  # fmt: skip
-    return made
+    return followed
 
 
 def quantile_error(model: EventModel, numbers: Numbers) -> float:

@@ -39,12 +39,19 @@ def least(call: Callable[[], object], calls: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """numbers: of the pixels that were timed. made: intervals of the longer call. each: seconds an
-    interval. pixel: seconds a pixel. intervals: of the whole array as long as the light is known.
-    seconds: of all of it."""
+    """Time that the reference takes.
+
+    Attributes:
+        numbers: of the pixels that were timed.
+        intervals_timed: of the longer call.
+        each: time of an interval, s.
+        pixel: time of a pixel, s.
+        intervals: of the whole array, as long as its light is known.
+        seconds: time of all of them, s.
+    """
 
     numbers: npt.NDArray[np.uint32]
-    made: int
+    intervals_timed: int
     each: float
     pixel: float
     intervals: float
@@ -58,8 +65,8 @@ def reference_cost(model: EventModel, view: View, plan: EventPlan, calls: int) -
     numbers = np.flatnonzero(scene.tile_of == tile).astype(np.uint32)
 
     def call(intervals: int) -> int:
-        made = follow(model, numbers, view.light, view.gain, view.pattern, view.until, intervals)
-        return int(made.count.sum())
+        run = follow(model, numbers, view.light, view.gain, view.pattern, view.until, intervals)
+        return int(run.count.sum())
 
     few, many = (least(lambda n=n: call(n), calls) for n in (_FEW, _MANY))  # type: ignore[misc]
     # Fewer intervals than asked for are drawn all the same.

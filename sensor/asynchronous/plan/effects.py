@@ -1,9 +1,9 @@
-"""What each effect of an asynchronous pixel can change, tile by tile.
+"""The effects of an asynchronous pixel, and a bound on what each can change, tile by tile.
 
-A bound is the root mean square over a tile's pixels of the change of the rate that a pixel says
-first (1 / width, or its share of a threshold by the end), over the tile's mean rate or the floor.
-Bounds of what is drawn at random hold for the pixels of a tile with the confidence of 99.9 %, and
-so does the upper limit of what is measured on them: `_margin` has room for both.
+A bound is the root mean square over the pixels of a tile of the change of the rate that a pixel
+reports first (1 / width, or its share of a threshold by the end), over the mean rate of the tile or
+the floor. Bounds on random effects hold for the pixels of a tile with a confidence of 99.9 %, and
+so does the upper limit of a measurement on them: `_margin` has room for both.
 """
 
 from __future__ import annotations
@@ -36,13 +36,20 @@ Reals = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EventScene:
-    """What bounds read of a scene; rates in spikes a second, arrays by tile.
+    """What bounds need of a scene. Rates are in spikes/s; arrays have a value per tile.
 
-    tile_of: (pixels,) tile of each pixel. pixels: of each tile. mean: what the tile's pixels say.
-    rms: root mean square of what light alone would make them fire at. few: pixels that such a mean
-    square is worth. brightest: highest rate within, with dark current. read: whether some pixel may
-    be read before it is full. floor: rate under which an
-    error is counted as if of this. stop: end of the run, seconds. steady: light does not change.
+    Attributes:
+        model, pattern: rules of a pixel, and the device.
+        tile_of: tile of each pixel, (pixels,).
+        pixels: number of pixels.
+        mean: mean rate that the pixels report.
+        rms: root mean square of the rates that light alone would cause.
+        few: effective number of pixels of that mean square.
+        brightest: highest rate, with dark current.
+        read: whether some pixel may be read before it is full.
+        floor: rate below which an error counts as if of this.
+        stop: end of the run, s.
+        steady: whether the light does not change.
     """
 
     model: EventModel
@@ -84,8 +91,8 @@ def summarise(
     pixels = np.bincount(tile_of, minlength=tiles).astype(np.float64)
     light = rate / model.threshold
     fires = light + device.dark / model.threshold
-    # A width is at least the shortest, so this is at most what the tile says.
-    says = fires / (1 + fires * ((model.shortest + model.delay) / PS))
+    # A width is at least the shortest, so this is at most the rate that the tile reports.
+    reported = fires / (1 + fires * ((model.shortest + model.delay) / PS))
     square, fourth = summed(fires**2), summed(fires**4)
     few = np.divide(square**2, fourth, out=np.ones(tiles), where=fourth > 0)
     brightest, darkest = np.zeros(tiles), np.full(tiles, np.inf)
@@ -96,7 +103,7 @@ def summarise(
     read = darkest * (model.longest / PS) < sure if model.longest else np.zeros(tiles, np.bool_)
     longest = min(model.longest or stop, stop)
     return EventScene(
-        model, device, tile_of, pixels, summed(says) / pixels, np.sqrt(square / pixels),
+        model, device, tile_of, pixels, summed(reported) / pixels, np.sqrt(square / pixels),
         few, brightest, read, PS / longest, stop / PS, steady,
     )  # fmt: skip
 
@@ -229,8 +236,8 @@ def _nothing_gained(model: EventModel) -> list[EventEffect]:
         # those that are held, by Cauchy and Schwarz with a normal law's fourth moment.
         q, top = float(model.threshold), scene.brightest
         p = gammainc(q, top * q * max(shortest - delay, 0)) if model.shot else 0.0
-        late = np.maximum(top - 1 / shortest, 0)
-        return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + late) / scene.scale)
+        held = np.maximum(top - 1 / shortest, 0)
+        return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + held) / scene.scale)
 
     made = [
         EventEffect("shortest width", "Huang 2022 section 4.4", "estimate", 0.0, held),

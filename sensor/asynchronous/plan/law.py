@@ -1,8 +1,8 @@
-"""Stretches of unsent spikes held against the spikes in them: a weak error, of laws.
+"""The weak error of stretches of unsent spikes: distributions are compared, not samples.
 
-The engine draws what a stretch takes at once (`skipping.py`), so its random numbers are not those
-of the spikes within, and only laws can be compared: the mean and the variance of the charge of a
-stretch, against the closed forms of one interval, beside the same of spikes drawn one by one.
+The engine draws the charge of a whole stretch at once (`pixel/skipping.py`), so that its random
+numbers are not those of the single spikes. The mean and the variance of the charge of a stretch are
+compared with the closed forms of one interval, and so are those of spikes drawn one by one.
 """
 
 from __future__ import annotations
@@ -31,9 +31,13 @@ Reals = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WeakError:
-    """Of `intervals` unsent intervals together, over `pixels` pixels. mean: of their charge,
-    relative to the closed form's; variance: of its deviation, over the closed form's, less 1.
-    Each as (engine, reference, 99.9 % half width of either by chance)."""
+    """Errors as (engine, reference, half width of 99.9 % of either by chance).
+
+    Attributes:
+        intervals, pixels: number of unsent intervals, and of their pixels.
+        mean: of the charge, relative to the closed form.
+        variance: of the charge's deviation over the closed form, less 1.
+    """
 
     intervals: int
     pixels: int
@@ -41,6 +45,7 @@ class WeakError:
     variance: tuple[float, float, float]
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, error_model="numpy")
 def _stretches(  # type: ignore[no-untyped-def]
     numbers, rates, sent, q, delay, shortest, relative, many, seed, laws, sums
@@ -92,8 +97,8 @@ def weak_error(
     whole, spread = LEAST * mean[good], LEAST * variance[good]
     n = int(good.sum())
 
-    def off(found: Reals) -> tuple[float, float]:
-        apart = found - whole
+    def off(charges: Reals) -> tuple[float, float]:
+        apart = charges - whole
         return float(apart.sum() / whole.sum()), float((apart**2 / spread).mean() - 1)
 
     engine, reference = off(sums[good]), off(single)

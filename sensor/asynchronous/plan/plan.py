@@ -27,7 +27,14 @@ EVERYTHING: Final = "every effect"
 
 @dataclass(frozen=True, eq=False)
 class EventPlan:
-    """effects: all that act. bounds: (effects, tiles). left_out: (effects, tiles) bool."""
+    """Effects, tile by tile.
+
+    Attributes:
+        scene: what bounds are computed from.
+        effects: all that the camera has.
+        bounds: of what leaving an effect out changes, relative, (effects, tiles).
+        left_out: whether it is, (effects, tiles) bool.
+    """
 
     scene: EventScene
     effects: tuple[EventEffect, ...]

@@ -87,5 +87,5 @@ class PlannedPixels:
         self._fired += sum(len(part) for part in parts)
         if self._fired > self._most:
             raise InputError("the events", f"at most {self._most:,}", "more", FEWER)
-        made = Firings.join(parts)
-        return made.take(np.lexsort((made.pixel, made.instant)))
+        firings = Firings.join(parts)
+        return firings.take(np.lexsort((firings.pixel, firings.instant)))

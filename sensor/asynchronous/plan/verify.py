@@ -1,11 +1,11 @@
-"""An asynchronous plan put to the test: the pixels of a few tiles as planned, beside the reference
-and beside the same plan with one effect put back, from the same random numbers.
+"""The check of an asynchronous plan, by paired runs of a few tiles with the same random numbers.
 
-Compared is the rate that a pixel says: 1 / width of each interval that it sends, before the clock
-counts it, matched by index while both draw the same numbers, which is the first report under a
-rule of changes and the first REPORTS without one; of a pixel that has said nothing by the end (of
-the run, or of REPORTS spikes of the tile's brightest pixel), the share of its threshold that it has
-gathered, over that time.
+The pixels as planned are compared with the reference, and with the same plan that keeps one effect
+more. The quantity is the rate that a pixel reports: 1 / width of each interval that it sends,
+before the clock counts it. Reports are matched by index as long as both runs draw the same numbers:
+the first report under a rule of changes, the first REPORTS without one. For a pixel without a
+report by the end (of the run, or of REPORTS spikes of the brightest pixel of the tile) it is the
+share of its threshold that it has gathered, over that time.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from sensor.asynchronous.plan.effects import CONFIDENCE
 from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
 from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.device.pattern import DevicePattern
-from sensor.latched.effects import first_thresholds
 from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.thresholds import first_thresholds
 
 __all__ = [
     "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
@@ -113,16 +113,16 @@ def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
-    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel; who
-    has not fired by then tells as much by its share."""
+    """Instant up to which a tile is compared, ps: the end, or REPORTS spikes of its brightest
+    pixel. The share of a pixel that has not fired by then is as good an estimate."""
     brightest = float(plan.scene.brightest[tile])
     if brightest <= 0:
         return view.until
     return min(view.until, view.light.pieces[0].start + math.ceil(REPORTS / brightest * PS))
 
 
-def _says(model: EventModel, exact: Reals, level: npt.NDArray[np.uint16]) -> Reals:
-    """Spikes a second that reports say; a reading counts as the middle of its level."""
+def _reported_rate(model: EventModel, exact: Reals, level: npt.NDArray[np.uint16]) -> Reals:
+    """Spikes per second that reports stand for; a reading counts as the middle of its level."""
     read = np.where(level == 0, 0.0, (level + 0.5) / model.levels)
     return np.where(level == model.levels, 1.0, read) / np.maximum(exact, 1e-300) * PS
 
@@ -174,9 +174,11 @@ def _planned(plan: EventPlan, view: View, tile: int, *, last: bool = False) -> R
     most = 1 if plan.scene.model.change else REPORTS
     at = _reports(firings, numbers, most, last)
     rates = np.full(at.shape, np.nan)
-    said = at >= 0
-    rates[said] = _says(plan.scene.model, firings.exact[at[said]], firings.level[at[said]])
-    silent = ~said[:, 0]
+    reported = at >= 0
+    rates[reported] = _reported_rate(
+        plan.scene.model, firings.exact[at[reported]], firings.level[at[reported]]
+    )
+    silent = ~reported[:, 0]
     if silent.any():
         who, share = _gathered(pixels, view, stop)
         rates[silent, 0] = (share[np.argsort(who)] * (PS / (stop - begin)))[silent]
@@ -189,12 +191,14 @@ def _followed(plan: EventPlan, view: View, tile: int) -> Reals:
     stop, begin = _end(plan, view, tile), view.light.pieces[0].start
     most = 1 if plan.scene.model.change else REPORTS
     model = plan.scene.model
-    made = follow(model, numbers, view.light, view.gain, view.pattern, stop, most)
+    followed = follow(model, numbers, view.light, view.gain, view.pattern, stop, most)
     rates = np.where(
-        np.arange(most) < made.count[:, None], _says(model, made.exact, made.level), np.nan
+        np.arange(most) < followed.count[:, None],
+        _reported_rate(model, followed.exact, followed.level),
+        np.nan,
     )
-    silent = made.count == 0
-    rates[silent, 0] = made.progress[silent] * (PS / (stop - begin))
+    silent = followed.count == 0
+    rates[silent, 0] = followed.progress[silent] * (PS / (stop - begin))
     return rates
 
 
@@ -216,9 +220,9 @@ def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
     worst = Distance(-1.0, 0.0, 0.0, -1)
     for tile in tiles:
         truth = _followed(plan, view, tile)
-        found = _distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile)
-        high = max(worst.high, found.high)
-        worst = replace(max(worst, found, key=lambda d: d.value), high=high)
+        distance = _distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile)
+        high = max(worst.high, distance.high)
+        worst = replace(max(worst, distance, key=lambda d: d.value), high=high)
     return worst
 
 
@@ -237,15 +241,17 @@ def _left_out(
             if not out[tile]:
                 continue
             full = _planned(other, view, tile, last=last)
-            found = _distance(_planned(plan, view, tile, last=last), full, _scale(plan, full), tile)
-            most = max(most, found.value)
+            distance = _distance(
+                _planned(plan, view, tile, last=last), full, _scale(plan, full), tile
+            )
+            most = max(most, distance.value)
             limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
-            if found.high > limit and effect.name not in findings:
+            if distance.high > limit and effect.name not in findings:
                 findings[effect.name] = Finding(
                     effect.name,
                     f"{effect.name} was to change at most {limit:.2g} of a tile's rate and was "
-                    f"found to change up to {found.high:.2g}: it is kept everywhere",
-                    limit, found.high, tile,
+                    f"found to change up to {distance.high:.2g}: it is kept everywhere",
+                    limit, distance.high, tile,
                 )  # fmt: skip
         rows.append(
             {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}

@@ -34,8 +34,13 @@ _PLACE: Final = {"pixel": 0, "row": 1, "fifo": 2}
 
 @dataclass(frozen=True)
 class ChannelModel:
-    """service: picoseconds that an event occupies the bus. depth: of the common queue, without the
-    event on the bus; only for the `fifo` buffer, whose order is that of asking."""
+    """The rules of the channel.
+
+    Attributes:
+        service: time that an event occupies the bus, ps.
+        arbitration, buffer: see above.
+        depth: of the common queue, without the event on the bus; for the `fifo` buffer.
+    """
 
     service: int
     arbitration: Arbitration = "fifo"
@@ -51,7 +56,12 @@ class ChannelModel:
 
 @dataclass(frozen=True, eq=False)
 class Sent:
-    """Firings in the order they left, and leaves: (n,) int64, the instant each had crossed, ps."""
+    """Events that have crossed.
+
+    Attributes:
+        firings: in the order in which they left.
+        leaves: instant at which each had crossed, ps, (n,) int64.
+    """
 
     firings: Firings
     leaves: npt.NDArray[np.int64]
@@ -76,6 +86,7 @@ def _choose(waiting, row_count, rule, last_row):  # type: ignore[no-untyped-def]
     return waiting[place]
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def _serve(  # type: ignore[no-untyped-def]
     instant, pixel, carried, stop, service, rule, buffer, depth, free, last_row, columns, waiting,

@@ -1,10 +1,10 @@
-"""The light that a set of pixels saw, from their first widths: maximum likelihood with censoring.
+"""The light on a set of pixels from their first widths: maximum likelihood with censoring.
 
-Every pixel of a patch is one observation of the same rate: a width in ticks (the threshold's
-Gamma law between two instants; from nothing on where the shortest width held it back), a reading
-below threshold (the Poisson law between two numbers of electrons), or silence (fewer than Q
-electrons by the end: P(N < Q)). Nothing is thrown away, so that a patch of which few pixels ever
-fire is not judged by the lucky ones alone.
+Each pixel of a target is one observation of the same rate: a width in ticks (Gamma law of the
+threshold between two instants; from zero where the shortest width held the pixel back), a reading
+below threshold (Poisson law between two numbers of electrons), or silence (fewer than Q electrons
+by the end: P(N < Q)). All pixels count, so that a target of which few pixels fire is not estimated
+from these alone.
 """
 
 from __future__ import annotations
@@ -34,8 +34,14 @@ Rates = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What pixels said, each once. widths: ticks of their first spikes, counted from a tick's edge.
-    levels: of those read first. silent: how many said nothing until `waited` ps."""
+    """The first report of each pixel.
+
+    Attributes:
+        widths: ticks of the pixels that fired first, counted from the edge of a tick.
+        levels: of the pixels that were read first.
+        silent: number of pixels without a report.
+        waited: time without a report of these, ps.
+    """
 
     widths: npt.NDArray[np.int64]
     levels: npt.NDArray[np.int64]
@@ -48,22 +54,26 @@ class Observed:
 
 @dataclass(frozen=True)
 class RateEstimate:
-    """rate: electrons a second, 0 where nothing was gathered, infinite where every width was held.
-    low, high: 99.9 % confidence from the likelihood's curvature; where the rate is 0 or infinite,
-    the other bound is where the likelihood has fallen as far."""
+    """An estimate with its confidence interval.
+
+    Attributes:
+        rate: electrons/s; 0 without any charge, infinite if every width was held back.
+        low, high: limits of 99.9 % from the curvature of the likelihood. Where the rate is 0 or
+            infinite, the other limit is where the likelihood has fallen as far.
+    """
 
     rate: float
     low: float
     high: float
 
 
-def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
+def log_likelihood(model: EventModel, observed: Observed, rate: Rates) -> Rates:
     """Of rates > 0 in electrons a second, up to a constant; finite and, in log rate, concave: a
     threshold's logarithm has a concave log density, and counts cut to an interval vary less than
     Poisson's."""
     q, tick = float(model.threshold), model.tick
     total = np.zeros(rate.shape)
-    ticks, times = np.unique(seen.widths, return_counts=True)
+    ticks, times = np.unique(observed.widths, return_counts=True)
     high = ticks * float(tick) - model.delay
     held = (ticks - 1) * tick < model.shortest
     narrow = ~held & (tick * math.sqrt(q) < _NARROW * high)
@@ -75,9 +85,9 @@ def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
         top = high[~narrow] / PS
         low = np.where(held, 0.0, np.maximum(high - tick, 0))[~narrow] / PS
         total += log_between(q, rate[:, None] * low, rate[:, None] * top) @ times[~narrow]
-    if seen.silent:
-        total += seen.silent * log_upper(q, rate * (max(seen.waited - model.delay, 0) / PS))
-    levels, times = np.unique(seen.levels, return_counts=True)
+    if observed.silent:
+        total += observed.silent * log_upper(q, rate * (max(observed.waited - model.delay, 0) / PS))
+    levels, times = np.unique(observed.levels, return_counts=True)
     mean = rate * (model.longest / PS)
     for level, n in zip(levels.tolist(), times.tolist(), strict=True):
         least, most = model.electrons(level)
@@ -87,7 +97,7 @@ def log_likelihood(model: EventModel, seen: Observed, rate: Rates) -> Rates:
     return total
 
 
-def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
+def estimate_rate(model: EventModel, observed: Observed) -> RateEstimate:
     """The rate under which what was seen is most likely. Raises ValueError without pixels.
 
     The pixels are taken to be identical: that their gains differ (PRNU) is in the estimate's error,
@@ -95,22 +105,22 @@ def estimate_rate(model: EventModel, seen: Observed) -> RateEstimate:
     """
     from scipy.optimize import minimize_scalar
 
-    if not len(seen):
+    if not len(observed):
         raise ValueError("an estimate needs at least one pixel")
-    longest = max(seen.waited, model.longest, model.tick * int(seen.widths.max(initial=1)))
-    least = 1e-6 * PS / (longest * len(seen))
+    longest = max(observed.waited, model.longest, model.tick * int(observed.widths.max(initial=1)))
+    least = 1e-6 * PS / (longest * len(observed))
     most = 1e3 * (model.threshold + 10) * PS / min(model.tick, longest)
     grid = np.linspace(math.log(least), math.log(most), _GRID)
     # The highest point, then twice a finer look around it: however narrow the peak, it is the only
     # one and no flank is flat.
     for _ in range(3):
-        height = log_likelihood(model, seen, np.exp(grid))
+        height = log_likelihood(model, observed, np.exp(grid))
         best = int(np.argmax(height))
         left, right = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
         grid = np.linspace(left, right, _GRID)
 
     def loss(x: float) -> float:
-        return -float(log_likelihood(model, seen, np.exp(np.array([x])))[0])
+        return -float(log_likelihood(model, observed, np.exp(np.array([x])))[0])
 
     found = minimize_scalar(loss, bounds=(left, right), method="bounded", options={"xatol": 1e-10})
     peak, rate = -float(found.fun), math.exp(float(found.x))
@@ -136,11 +146,11 @@ def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
     return float(brentq(lambda x: loss(x) - level, top, away, xtol=1e-6))
 
 
-def mean_rate(model: EventModel, seen: Observed) -> float:
+def mean_rate(model: EventModel, observed: Observed) -> float:
     """The plain way beside it: the mean of Q/width over pixels that fired and of
-    (level Q/N)/longest over those read, electrons a second; NaN where no pixel said anything."""
+    (level Q/N)/longest over those read, electrons a second; NaN without any report."""
     q = float(model.threshold)
-    fired = q * PS / np.maximum(seen.widths * float(model.tick) - model.delay, 1.0)
-    read = seen.levels * q * PS / model.levels / max(model.longest, 1)
-    said = np.concatenate([fired, read])
-    return float(said.mean()) if said.size else math.nan
+    fired = q * PS / np.maximum(observed.widths * float(model.tick) - model.delay, 1.0)
+    read = observed.levels * q * PS / model.levels / max(model.longest, 1)
+    rates = np.concatenate([fired, read])
+    return float(rates.mean()) if rates.size else math.nan

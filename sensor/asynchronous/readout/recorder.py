@@ -1,4 +1,4 @@
-"""Events on their way out of a run: through the channel, into one stream, onto the disk."""
+"""The recording of events: firings pass the channel and become one stream."""
 
 from __future__ import annotations
 
@@ -29,26 +29,33 @@ Instants = npt.NDArray[np.int64]
 
 @dataclass
 class Output:
-    """Takes firings step by step. channel: None lets every one leave as it fires. stop: end of the
-    run, ps.
+    """Takes firings step by step.
 
-    late: whether t is taken as an event leaves the channel; what leaves after the end is then under
-    way and not in the stream. Else all that has fired is waited for.
-
-    pixels: of the array. spoke: (pixels,) bool, who has fired at all, whatever became of it."""
+    Attributes:
+        channel: shared output; None lets every event leave as its pixel fires.
+        stop: end of the run, ps.
+        pixels: number of pixels of the array.
+        stamped_late: whether the time stamp is taken as an event leaves the channel. What leaves
+            after the end is then under way and not in the stream. Otherwise the recording waits for
+            all that has fired.
+        parts, leaves: firings that have crossed, and when, ps.
+        offered: number of firings so far.
+        turns: of the pixels' loop.
+        fired: whether a pixel has fired at all, (pixels,) bool.
+    """
 
     channel: Channel | None
     stop: int
     pixels: int
-    late: bool = False
+    stamped_late: bool = False
     parts: list[Firings] = field(default_factory=list)
     leaves: list[Instants] = field(default_factory=list)
     offered: int = 0
     turns: int = 0
-    spoke: npt.NDArray[np.bool_] = field(init=False)
+    fired: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.spoke = np.zeros(self.pixels, np.bool_)
+        self.fired = np.zeros(self.pixels, np.bool_)
 
     @property
     def lost(self) -> int:
@@ -58,7 +65,7 @@ class Output:
         """What fired from `start` to `stop`, ps."""
         self.offered += len(firings)
         self.turns += firings.work
-        self.spoke[firings.pixel] = True
+        self.fired[firings.pixel] = True
         if self.channel is None:
             self.parts.append(firings)
             return
@@ -68,7 +75,7 @@ class Output:
 
     def crossed(self) -> tuple[Firings, Instants]:
         """What the stream holds, in the order it left, and when it left, ps."""
-        if self.channel is not None and not self.late:
+        if self.channel is not None and not self.stamped_late:
             rest = self.channel.step(Firings.join([]), _DRAINED)
             self.parts.append(rest.firings)
             self.leaves.append(rest.leaves)
@@ -79,7 +86,7 @@ class Output:
             return firings, firings.instant
         leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
         self.leaves.clear()
-        inside = leaves <= (self.stop if self.late else _DRAINED)
+        inside = leaves <= (self.stop if self.stamped_late else _DRAINED)
         if inside.all():
             return firings, leaves
         return firings.take(inside), leaves[inside]
@@ -113,18 +120,18 @@ def gather_events(
 ) -> Events:
     """The stream as it is read out, stamped with `stamps` (ps)."""
     ticks = latched(stamps, model.tick)
-    made = firings
+    ordered = firings
     if (ticks[1:] < ticks[:-1]).any():
         order = np.argsort(ticks, kind="stable")
-        made, ticks = firings.take(order), ticks[order]
+        ordered, ticks = firings.take(order), ticks[order]
     return Events(
-        (made.pixel // shape[1]).astype(np.uint16),
-        (made.pixel % shape[1]).astype(np.uint16),
+        (ordered.pixel // shape[1]).astype(np.uint16),
+        (ordered.pixel % shape[1]).astype(np.uint16),
         ticks,
-        made.width,
+        ordered.width,
         shape,
         -(-stop // model.tick),
         model.clock,
-        level=made.level if model.longest else None,
+        level=ordered.level if model.longest else None,
         levels=model.levels,
     )

@@ -1,4 +1,4 @@
-"""Patches of known light: what an asynchronous camera recovers of each, and over what range."""
+"""Targets of known light: what an asynchronous camera recovers of each, and its dynamic range."""
 
 from __future__ import annotations
 
@@ -17,16 +17,23 @@ from sensor.dynamic_range import decibels, spike_dynamic_range
 __all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
 
 WITHIN = 0.2
-"""A patch is recovered when its estimate is within this of the truth, and so is every brighter
-one's: a lucky guess further down does not count."""
+"""Relative error up to which a target counts as recovered, if every brighter one does."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recovered:
-    """One patch. lux: true, on the pixels. estimate, low, high: lux by maximum likelihood with its
-    99.9 % confidence, None where its pixels gathered nothing that tells (low or high, where known,
-    still bounds it). plain: lux by the mean of Q/width, None where no pixel said anything. fired,
-    read, silent: pixels by what they said first; all of them are `pixels`."""
+    """One target.
+
+    Attributes:
+        target: in the scene.
+        lux: true illuminance on the pixels.
+        pixels: number of its pixels, the sum of `fired`, `read`, `silent` and `lost`.
+        fired, read, silent: pixels by their first report: a spike, a reading, none.
+        lost: pixels whose first event did not cross the channel.
+        estimate, low, high: lux by maximum likelihood, with limits of 99.9 % confidence; None if
+            the pixels gathered too little. A limit that is known still bounds the light.
+        plain: lux by the mean of Q/width; None without a report.
+    """
 
     target: Target
     lux: float
@@ -53,36 +60,43 @@ class Recovered:
 def recover(
     targets: list[Target],
     firings: Firings,
-    spoke: npt.NDArray[np.bool_],
+    fired: npt.NDArray[np.bool_],
     model: EventModel,
     stop: int,
     gain: float,
     per_lux: float,
     dark: float,
 ) -> list[Recovered]:
-    """Every patch, brightest first. firings: those that crossed the channel. spoke: (pixels,) who
-    fired or was read at all. stop: end of the run, ps. gain: lux on the pixel for one on the scene.
-    per_lux: electrons a second for a lux on the pixel. dark: mean dark current, electrons a second,
-    which is subtracted.
+    """Estimates the light of every target, the brightest first.
 
-    Only intervals that began with the run count: that their first tick is known makes a tick's
-    probability exact, and what a pixel sends later it has chosen to send. A pixel that spoke and
-    whose first interval did not cross is left out.
+    Only intervals that began with the run count: their first tick is known, which makes the
+    probability of a tick exact, and later reports are a biased choice. A pixel that fired and whose
+    first interval did not cross the channel is left out.
+
+    Args:
+        targets: in the scene.
+        firings: that crossed the channel.
+        fired: whether a pixel has fired or was read at all, (pixels,).
+        model: rules of a pixel.
+        stop: end of the run, ps.
+        gain: lux on the pixel for one on the scene.
+        per_lux: photocurrent for a lux on the pixel, electrons/s.
+        dark: mean dark current, electrons/s; it is subtracted.
     """
     first = firings.take(latched(firings.instant, model.tick) + 1 == firings.width)
-    found = []
+    recovered = []
     for target in sorted(targets, key=lambda p: -p.lux):
         mine = first.take(target.mask.ravel()[first.pixel])
         full = mine.level == model.levels
         mask = target.mask.ravel()
-        pixels, lost = int(mask.sum()), int((mask & spoke).sum()) - len(mine)
+        pixels, lost = int(mask.sum()), int((mask & fired).sum()) - len(mine)
         silent = pixels - len(mine) - lost
         seen = Observed(mine.width[full], mine.level[~full].astype(np.int64), silent, stop)
         # Without a pixel that was heard or was silent, everything is unknown.
         rate = estimate_rate(model, seen) if len(seen) else RateEstimate(0.0, 0.0, math.inf)
         known = 0 < rate.rate < math.inf
         plain = mean_rate(model, seen)
-        found.append(
+        recovered.append(
             Recovered(
                 target,
                 target.lux * gain,
@@ -97,12 +111,12 @@ def recover(
                 (plain - dark) / per_lux if math.isfinite(plain) else None,
             )
         )
-    return found
+    return recovered
 
 
-def unheard(found: list[Recovered]) -> list[str]:
+def unheard(recovered: list[Recovered]) -> list[str]:
     """What a user must know of pixels whose first events did not cross the channel."""
-    lost, pixels = sum(p.lost for p in found), sum(p.pixels for p in found)
+    lost, pixels = sum(p.lost for p in recovered), sum(p.pixels for p in recovered)
     if not lost:
         return []
     return [
@@ -117,11 +131,11 @@ def formula(model: EventModel, stop: int) -> float:
     return spike_dynamic_range(model.longest or stop, model.shortest, model.levels)
 
 
-def dynamic_range(found: list[Recovered], model: EventModel, stop: int) -> dict[str, Metric]:
+def dynamic_range(recovered: list[Recovered], model: EventModel, stop: int) -> dict[str, Metric]:
     """From the brightest patch down to the dimmest, as long as they are recovered. All null where
     even the brightest is not."""
     good = []
-    for one in found:
+    for one in recovered:
         if not one.good:
             break
         good.append(one)
@@ -139,5 +153,5 @@ def dynamic_range(found: list[Recovered], model: EventModel, stop: int) -> dict[
         "dimmest": Metric(low.lux if low else None, "lux"),
         "dimmest_error": Metric(low.error if low else None, "1"),
         "patches_recovered": Metric(float(len(good)), "1"),
-        "events_of_patches_unheard": Metric(float(sum(p.lost for p in found)), "1"),
+        "events_of_patches_unheard": Metric(float(sum(p.lost for p in recovered)), "1"),
     }

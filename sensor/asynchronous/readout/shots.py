@@ -1,4 +1,4 @@
-"""What a run with event readout makes of its events: images, figures of merit, delays."""
+"""Images of events at chosen instants, with the truth of the scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,13 @@ Instants = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class EventShot:
-    """One instant: cycle of sensor.clock, truth, and TFI from events, white = 1, (H, W)."""
+    """One instant.
+
+    Attributes:
+        cycle: of sensor.clock.
+        truth, tfi: reflectance, and its estimate from the event that holds the instant, white = 1,
+            (H, W).
+    """
 
     cycle: int
     truth: Plane

@@ -1,5 +1,5 @@
-"""Figures of a run with event readout: the view by recovered light, each patch against the truth,
-events over time, the channel's delays."""
+"""Figures of a run of an asynchronous camera: recovered light, events over time, delays of the
+channel."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from cosim.report.figures import INK, LINE, MARK, pyplot
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.recover import WITHIN, Recovered
 
-__all__ = ["delay_figure", "events_figure", "patch_figure", "view_figure", "width_figure"]
+__all__ = ["delay_figure", "events_figure", "target_figure", "view_figure", "width_figure"]
 
 BLUE, PALE = "#2f5fa7", "#e9edf5"
 Image = npt.NDArray[np.float64]
 
 
 def view_figure(
-    truth: Image, seen: Image, silent: npt.NDArray[np.bool_], floor: float, path: Path
+    truth: Image, estimate: Image, silent: npt.NDArray[np.bool_], floor: float, path: Path
 ) -> None:
     """True and recovered illuminance side by side on one logarithmic scale, lux. silent: pixels
-    that said nothing, shown in grey. floor: lux that is black."""
+    without an event, drawn in grey. floor: lux that is black."""
     plt = pyplot()
     from matplotlib.colors import LogNorm
 
@@ -32,40 +32,40 @@ def view_figure(
     colours = plt.get_cmap("inferno").with_extremes(bad="#7b818c")
     for ax, image, name in zip(
         axes,
-        (np.maximum(truth, floor), np.ma.masked_where(silent, np.maximum(seen, floor))),
+        (np.maximum(truth, floor), np.ma.masked_where(silent, np.maximum(estimate, floor))),
         ("true illuminance of the pixels", "what each pixel's last event tells (grey: nothing)"),
         strict=True,
     ):
-        shown = ax.imshow(image, norm=norm, cmap=colours, interpolation="nearest")
+        drawn = ax.imshow(image, norm=norm, cmap=colours, interpolation="nearest")
         ax.set_title(name, fontsize=10, color=INK)
         ax.axis("off")
-    bar = figure.colorbar(shown, ax=axes, fraction=0.035, pad=0.01)
+    bar = figure.colorbar(drawn, ax=axes, fraction=0.035, pad=0.01)
     bar.set_label("lux", color=INK)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
 
-def patch_figure(found: list[Recovered], dark: float, path: Path) -> None:
+def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
     """Recovered against true illuminance with 99.9 % confidence, and the relative error below.
     dark: lux whose electrons equal the mean dark current."""
     plt = pyplot()
     figure, (top, low) = plt.subplots(
         2, 1, figsize=(11, 7.2), sharex=True, height_ratios=(2.2, 1), layout="constrained"
     )
-    known = [p for p in found if p.estimate is not None and p.estimate > 0]
+    known = [p for p in recovered if p.estimate is not None and p.estimate > 0]
     lux = np.array([p.lux for p in known])
     value = np.array([p.estimate for p in known], float)
     ends = np.array([[p.low, p.high] for p in known], float).reshape(-1, 2)
     bars = np.maximum(np.abs(ends.T - value), 0)
-    span = np.array([min(p.lux for p in found) / 2, max(p.lux for p in found) * 2])
+    span = np.array([min(p.lux for p in recovered) / 2, max(p.lux for p in recovered) * 2])
     top.plot(span, span, color=LINE, linewidth=1, zorder=0)
     top.errorbar(
         lux, value, [np.minimum(bars[0], value * 0.999), bars[1]], fmt="o", ms=4.5, color=BLUE,
         capsize=2.5, linewidth=1, label="maximum likelihood, 99.9 %",
     )  # fmt: skip
-    plain = [(p.lux, p.plain) for p in found if p.plain is not None and p.plain > 0]
+    plain = [(p.lux, p.plain) for p in recovered if p.plain is not None and p.plain > 0]
     top.plot(*np.array(plain).T, "x", ms=5, color=MARK, label="mean of Q/width and of floors")
-    unknown = [(p.lux, p.high) for p in found if p.estimate is None and (p.high or 0) > 0]
+    unknown = [(p.lux, p.high) for p in recovered if p.estimate is None and (p.high or 0) > 0]
     if unknown:
         top.plot(
             *np.array(unknown).T, "v", ms=5, color="#8a909c",

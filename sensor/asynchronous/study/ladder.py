@@ -53,7 +53,7 @@ def _reference(start: EventStart, plan: EventPlan) -> dict[str, Any]:
         "fraction, scipy's quantiles of Gamma(Q) at the same random words, compiled by numba; "
         "its cost is that of an interval and of a pixel on the brightest tile, times those "
         "that the light of the whole array makes",
-        "intervals_measured": cost.made, "ns_per_interval": cost.each * 1e9,
+        "intervals_measured": cost.intervals_timed, "ns_per_interval": cost.each * 1e9,
         "intervals": cost.intervals,
         "error": own,
         "error_is": f"thresholds of {checked.size} pixels against the law added up in 60 digits, "
@@ -110,9 +110,9 @@ def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
         }  # fmt: skip
         try:
             spent = least(lambda plan=checked.plan: _run(start, plan), _CALLS)  # type: ignore[misc]
-            found = measure(checked.plan, start.view, tiles)
+            distance = measure(checked.plan, start.view, tiles)
             row |= {
-                "error": found.value, "ci": [found.low, found.high], "run_time_s": spent,
+                "error": distance.value, "ci": [distance.low, distance.high], "run_time_s": spent,
                 "ns_per_pixel_cycle": spent * 1e9 / (pixels * start.cycles),
             }  # fmt: skip
         except InputError as exc:

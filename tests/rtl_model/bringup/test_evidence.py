@@ -8,9 +8,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from rtl_model.bringup import BringUp, bring_up
 from rtl_model.bringup.bench.monitor import LineMonitor
-from rtl_model.bringup.run import ALLOWED_S
+from rtl_model.bringup.run import ALLOWED_S, BringUp, bring_up
 from rtl_model.host import Uartbone, default_map
 from tests.rtl_model.bringup.faulty_ports import SIZE, EveryByte
 from tests.rtl_model.bringup.model_port import ModelPort

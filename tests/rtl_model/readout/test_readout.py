@@ -10,7 +10,7 @@ import pytest
 
 from cosim import Clock, InputError
 from cosim.compute.opencl import Device, open_device
-from cosim.files import RawStream, write_raw
+from cosim.files.raw import RawStream, write_raw
 from cosim.files.raw_layout import FRAME_BYTES, TABLE
 from cosim.spikes.viform import Viform, Words, words_for
 from rtl_model.readout import BIT_RATE, Readout, read_in_numpy

@@ -241,7 +241,7 @@ def test_steps_may_be_limited():
     plane = np.ones((1, 1), np.float32)
 
     class Still:
-        def step(self, given: None, block: Any) -> Light:
+        def step(self, data: None, block: Any) -> Light:
             return Light((Piece(0, 2**62, plane, plane),))
 
     def steps(most: int | None) -> list[tuple[int, int]]:

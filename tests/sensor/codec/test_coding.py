@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim import Clock, Events, Viform, events_of, viform_of
+from cosim import Clock, Events, Viform
+from cosim.spikes.events import events_of, viform_of
 from cosim.spikes.viform import unpack_planes
 from sensor.codec.coding import Code, encode
 from sensor.codec.follow import FOLLOW_STATE, follow

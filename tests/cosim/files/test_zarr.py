@@ -1,0 +1,276 @@
+"""The store of a run: any split of the run gives the same words, and a damaged store is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim import Block, Clock, InputError, Viform
+from cosim.files import Recorder, ZarrStream, open_stream
+from cosim.files.zarr_store import write_zarr
+from cosim.spikes.viform import pack_planes, words_for
+
+CLOCK = Clock(40_000)
+SHAPE = (2, 3)
+
+
+def pieces(stream: Viform, sizes: list[int], first: int = 0) -> Iterator[tuple[Viform, Block]]:
+    """The stream from cycle `first` on in blocks of these sizes, over and over."""
+    planes = stream.planes()
+    n = 0
+    while first < stream.cycles:
+        cycles = min(sizes[n % len(sizes)], stream.cycles - first)
+        words = pack_planes(planes[first : first + cycles])
+        yield Viform(words, cycles, stream.clock, first), Block(first, cycles)
+        first, n = first + cycles, n + 1
+
+
+def record(stream: Viform, path: Path, sizes: list[int]) -> Recorder:
+    recorder = Recorder(path, stream.shape, stream.cycles, stream.clock)
+    for given_, block in pieces(stream, sizes):
+        assert recorder.step(given_, block) is given_
+    return recorder
+
+
+def words_of(path: Path) -> np.ndarray:
+    stream = ZarrStream(path)
+    return stream.read_words(0, words_for(stream.cycles))
+
+
+@pytest.mark.parametrize("sizes", [[64], [32], [7], [1], [45, 3, 64, 1], [31, 33]])
+@pytest.mark.parametrize("cycles", [1, 75, 128])
+def test_blocks_of_any_size_give_the_same_words(
+    tmp_path: Path, random_stream, sizes: list[int], cycles: int
+) -> None:
+    stream = random_stream(cycles, SHAPE)
+    record(stream, tmp_path / "a.zarr", sizes)
+    again = ZarrStream(tmp_path / "a.zarr")
+    assert (again.cycles, again.shape, again.clock, again.start) == (cycles, SHAPE, CLOCK, 0)
+    np.testing.assert_array_equal(words_of(tmp_path / "a.zarr"), stream.words)
+
+
+@settings(max_examples=5)
+@given(
+    before=st.lists(st.integers(1, 70), min_size=1, max_size=4),
+    after=st.lists(st.integers(1, 70), min_size=1, max_size=4),
+    stop=st.integers(1, 4),
+    lost=st.integers(0, 2),
+)
+def test_a_run_is_gone_on_with_in_the_middle_of_a_word(
+    tmp_path_factory, random_stream, before: list[int], after: list[int], stop: int, lost: int
+) -> None:
+    stream = random_stream(300, SHAPE)
+    path = tmp_path_factory.mktemp("zarr") / "a.zarr"
+    first = Recorder(path, SHAPE, stream.cycles, CLOCK)
+    state, done = first.state(), 0
+    for n, (given_, block) in enumerate(pieces(stream, before)):
+        first.step(given_, block)
+        if n < stop:  # the checkpoint; what comes after it is lost, though the store has it
+            state = {name: array.copy() for name, array in first.state().items()}
+            done = block.stop
+        if n == stop + lost - 1:
+            break
+    second = Recorder(path, SHAPE, stream.cycles, CLOCK)
+    second.restore(state)
+    for given_, block in pieces(stream, after, done):
+        second.step(given_, block)
+    np.testing.assert_array_equal(words_of(path), stream.words)
+
+
+@given(first=st.integers(0, 5), n=st.integers(0, 6))
+@settings(max_examples=15)
+def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n: int) -> None:
+    stream = random_stream(150, SHAPE)
+    path = tmp_path_factory.mktemp("zarr") / "a.zarr"
+    write_zarr(stream, path)
+    words = ZarrStream(path).read_words(first, first + n)
+    assert words.dtype == np.uint32
+    np.testing.assert_array_equal(words, stream.words[first : first + n])
+
+
+def test_the_state_is_the_word_that_is_not_full(tmp_path: Path, random_stream) -> None:
+    stream = random_stream(300, SHAPE)
+    recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK)
+    assert recorder.state() == {}
+    for given_, block in pieces(stream, [40, 24, 7]):
+        recorder.step(given_, block)
+        state = recorder.state()
+        assert state.keys() == ({"open_word"} if block.stop % 32 else set())
+        if state:
+            part = stream.planes()[block.stop // 32 * 32 : block.stop]
+            np.testing.assert_array_equal(state["open_word"], pack_planes(part)[0])
+
+
+def test_words_are_counted_as_they_are_written(tmp_path: Path, random_stream) -> None:
+    stream = random_stream(128, SHAPE)
+    assert record(stream, tmp_path / "a.zarr", [64]).bytes_written == stream.words.nbytes
+
+
+def test_an_unfinished_store_is_refused_with_the_way_to_finish_it(
+    tmp_path: Path, random_stream
+) -> None:
+    stream = random_stream(200, SHAPE)
+    path = tmp_path / "out" / "stream.zarr"
+    recorder = Recorder(path, SHAPE, stream.cycles, CLOCK)
+    for given_, block in list(pieces(stream, [64]))[:-1]:
+        recorder.step(given_, block)
+        with pytest.raises(InputError) as refused:
+            open_stream(path.parent)
+        assert str(refused.value) == (
+            f"{path} must be the stream.zarr of a finished run, not one that was interrupted; "
+            f"finish it: viform run {path.parent} --resume --out {path.parent}"
+        )
+    recorder.step(*list(pieces(stream, [64]))[-1])
+    assert open_stream(path.parent).cycles == 200
+
+
+def test_resuming_without_the_store_is_refused(tmp_path: Path, random_stream) -> None:
+    stream = random_stream(200, SHAPE)
+    path = tmp_path / "stream.zarr"
+    recorder = Recorder(path, SHAPE, stream.cycles, CLOCK)
+    says = f"not missing or damaged; start afresh: remove {tmp_path}"
+    with pytest.raises(InputError, match=says):
+        recorder.step(*list(pieces(stream, [64]))[1])
+    assert not path.exists()
+
+
+def test_a_run_that_starts_afresh_replaces_the_store(tmp_path: Path, random_stream) -> None:
+    record(random_stream(300, (4, 5), seed=3), tmp_path / "a.zarr", [64])
+    stream = random_stream(100, SHAPE, seed=4)
+    record(stream, tmp_path / "a.zarr", [64])
+    np.testing.assert_array_equal(words_of(tmp_path / "a.zarr"), stream.words)
+
+
+def test_a_lost_chunk_is_no_darkness(tmp_path: Path, random_stream) -> None:
+    dark = Viform(random_stream(150, SHAPE).words * np.uint32(0), 150, CLOCK)
+    for sizes in ([64], [40]):
+        record(dark, tmp_path / "a.zarr", sizes)
+        assert not words_of(tmp_path / "a.zarr").any()
+    (tmp_path / "a.zarr/words/c/1/0/0").unlink()
+    stream = ZarrStream(tmp_path / "a.zarr")
+    assert not stream.read_words(0, 2).any()
+    with pytest.raises(InputError, match="not one without chunk 1; copy it again, whole"):
+        stream.read_words(0, 3)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory, random_stream) -> Path:
+    path = tmp_path_factory.mktemp("store") / "a.zarr"
+    write_zarr(random_stream(150, SHAPE), path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("attributes", "text"),
+    [
+        ({"viform": 2}, "not format 2; use a program that writes format 1"),
+        ({"complete": False}, "not one that was interrupted; finish it"),
+        ({"complete": 1}, "not one that was interrupted; finish it"),
+        ({"cycles": 128}, r"not words of shape \(5, 2, 3\) for 128 cycles"),
+        ({"cycles": 10**30}, r"not words of shape \(5, 2, 3\) for 10+ cycles"),
+        ({"cycles": 0}, "not words of shape"),
+        ({"cycles": -150}, "not words of shape"),
+        ({"cycles": "many"}, "not something else"),
+        ({"cycles": None}, "not something else"),
+        ({"cycles": float("inf")}, "not something else"),
+        ({"clock": [40_000, 0]}, "not something else"),
+        ({"clock": [40_000]}, "not something else"),
+        ({"clock": 40_000}, "not something else"),
+        ({"start": []}, "not something else"),
+    ],
+)
+def test_attributes_of_no_stream_are_refused(
+    store: Path, tmp_path: Path, attributes: dict[str, object], text: str
+) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(store, path)
+    document = json.loads((path / "zarr.json").read_text())
+    document["attributes"] |= attributes
+    (path / "zarr.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=text):
+        open_stream(path)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"data_type": "int32"}, "not words of shape"),
+        ({"shape": [5, 2]}, "not something else"),
+        ({"shape": [5, 2, 10**15]}, "not chunks of shape"),
+        ({"shape": [5, 0, 3]}, "not words of shape"),
+        ({"node_type": "group"}, "not something else"),
+        ({"zarr_format": 7}, "not something else"),
+    ],
+)
+def test_words_of_another_kind_are_refused(
+    store: Path, tmp_path: Path, values: dict[str, object], text: str
+) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(store, path)
+    document = json.loads((path / "words/zarr.json").read_text())
+    (path / "words/zarr.json").write_text(json.dumps(document | values))
+    with pytest.raises(InputError, match=text):
+        open_stream(path)
+
+
+def test_spikes_beyond_the_last_cycle_are_refused(store: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(store, path)
+    words = zarr.open_group(path, mode="r+")["words"]
+    words[4, 1, 2] = 1 << (150 - 128)
+    stream = open_stream(path)
+    stream.read_words(0, 4)
+    with pytest.raises(InputError, match="not one with spikes beyond its last cycle"):
+        stream.read_words(4, 5)
+
+
+@pytest.mark.parametrize("missing", ["zarr.json", "words/zarr.json", "words"])
+def test_a_store_with_a_part_missing_is_refused(store: Path, tmp_path: Path, missing: str) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(store, path)
+    gone = path / missing
+    shutil.rmtree(gone) if gone.is_dir() else gone.unlink()
+    with pytest.raises(InputError, match=f"{path} must be the stream.zarr of a finished run"):
+        open_stream(path)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"\x00\xff" * 40])
+def test_what_is_no_store_is_refused(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "a.zarr"
+    path.mkdir() if content is None else path.write_bytes(content)
+    with pytest.raises(InputError, match=f"{path} must be the stream.zarr of a finished run"):
+        open_stream(path)
+
+
+@pytest.mark.parametrize("part", ["zarr.json", "words/zarr.json", "words/c/0/0/0", "words/c/2/0/0"])
+def test_damage_is_refused_or_gives_a_stream_that_keeps_its_promises(
+    store: Path, tmp_path_factory, random_stream, damage, part: str
+) -> None:
+    whole = random_stream(150, SHAPE)
+    path = tmp_path_factory.mktemp("damaged") / "a.zarr"
+    shutil.copytree(store, path)
+    content = (path / part).read_bytes()
+
+    @settings(max_examples=50)
+    @given(st.data())
+    def holds(data: st.DataObject) -> None:
+        (path / part).write_bytes(damage(data, content))
+        try:
+            stream = open_stream(path)
+            words = stream.read_words(0, words_for(stream.cycles))
+        except InputError:
+            return
+        again = Viform(words, stream.cycles, stream.clock)  # refuses spikes beyond the last cycle
+        assert again.shape == stream.shape
+        if "/c/" in part:  # chunks carry a checksum
+            np.testing.assert_array_equal(words, whole.words)
+
+    holds()

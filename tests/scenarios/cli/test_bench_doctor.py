@@ -1,0 +1,118 @@
+"""bench, doctor and test: documents as programs read them, and that they can say no."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import scenarios.cli.checks
+import scenarios.studies.bench.sensor as bench
+from cosim.compute.opencl import open_device
+from scenarios.cli.checks import Check
+from scenarios.cli.entry import _main
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "PLAIN_CYCLES", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "REPEATS", 1)
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "BLOCK", 8)
+
+
+@pytest.mark.usefixtures("quick")
+def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _main(["bench", "sensor", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert list(document) == ["device", "ceiling", "rows"]
+    assert document["ceiling"]["value"] > 0
+    names = ["static", "ramp", "noise", "noise-random", "noise-smooth", "noise-box"]
+    *pixels, readout = document["rows"]
+    assert [(row["name"], row["tier"]) for row in pixels] == [
+        (f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")
+    ]
+    assert (readout["name"], readout["unit"]) == ("sensor.readout", "bit/s")
+    assert readout["realtime"] == pytest.approx(readout["value"] / 40.96e9)
+    assert readout["plain_ratio"] > 0
+    for row in pixels:
+        assert list(row) == [
+            "name", "tier", "value", "unit", "realtime", "ceiling_ratio", "plain_ratio"
+        ]  # fmt: skip
+        assert row["unit"] == "pixel-cycles/s"
+        assert row["realtime"] == pytest.approx(row["value"] / 40e9)
+        assert row["ceiling_ratio"] == pytest.approx(row["value"] / document["ceiling"]["value"])
+        assert (row["plain_ratio"] is None) == ("noise-" in row["name"])
+        assert row["plain_ratio"] is None or row["plain_ratio"] > 0
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_benchmarked_pixels_spike_as_their_picture_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A benchmark of pixels that do nothing would be fast: count the spikes of what is timed.
+    import numpy as np
+
+    words = []
+    least = bench.least
+
+    def spy(call, repeats=1):  # type: ignore[no-untyped-def]
+        words.append(call())
+        return least(call, repeats)
+
+    monkeypatch.setattr(scenarios.studies.bench.sensor, "least", spy)
+    bench._exact(open_device(), 100_000, noise=True, ramp=False)
+    rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
+    assert rate == pytest.approx((bench.DARK + bench.BRIGHT) / 2, rel=0.02)
+
+
+def test_bench_refuses_a_part_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _main(["bench", "toaster"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and "the part must be one of sensor" in err
+
+
+def test_doctor_finds_this_machine_fit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _main(["doctor", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["ok"] is True
+    checks = {check["name"]: check for check in document["checks"]}
+    assert checks["kernel"]["found"] == "built, and agrees with the compiled form on every bit"
+    assert all(check["ok"] for check in checks.values() if check["needed"])
+
+
+@pytest.mark.parametrize(("needed", "code"), [(True, 1), (False, 0)])
+def test_doctor_names_what_is_missing_and_the_mend(
+    needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = Check("opencl", False, "no device", "apt-get install something", needed)
+    monkeypatch.setattr(scenarios.cli.checks, "CHECKS", (lambda: missing,))
+    assert _main(["doctor"]) == code
+    out = capsys.readouterr().out
+    assert "no device" in out and "mend: apt-get install something" in out
+    assert ("would not work yet" in out) == needed
+
+
+def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.cli.checks, "probe", list)
+    check = scenarios.cli.checks._opencl()
+    assert not check.ok and "pocl-opencl-icd" in check.mend
+
+
+def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.cli.checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = scenarios.cli.checks._gl()
+    assert not check.ok and not check.needed
+    assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
+
+
+def test_the_test_command_passes_arguments_to_pytest_and_reports_failure(
+    tmp_path, capfd: pytest.CaptureFixture[str]
+) -> None:  # type: ignore[no-untyped-def]
+    failing = tmp_path / "test_planted.py"
+    failing.write_text("def test_good():\n    pass\n\ndef test_bad():\n    assert False\n")
+    assert _main(["test", "--json", str(failing)]) == 1
+    out, err = capfd.readouterr()
+    document = json.loads(out)
+    assert (document["passed"], document["failed"], document["checks"]) == (1, 1, {"pytest": False})
+    assert "failed: pytest" in err
