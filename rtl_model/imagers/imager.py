@@ -1,4 +1,4 @@
-"""What every imager does, whatever is inside it: registers are written, frames come out."""
+"""The interface of an imager: registers are written, frames come out."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ __all__ = ["Imager"]
 class Imager(Protocol):
     """A whole imager. Time is integer picoseconds from power-on.
 
-    name: of its kind. pixels: its physics. Registers are those of its table (`registers`), at the
-    byte addresses there; a write takes effect when the imager's own rule says so, which is tested.
+    Attributes:
+        name: of its kind.
+        pixels: its physics.
+
+    Registers are those of its table (`registers`), at the byte addresses there.
     """
 
     name: str
@@ -26,18 +29,26 @@ class Imager(Protocol):
     def pixels(self) -> PixelModel: ...
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """A register is written at this instant (ps; now when None, never in the past)."""
+        """Writes a register at an instant (ps, not in the past; None for now). The value takes
+        effect when the imager's own rule says so."""
         ...
 
     def read(self, register: str) -> int:
-        """Its value now."""
+        """Returns the value of a register now."""
         ...
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
         trace: Path | None = None,
     ) -> Iterator[Frame]:  # fmt: skip
-        """Runs from where it stands to the instant `until` (ps), frame by frame; a frame that is
-        not ready by then is not delivered. trace: writes the sequencer's signals of the first
-        frames, .fst or .vcd by the file's ending."""
+        """Films frame by frame from now to the instant `until`, ps. A frame that is not ready by
+        then is not returned.
+
+        Args:
+            scene: light on the plane.
+            until: end, ps.
+            seed: of the temporal noise.
+            kept: names of the effects that are computed.
+            trace: file for the sequencer's signals during the first frames, .fst or .vcd.
+        """
         ...

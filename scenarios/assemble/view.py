@@ -39,15 +39,15 @@ def _gain(scenario: ImagerScenario) -> tuple[float, str]:
 def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
     """Least and largest factor of the course within the run."""
     course = target_course(scene)
-    seen = [course.at(0), course.at(stop)]
-    seen += [factor for time, factor in course.knots if 0 <= time <= stop]
-    return min(seen), max(seen)
+    factors = [course.at(0), course.at(stop)]
+    factors += [factor for time, factor in course.knots if 0 <= time <= stop]
+    return min(factors), max(factors)
 
 
 def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = LIGHT_CLOCK) -> View:
     """The scene on an imager's plane of so many rows and columns. clock: on whose edges a scene
     that moves is drawn. Raises InputError."""
-    gain, told = _gain(scenario)
+    gain, lens_note = _gain(scenario)
     scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
     if isinstance(scene, TargetScene):
         chart = target_plane(scene, shape)
@@ -55,7 +55,7 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
         low, high = _factors(scene, stop)
         lit = Still(lux, target_course(scene))
         name = scene.chart if scene.path is None else ""
-        return View(lit, gain, lux * low, lux * high, True, chart, [told], [], name)
+        return View(lit, gain, lux * low, lux * high, True, chart, [lens_note], [], name)
     cycles = clock.cycle_at(stop) + 1
     grid = SceneGrid(shape, clock, cycles)
     source = scene.source(grid)
@@ -64,15 +64,15 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
         first = clock.cycle_at(begin)
         return source.step(None, Block(first, clock.cycle_at(max(end - 1, begin)) + 1 - first))
 
-    looked = survey(scene.source(grid), clock, cycles)
-    least, most = (np.asarray(plane, np.float64) * gain for plane in (looked.least, looked.most))
+    limits = survey(scene.source(grid), clock, cycles)
+    least, most = (np.asarray(plane, np.float64) * gain for plane in (limits.least, limits.most))
     scenery = _Lensed(LightScenery(shape, light), gain)
-    steady = bool(looked.steady.all())
+    steady = bool(limits.steady.all())
     still = np.asarray(source.truth(0), np.float64) if steady else None
-    every = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
-    notes = [told, *source.notes, every]
+    drawing = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
+    notes = [lens_note, *source.notes, drawing]
     return View(
-        scenery, gain, least, most, bool(looked.certain.all()), still, notes, source.degraded
+        scenery, gain, least, most, bool(limits.certain.all()), still, notes, source.degraded
     )
 
 

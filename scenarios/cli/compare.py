@@ -49,12 +49,12 @@ def compare(
 
 def _text(document: dict[str, Any], folder: Path) -> str:
     """The table for a reader."""
-    from scenarios.studies.compare.report import HEADS, told
+    from scenarios.studies.compare.report import HEADS, figure_text
     from scenarios.studies.compare.row import FIGURES, Figure
 
     rows = document["rows"]
     cells = [["", *(row["title"] for row in rows)]]
-    cells += [[HEADS[n], *(told(n, Figure(**row[n])) for row in rows)] for n in FIGURES]
+    cells += [[HEADS[n], *(figure_text(n, Figure(**row[n])) for row in rows)] for n in FIGURES]
     widths = [max(len(line[n]) for line in cells) for n in range(len(cells[0]))]
     lines = [
         "  ".join([line[0].ljust(widths[0]),

@@ -1,5 +1,5 @@
-"""What all pixels of conventional imagers have in common: light in, digital numbers out, effects
-that can be left out, and what bounds read of a scene."""
+"""The pixels of any conventional imager: light in, digital numbers out, effects that can be left
+out, and what the effects' bounds read of a scene."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ImagerSummary(Summary):
-    """What bounds of an imager's effects read, besides `darkest` and `brightest`, which here are
-    photoelectrons in a whole exposure (a `Summary`'s cycle is one frame, its threshold the full
-    well, and window and cycles the frames that the run takes).
+    """What bounds of an imager's effects read of a run.
 
-    exposure: seconds, shortest and longest. kelvin: of the chip. gain: electron multiplication at
-    work, least and largest mean; (1, 1) for none. step: electrons of one DN at the pixel, before
-    any multiplication.
+    A `Summary`'s cycle is one frame here: `darkest` and `brightest` are photoelectrons in a whole
+    exposure, `threshold` is the full well, `window` and `cycles` are the frames of the run.
+
+    Attributes:
+        exposure: shortest and longest, s.
+        kelvin: temperature of the chip.
+        gain: least and largest mean of electron multiplication; (1, 1) for none.
+        step: electrons of one DN at the pixel, before any multiplication.
     """
 
     exposure: tuple[float, float] = (0.0, 0.0)
@@ -35,11 +38,14 @@ class ImagerSummary(Summary):
 
 @dataclass(frozen=True, eq=False)
 class Exposed:
-    """Rows that have been exposed and wait to be converted.
+    """Rows that have been exposed and are not converted yet.
 
-    lux_seconds: (rows, W). seconds: (rows,) exposure, for what gathers in the dark. waiting:
-    (rows,) seconds from the exposure's end to the row's readout. first: number of the first row.
-    frame: number of the frame, which counts draws.
+    Attributes:
+        lux_seconds: (rows, W) light, lx s.
+        seconds: (rows,) exposure time, during which dark electrons accumulate, s.
+        waiting: (rows,) time from the exposure's end to the row's readout, s.
+        first: number of the first row.
+        frame: number of the frame, which counts random draws.
     """
 
     lux_seconds: Values
@@ -52,8 +58,11 @@ class Exposed:
 class PixelModel(Protocol):
     """Physics of one imager's pixels, its analog chain and its converter.
 
-    effects: all of them, by name; what is not in `kept` is left out of the computation. The draws
-    of those that are kept do not change with what is left out. shape: (H, W). bits: of a value.
+    Attributes:
+        effects: all of them, by name. The random draws of one do not depend on which others are
+            left out.
+        shape: (H, W).
+        bits: of a value.
     """
 
     @property
@@ -66,16 +75,21 @@ class PixelModel(Protocol):
     def bits(self) -> int: ...
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
-        """(rows, W) DN of exposed rows. seed: of the temporal noise; the fixed pattern hangs on
-        the model's own."""
+        """Values of exposed rows, (rows, W) DN.
+
+        Args:
+            rows: exposed rows.
+            seed: of the temporal noise; the fixed pattern has the device's own seed.
+            kept: names of the effects that are computed.
+        """
         ...
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
-        """Closed form: mean and temporal variance of a middling pixel's value, DN and DN^2, with
+        """Closed form: mean (DN) and temporal variance (DN^2) of a typical pixel's value, with
         every effect, before clipping at either end of the scale."""
         ...
 
     def summary(self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:  # fmt: skip
-        """What bounds read, of the least and most light and exposure that the run will see."""
+        """What bounds read, for a run between these limits of light (lx s) and exposure (s)."""
         ...

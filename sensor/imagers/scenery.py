@@ -1,4 +1,4 @@
-"""What an imager looks at: illuminance on its plane, integrated over each row's own exposure.
+"""The light on an imager's plane, integrated over each row's own exposure.
 
 A rolling shutter gives every row its own beginning and end, so light is asked for by rows. A still
 picture under light that changes (`Still`) is integrated in closed form; any other scene through
@@ -25,7 +25,11 @@ Instants = npt.NDArray[np.int64]
 
 
 class Scenery(Protocol):
-    """shape: (H, W) of the imager's plane."""
+    """Illuminance on an imager's plane.
+
+    Attributes:
+        shape: (H, W) of the plane.
+    """
 
     @property
     def shape(self) -> tuple[int, int]: ...
@@ -43,7 +47,8 @@ class Course:
     """A factor of all light over time: linear between knots, constant before the first and after
     the last. A jump is two knots at one instant.
 
-    knots: (ps, factor), in order, factors >= 0.
+    Attributes:
+        knots: (ps, factor), in order, factors >= 0.
     """
 
     knots: tuple[tuple[int, float], ...] = ((0, 1.0),)
@@ -87,7 +92,9 @@ class Course:
 class Still:
     """A picture that does not move, under light that changes.
 
-    lux: (H, W) on the plane where the course's factor is 1.
+    Attributes:
+        lux: (H, W) on the plane, for a factor of 1.
+        course: the factor over time.
     """
 
     lux: Values
@@ -105,8 +112,12 @@ class Still:
 
 @dataclass(frozen=True, eq=False)
 class LightScenery:
-    """A scene given as `Light` on the plane. light: that covers a span of time, ps. bands: rows
-    whose exposures are the same to the picosecond are integrated at once; else each by itself."""
+    """A scene given as `Light` on the plane.
+
+    Attributes:
+        size: (H, W) of the plane.
+        light: returns the light of a span of time, from begin to end, ps.
+    """
 
     size: tuple[int, int]
     light: Callable[[int, int], Light]

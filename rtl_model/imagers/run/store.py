@@ -1,8 +1,8 @@
-"""Frames on disk as they come: `frames.zarr`, one chunk a frame.
+"""Frames on disk: `frames.zarr`, one chunk a frame.
 
 values (n, H, W) uint16, padded below where a window made frames smaller; rows (n,) that are filled;
 begin, end (n, H) int64 and ready (n,) int64 in picoseconds; attributes tell the bits and, once the
-run is whole, `state`: the figures of the controllers, a list for each name.
+run is finished, `state`: the figures of the controllers, a list for each name.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _TOGETHER = 1 << 26
 
 
 class FrameStore:
-    """Writes frames one after another, a few at a time: what is not yet written of a run that ends
-    early is on its tape. A store that is there is replaced."""
+    """Writes frames in order, a few at a time: of a run that is interrupted, the rest is on its
+    tape. An existing store is replaced."""
 
     def __init__(self, path: Path, bits: int) -> None:
         self._path, self._bits = path, bits
@@ -60,7 +60,7 @@ class FrameStore:
         self._waiting = []
 
     def finish(self) -> None:
-        """All that is left, with the times and the controllers' figures."""
+        """Writes the remaining frames, the times and the controllers' figures."""
         if not self._state:
             return
         if self._waiting or self._group is None:

@@ -1,8 +1,8 @@
-"""What the pixels gave, on disk as it comes, so that an interrupted run loses nothing.
+"""A tape: the values of all converted rows, on disk as they come, from which a run resumes.
 
-A run that is resumed is played again: the sequencer and its controllers run as before, and as far
-as the tape reaches, pixels answer from it and compute nothing. Since all randomness is counter
-based, what comes after is the same as it would have been.
+A run that is resumed runs from its start: the sequencer and its controllers run as before, and as
+far as the tape reaches, values are read from it instead of computed. As all random numbers are
+counter based, the rest of the run gives the same bits as without the interruption.
 """
 
 from __future__ import annotations
@@ -29,13 +29,21 @@ _HEAD = struct.Struct("<4q")
 
 
 class Tape:
-    """The file. identity: text of the run's inputs; the tape of another run is refused."""
+    """The file of a tape.
+
+    Attributes:
+        found: records that are left to be played.
+
+    Args:
+        path: of the file.
+        identity: text that depends on all inputs of the run; the tape of another run is refused.
+        resume: whether a tape that exists is continued; otherwise it is replaced.
+    """
 
     def __init__(self, path: Path, identity: str, resume: bool) -> None:
         self._path = path
         head = _MAGIC + hashlib.sha256(identity.encode()).digest()
         self.found = 0
-        """Records that are there to be played."""
         if resume and path.exists():
             whole = self._check(head)
             self._file = path.open("r+b")
@@ -46,7 +54,7 @@ class Tape:
             self._file.write(head)
 
     def _check(self, head: bytes) -> int:
-        """Bytes of all whole records."""
+        """Size of all whole records, bytes. Raises InputError for the tape of another run."""
         size = self._path.stat().st_size
         with self._path.open("rb") as file:
             if file.read(len(head)) != head:
@@ -65,7 +73,7 @@ class Tape:
         return at
 
     def play(self, rows: Exposed) -> npt.NDArray[np.uint16] | None:
-        """The next record, None where the tape is at its end."""
+        """The values of the next record; None at the tape's end."""
         if not self.found:
             return None
         self.found -= 1
@@ -84,7 +92,7 @@ class Tape:
         self._file.write(np.ascontiguousarray(values, "<u2").data)
 
     def sync(self) -> None:
-        """What has been recorded is on disk."""
+        """Writes what has been recorded to the disk."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -102,8 +110,13 @@ class NoTape:
 
 
 class Taped:
-    """Pixels that answer from a tape as far as it reaches, and record what they give after. All
-    else is that of the pixels themselves. watch: is shown every exposure with the values."""
+    """Pixels whose values are read from a tape as far as it reaches, and are recorded after that.
+
+    Args:
+        pixels: that compute values; all other attributes are theirs.
+        tape: to read and record.
+        watch: called with every exposure and the pixels, once the rows are converted.
+    """
 
     def __init__(self, pixels: PixelModel, tape: Tape | NoTape, watch: Any) -> None:
         self.__dict__.update(pixels=pixels, tape=tape, watch=watch)
@@ -126,8 +139,8 @@ class Taped:
     def digitise(
         self, rows: Exposed, seed: int, kept: frozenset[str]
     ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
-        """Values and what the comparator beside an 8-bit converter says, which is the top bit on
-        the tape."""
+        """Values, and the output of the comparator beside an 8-bit converter, which is the top bit
+        on the tape."""
         packed = self.tape.play(rows)
         if packed is None:
             values, over = self.pixels.digitise(rows, seed, kept)

@@ -1,4 +1,4 @@
-"""A scenario's register writes, given to its imager before it films."""
+"""The register writes of a scenario."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ __all__ = ["write_all"]
 
 
 def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
-    """writes: instant (s), register, value. InputError that names `imager.writes` for one that the
-    imager refuses: no such register, one that is only read, a value that does not fit. (Over a
-    serial line such a write would be lost or cut without a word, as the hardware cannot refuse.)"""
+    """Schedules all writes, before the imager films.
+
+    Args:
+        imager: that has just been switched on.
+        writes: (instant in s, register, value).
+
+    Raises InputError that names `imager.writes` for a write that the imager refuses: an unknown
+    register, a read-only one, a value that does not fit. (Over a serial line such a write would be
+    lost or truncated silently, as the hardware cannot refuse.)
+    """
     for n, (seconds, register, value) in enumerate(writes):
         try:
             imager.write(register, value, seconds_to_ps(seconds))

@@ -18,7 +18,7 @@ from scenarios.studies.compare.measure import noise, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.ranges import black_and_slope, one_frame, with_controls
 from scenarios.studies.compare.row import Camera, Figure
-from scenarios.studies.compare.run_in import Placed, RunIn, Seen, film_at, middle
+from scenarios.studies.compare.run_in import Footage, Placed, RunIn, film_at, middle
 from scenarios.studies.compare.setting import SHAPE
 from sensor.imagers import Exposed
 from sensor.reconstruct.fidelity import psnr
@@ -50,33 +50,33 @@ def film_frames(
         corner = ((model.shape[0] - SHAPE[0]) // 2, (model.shape[1] - SHAPE[1]) // 2)
         placed = Placed(light, model.shape, corner)
     kept = frozenset(imager.pixels.effects)
-    seen = film_at(imager, placed, light, instant, scenario.seed, kept)
-    show = _Frames(scenario, comparison, model.make().pixels, seen, corner, white)
-    image = show.estimate(seen.frame)
-    corrected = show.without_smear(seen.frame, imager)
+    footage = film_at(imager, placed, light, instant, scenario.seed, kept)
+    frames = _Frames(scenario, comparison, model.make().pixels, footage, corner, white)
+    image = frames.estimate(footage.frame)
+    corrected = frames.without_smear(footage.frame, imager)
     # The still frames are of the scene's first instant.
     first, now = truth(0), truth(instant)
     quiet = np.ones(SHAPE, bool)
     still = motion.moving() is None
-    values = show.values(seen.frame)
-    full = (1 << seen.frame.bits) - 1
-    rate = PS / seen.period
-    bits, pixels = show.sent()
-    ready = (seen.frame.ready - middle(seen.frame)) / PS
-    skew = float(show.instants[-1] - show.instants[0]) / PS
-    clipped = float((values >= show.ceiling(full)).mean())
+    values = frames.values(footage.frame)
+    full = (1 << footage.frame.bits) - 1
+    rate = PS / footage.period
+    bits, pixels = frames.sent()
+    ready = (footage.frame.ready - middle(footage.frame)) / PS
+    skew = float(frames.instants[-1] - frames.instants[0]) / PS
+    clipped = float((values >= frames.ceiling(full)).mean())
     figures = {
-        "dynamic_range": Figure(one_frame(show.pixels, show.seconds), "dB"),
-        "dynamic_range_controls": Figure(with_controls(comparison, show.pixels), "dB"),
+        "dynamic_range": Figure(one_frame(frames.pixels, frames.seconds), "dB"),
+        "dynamic_range_controls": Figure(with_controls(comparison, frames.pixels), "dB"),
         "blur": Figure(
             None
             if clipped > 0.5
             else still_blur(image, now)
             if still
-            else motion.blur(image, show.instants),
+            else motion.blur(image, frames.instants),
             "pixels",
         ),
-        "noise": Figure(noise([show.estimate(f) for f in seen.still], first, quiet), "1"),
+        "noise": Figure(noise([frames.estimate(f) for f in footage.still], first, quiet), "1"),
         "data_rate": Figure(bits * rate, "bit/s"),
         "data_rate_pixel": Figure(bits * rate / pixels, "bit/s/pixel"),
         "latency": Figure(ready * 1e3, "ms"),
@@ -85,15 +85,15 @@ def film_frames(
             None if corrected is None else psnr(corrected, now.astype(np.float32)), "dB"
         ),
         "skew": Figure(skew * 1e3, "ms"),
-        "exposure": Figure(show.seconds * 1e3, "ms"),
+        "exposure": Figure(frames.seconds * 1e3, "ms"),
         "saturated": Figure(clipped, "1"),
-        "off": Figure((middle(seen.frame) - seen.offset - instant) * 1e-9, "ms"),
+        "off": Figure((middle(footage.frame) - footage.offset - instant) * 1e-9, "ms"),
     }
-    notes = [] if seen.rested else ["its exposure hunts and never rests"]
+    notes = [] if footage.rested else ["its exposure hunts and never rests"]
     notes += ["nothing moves: blur of what stands still"] if still else []
     notes += [comparison.note]
     return Camera(
-        kind, comparison.title, show.setting(), "; ".join(n for n in notes if n),
+        kind, comparison.title, frames.setting(), "; ".join(n for n in notes if n),
         np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
     )  # fmt: skip
 
@@ -104,24 +104,24 @@ class _Frames:
     Args:
         scenario, comparison: see `film_frames`.
         pixels: of the imager as it is switched on.
-        seen: what it has filmed.
+        footage: what it has filmed.
         corner: row and column of the scene on its plane.
         white: illuminance of reflectance 1 on the plane, lux.
     """
 
     def __init__(
-        self, scenario: ImagerScenario, comparison: Comparison, pixels: Any, seen: Seen,
+        self, scenario: ImagerScenario, comparison: Comparison, pixels: Any, footage: Footage,
         corner: tuple[int, int], white: float,
     ) -> None:  # fmt: skip
         self._section, self._comparison = scenario.imager, comparison
-        frame = seen.frame
+        frame = footage.frame
         self.seconds = frame.exposure / PS
         self._top, self._left = corner
-        self._white, self._rate = white, PS / seen.period
+        self._white, self._rate = white, PS / footage.period
         self._first = comparison.first_row(frame)
         self.pixels = pixels
         rows = self._rows(frame)
-        self.instants = (frame.begin[rows] + frame.end[rows]) // 2 - seen.offset
+        self.instants = (frame.begin[rows] + frame.end[rows]) // 2 - footage.offset
         black = self._dark(scenario.seed)
         pedestal = comparison.pedestal(self._section)
         self._black = black if pedestal is None else pedestal

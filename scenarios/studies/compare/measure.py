@@ -27,16 +27,16 @@ def still_blur(image: Image, truth: Image) -> float | None:
     """10 to 90 % width of an edge in pixels: of the Gaussian that makes of the truth what comes
     nearest to the image, by least squares with a gain and an offset.
 
-    Temporal noise adds the same to every trial. None where too little is to be seen: the best
+    Temporal noise adds the same to every trial. None where too little is visible: the best
     Gaussian must explain a tenth of what varies.
 
     Both are sampled by pixels, so the trial is Gaussian in the spectrum, exp(-(k sigma)^2/2), with
     light reflected at the sides. A Gaussian taken at whole pixels is narrower than its sigma where
     that is below 0.7 pixels, and widths of 1 pixel came out 22 % too large.
     """
-    seen, sharp = (dctn(plane, norm="ortho") for plane in (image, truth))
-    seen[0, 0] = sharp[0, 0] = 0.0  # the means
-    power = float((seen * seen).sum())
+    blurred, sharp = (dctn(plane, norm="ortho") for plane in (image, truth))
+    blurred[0, 0] = sharp[0, 0] = 0.0  # the means
+    power = float((blurred * blurred).sum())
     if power <= 0:
         return None
     down, across = (np.pi * np.arange(n) / n for n in truth.shape)
@@ -44,7 +44,7 @@ def still_blur(image: Image, truth: Image) -> float | None:
 
     def left(sigma: float) -> float:
         trial = sharp * np.exp(-(sigma**2) / 2 * squared)
-        own, along = float((trial * trial).sum()), float((trial * seen).sum())
+        own, along = float((trial * trial).sum()), float((trial * blurred).sum())
         return 1 - (along * along / own / power if own > 0 and along > 0 else 0.0)
 
     grid = np.concatenate([[0.0], np.geomspace(0.25, _WIDEST, 14)])

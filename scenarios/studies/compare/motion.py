@@ -52,8 +52,15 @@ def _minima(values: Sequence[float]) -> list[int]:
 
 @dataclass(eq=False)
 class Motion:
-    """The scene around an instant. truth: reflectance by ps. reach: ps on either side that means
-    may reach. step: ps between the planes that they are made of. last: ps of the scene's end."""
+    """The scene around an instant.
+
+    Attributes:
+        truth: reflectance at an instant, ps.
+        instant: in question, ps.
+        reach: on either side, within which means lie, ps.
+        step: between the planes that means are taken of, ps.
+        last: end of the scene, ps.
+    """
 
     truth: Callable[[int], Image]
     instant: int
@@ -117,8 +124,8 @@ class Motion:
         where = self.moving()
         if where is None:
             return None
-        seen = image[where] - image[where].mean()
-        power = float((seen * seen).sum())
+        contrast = image[where] - image[where].mean()
+        power = float((contrast * contrast).sum())
         if power <= 0:
             return None
 
@@ -126,7 +133,7 @@ class Motion:
             """Share that is left unexplained at the best gain, and at a gain of 1."""
             trial = self.mean(instants, span)[where]
             trial -= trial.mean()
-            own, along = float((trial * trial).sum()), float((trial * seen).sum())
+            own, along = float((trial * trial).sum()), float((trial * contrast).sum())
             at_one = 1 + (own - 2 * along) / power
             return 1 - (along * along / own / power if own > 0 < along else 0.0), at_one
 

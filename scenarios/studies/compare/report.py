@@ -17,7 +17,7 @@ from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
 
-__all__ = ["HEADS", "PICTURE", "told", "write_compare_report", "write_picture"]
+__all__ = ["HEADS", "PICTURE", "figure_text", "write_compare_report", "write_picture"]
 
 PICTURE: Final = "side-by-side.png"
 HEADS: Final = {
@@ -31,7 +31,7 @@ HEADS: Final = {
 _STEPS: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 
-def told(name: str, figure: Figure) -> str:
+def figure_text(name: str, figure: Figure) -> str:
     """A figure for a reader."""
     value = figure.value
     if value is None:
@@ -79,7 +79,7 @@ def write_compare_report(
 ) -> None:
     """report.html: one file."""
     head = ["camera", *(HEADS[name] for name in FIGURES)]
-    rows = [[c.title, *(told(n, c.figures[n]) for n in FIGURES)] for c in cameras]
+    rows = [[c.title, *(figure_text(n, c.figures[n]) for n in FIGURES)] for c in cameras]
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
     own = table(
         ["camera", "setting", "note", "filmed in"],

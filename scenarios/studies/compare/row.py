@@ -19,7 +19,12 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Figure:
-    """value: None where it cannot be measured. unit: "1" for a plain number."""
+    """A measured figure.
+
+    Attributes:
+        value: None if it cannot be measured.
+        unit: "1" for a plain number.
+    """
 
     value: float | None
     unit: str
@@ -27,9 +32,18 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """name: short. title: as a heading. setting: in words. image: estimate of reflectance at the
-    instant, (H, W) in [0, 1]. figures: by the names of `FIGURES`. corrected: the image with the
-    smear of frame transfer taken off, of a camera that has it."""
+    """One camera of a comparison.
+
+    Attributes:
+        name: short.
+        title: as a heading.
+        setting: in words.
+        note: what the picture does not show.
+        image: estimate of reflectance at the instant, (H, W) in [0, 1].
+        figures: by the names of `FIGURES`.
+        seconds: that filming and measuring took.
+        corrected: the image without the smear of frame transfer; None for a camera that has none.
+    """
 
     name: str
     title: str
@@ -42,8 +56,8 @@ class Camera:
 
     def row(self) -> dict[str, Any]:
         """For the document."""
-        told = {n: {"value": f.value, "unit": f.unit} for n, f in self.figures.items()}
+        figures = {n: {"value": f.value, "unit": f.unit} for n, f in self.figures.items()}
         return {
-            "imager": self.name, "title": self.title, "setting": self.setting, **told,
+            "imager": self.name, "title": self.title, "setting": self.setting, **figures,
             "note": self.note,
         }  # fmt: skip

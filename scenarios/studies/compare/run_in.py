@@ -1,5 +1,5 @@
-"""An imager looks at the scene's first instant until its controls rest, then the scene begins, so
-that the middle of one of its exposures falls on the instant that is compared."""
+"""A run-in: an imager films the scene's first instant until its controls rest. Then the scene
+begins, so that the middle of one exposure falls on the instant that is compared."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cosim import PS
 from cosim.frames import Frame
 from sensor.imagers import Scenery
 
-__all__ = ["Placed", "RunIn", "Seen", "film_at", "middle"]
+__all__ = ["Footage", "Placed", "RunIn", "film_at", "middle"]
 
 STILL = 8
 """Frames of one exposure, in a row, after which the controls are taken to rest."""
@@ -30,8 +30,12 @@ Instants = npt.NDArray[np.int64]
 
 @dataclass(eq=False)
 class RunIn:
-    """Scenery that stands still until it is let go. offset: of the imager's own time when the
-    scene's time is 0, ps; None while it stands."""
+    """Scenery that stands still until it is started.
+
+    Attributes:
+        scenery: the scene from its time 0 on.
+        offset: time of the imager when the scene's time is 0, ps; None while the scene stands.
+    """
 
     scenery: Scenery
     offset: int | None = None
@@ -60,8 +64,13 @@ class RunIn:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Scenery on a part of a larger plane that is dark elsewhere. corner: row and column of its
-    first pixel."""
+    """Scenery on a part of a larger plane that is dark elsewhere.
+
+    Attributes:
+        scenery: on the part.
+        size: rows and columns of the plane.
+        corner: row and column of the part's first pixel.
+    """
 
     scenery: Any
     size: tuple[int, int]
@@ -84,10 +93,16 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What an imager made of it. still: frames of the first instant, exposures all alike, in order.
-    frame: the one at the instant. offset: see `RunIn`. period: ps from frame to frame. rested:
-    whether the controls did."""
+class Footage:
+    """What an imager has filmed.
+
+    Attributes:
+        still: frames of the first instant with equal exposures, in order.
+        frame: the frame at the instant that is compared.
+        offset: see `RunIn`.
+        period: from frame to frame, ps.
+        rested: whether the controls came to rest.
+    """
 
     still: list[Frame]
     frame: Frame
@@ -114,7 +129,7 @@ def _tail(frames: list[Frame]) -> list[Frame]:
 
 def film_at(
     imager: Any, placed: Any, light: RunIn, instant: int, seed: int, kept: frozenset[str]
-) -> Seen:
+) -> Footage:
     """Films until the frame whose middle is nearest to the scene's `instant`, ps.
 
     placed: the light as it falls on the imager's plane; `light` itself or around it.
@@ -138,4 +153,4 @@ def film_at(
             break
         best = frame
     assert best is not None
-    return Seen(still, best, light.offset, period, rested)
+    return Footage(still, best, light.offset, period, rested)

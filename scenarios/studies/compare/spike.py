@@ -66,8 +66,10 @@ def film_spikes(
 
     cycle = setting.clock.cycle_at(instant)
     window = min(scenario.image.window, 2 * min(cycle, cycles - 1 - cycle) + 1)
-    made = _cameras(stream, setting, truth, cycle, window, white_rate, time.perf_counter() - begin)
-    return made, lens, truth
+    cameras = _cameras(
+        stream, setting, truth, cycle, window, white_rate, time.perf_counter() - begin
+    )
+    return cameras, lens, truth
 
 
 def _cameras(
@@ -90,7 +92,7 @@ def _cameras(
     current = 0.0 if setting.pattern is None else setting.pattern.dark
     dark = longest_width(setting.threshold, current) if current > 0 else longest
     rate = stream.shape[0] * stream.shape[1] * clock.hz
-    looks = {
+    methods = {
         "tfi": (
             lambda at: to_white(interval_rate(isi(stream, at)), white_rate),
             spike_dynamic_range(longest, period), spike_dynamic_range(dark, period), median,
@@ -102,16 +104,16 @@ def _cameras(
             f"spikes counted in {window} cycles",
         ),
     }  # fmt: skip
-    made = []
-    for name, (look, within, ever, width, text) in looks.items():
-        image = look(cycle)
+    cameras = []
+    for name, (estimate, within, ever, width, text) in methods.items():
+        image = estimate(cycle)
         figures = {
             "dynamic_range": Figure(within, "dB"),
             "dynamic_range_controls": Figure(ever, "dB"),
             "blur": Figure(
                 still_blur(image, now) if still else near.blur(image, instants), "pixels"
             ),
-            "noise": Figure(noise([look(int(at)) for at in steps], now, quiet), "1"),
+            "noise": Figure(noise([estimate(int(at)) for at in steps], now, quiet), "1"),
             "data_rate": Figure(rate, "bit/s"),
             "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),
             # Half of the light's own span, then the plane is read in the next cycle.
@@ -123,7 +125,7 @@ def _cameras(
             "saturated": Figure(float((image >= 1).mean()), "1"),
             "off": Figure(0.0, "ms"),
         }
-        made.append(Camera(
+        cameras.append(Camera(
             f"spike-{name}", f"spike camera, {name.upper()}",
             f"{clock.hz / 1e3:g} kHz, threshold {setting.threshold:g} e, {text}",
             "the whole chip; " + ("nothing moves: blur of what stands still; " if still else "")
@@ -131,4 +133,4 @@ def _cameras(
             if name == "tfi" else "the same stream",
             image, figures, spent if name == "tfi" else 0.0,
         ))  # fmt: skip
-    return made
+    return cameras

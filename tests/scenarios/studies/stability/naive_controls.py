@@ -8,7 +8,7 @@ from typing import Any
 from rtl_model.imagers.adaptive.device.decision import Search
 from rtl_model.imagers.adaptive.device.loop import from_register, unlimited
 from rtl_model.imagers.emccd.device.cooling import Cooler
-from tests.rtl_model.imagers.naive_ebaps import (
+from tests.rtl_model.imagers.ebaps.naive_loop import (
     float32_sum,
     proportional,
     sum_of_32_bits,

@@ -34,7 +34,7 @@ from rtl_model.imagers.ebaps.board.regions import REGIONS, region_bytes
 from rtl_model.imagers.ebaps.device.imager import Ebaps
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
-from tests.rtl_model.imagers.ideal_memory import IdealMemory
+from tests.rtl_model.imagers.ebaps.ideal_memory import IdealMemory
 
 MHZ = 1_000_000
 QUIET = Signals(None, True, None, True, False, True, None, True, None, True)

@@ -12,7 +12,7 @@ from cosim.compute.streams import Stream
 from sensor.imagers import poisson
 from sensor.imagers.emccd import excess_noise_squared
 from sensor.imagers.emccd.multiplication import branch, fast_shape, multiply, stage_probability
-from tests.sensor.imagers.emccd_laws import LAWS, exact_law, fast_law, law_distance, yule_law
+from tests.sensor.imagers.emccd.laws import LAWS, exact_law, fast_law, law_distance, yule_law
 
 GAINS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 ALPHA = 1e-6

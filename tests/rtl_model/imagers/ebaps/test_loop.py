@@ -28,7 +28,7 @@ from rtl_model.imagers.ebaps.device.settling import (
     settling_share,
     spans,
 )
-from tests.rtl_model.imagers import naive_ebaps as naive
+from tests.rtl_model.imagers.ebaps import naive_loop as naive
 
 RULE = ExposureRule()
 EVERY = replace(RULE, wait=False)

@@ -22,7 +22,7 @@ from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.device.resets import late_resets, row_times
 from sensor.imagers import Still
 from sensor.imagers.ebaps import EbapsPixels
-from tests.rtl_model.imagers.naive_ebaps_drive import dense, disturbed, exposed_rows, intervals
+from tests.rtl_model.imagers.ebaps.naive_drive import dense, disturbed, exposed_rows, intervals
 from tests.rtl_model.imagers.vcd import read_vcd
 
 SMALL = Timing(columns=96, rows=5, rate=61_000)

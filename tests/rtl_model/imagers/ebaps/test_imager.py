@@ -18,7 +18,7 @@ from rtl_model.imagers.ebaps.device.registers import DESIGN
 from rtl_model.registers.checks import faults
 from sensor.imagers import Course, Still
 from sensor.imagers.ebaps import Chart, EbapsPixels, wanted_exposure
-from tests.rtl_model.imagers.ideal_memory import IdealMemory
+from tests.rtl_model.imagers.ebaps.ideal_memory import IdealMemory
 
 SHAPE = (24, 64)
 PIXELS = EbapsPixels(SHAPE)

@@ -13,7 +13,7 @@ from rtl_model.imagers.adaptive.device.codes import changed_bits, gray, gray_bit
 from rtl_model.imagers.adaptive.device.sequencer import actual_exposures, disturbed, frames_of
 from rtl_model.imagers.adaptive.device.signals import signal_list, signals_of
 from rtl_model.imagers.adaptive.device.timing import Timing
-from tests.rtl_model.imagers.clocked_adaptive import CounterSequencer, johnson
+from tests.rtl_model.imagers.adaptive.counter_sequencer import CounterSequencer, johnson
 
 SMALL = Timing(rows=6, columns=6, line=28, frame=176, cycle=4, turn=8)
 USUAL = Timing.of(256, 256)
