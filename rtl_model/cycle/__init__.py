@@ -1,5 +1,5 @@
-"""The cycle model: the board's registers, pixels, capture, sink and uartbone, bit-true and to the
-clock. It brings numba with it."""
+"""The cycle model of the board: registers, pixels, capture, sink and uartbone, exact in every bit
+and clock. It imports numba."""
 
 from rtl_model.cycle.bridge import Behind, Bridge
 from rtl_model.cycle.planes import Settings, planes

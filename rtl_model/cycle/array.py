@@ -1,4 +1,4 @@
-"""The pixel array with its pattern memory: state between clocks, scanned by the compiled kernel."""
+"""The pixel array with its pattern memory; the compiled kernel scans it."""
 
 from __future__ import annotations
 
@@ -17,26 +17,31 @@ _NO_TILES: Tiles = np.empty(0, TILE)
 _TILES_AT_ONCE = 1 << 18  # of one call of the kernel: 6 MiB of tiles
 
 _READ_AHEAD = 2
-"""The memory is read one clock before a tile is computed, so a write at edge w is first seen by the
-tile at edge w + 2."""
+"""Clocks until a write takes effect: the memory is read one clock before a tile is computed, so a
+write at edge w first affects the tile at edge w + 2."""
 
 
 class PixelArray:
-    """Charge, registers `sensor_*` and the frame under way."""
+    """Charge, registers `sensor_*` and the frame in progress.
+
+    Attributes:
+        geometry: of the build.
+        memory: pattern memory as the bus reads it, (rows, padded columns) uint8.
+    """
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry = geometry
         self._tiles = geometry.rows * geometry.tiles  # of a frame
         self._row_clocks, self._tick_minimum = geometry.row_clocks, geometry.tick_minimum
         wide = geometry.tiles * geometry.lanes
-        self.memory = np.zeros((geometry.rows, wide), np.uint8)  # as the bus sees it
-        self._seen = self.memory.copy()  # as the scan sees it
-        self._late: deque[tuple[int, int]] = deque()  # (first edge that sees it, word)
+        self.memory = np.zeros((geometry.rows, wide), np.uint8)
+        self._scanned = self.memory.copy()  # memory as the scan reads it
+        self._pending: deque[tuple[int, int]] = deque()  # (edge of effect, word)
         self._charge = np.zeros((geometry.rows, wide), np.int32)
         self.reset()
 
     def reset(self) -> None:
-        """Registers as after reset, no frame under way, a clear pending; the memory stays."""
+        """Resets the registers and requests a clear; the memory is not changed."""
         values = parameters(self.geometry)
         resets = {entry.name: reset_value(entry, values) for entry in REGISTERS}
         self._registers = np.array([resets[name] for name in scan.REGISTERS], np.int64)
@@ -45,15 +50,15 @@ class PixelArray:
         self._state[scan.LAST] = -1
 
     def register(self, name: str) -> int:
-        """Returns a register that is written and read."""
+        """A writable register."""
         return int(self._registers[scan.REGISTERS.index(name)])
 
     def set_register(self, name: str, value: int) -> None:
-        """Writes such a register."""
+        """Writes a register."""
         self._registers[scan.REGISTERS.index(name)] = value
 
     def clear(self) -> None:
-        """The next frame is number 0 and starts from no charge."""
+        """Makes the next frame number 0, without charge."""
         self._state[scan.CLEAR] = 1
 
     @property
@@ -67,15 +72,17 @@ class PixelArray:
         return int(self._state[scan.START])
 
     def rows_read(self, clock: int) -> int:
-        """Rows inside the window read since the clear, as seen at `clock`: the last tile of a row
-        counts an edge after it was computed."""
-        late = self._state[scan.LAST] == clock - 1 and self._state[scan.LAST_ENDS]
-        return int(self._state[scan.ROWS_READ] - late)
+        """Rows of the window read since the clear, by the register at `clock`.
+
+        The last tile of a row is counted one edge after it was computed.
+        """
+        pending = self._state[scan.LAST] == clock - 1 and self._state[scan.LAST_ENDS]
+        return int(self._state[scan.ROWS_READ] - pending)
 
     def spikes(self, clock: int) -> int:
-        """Spikes read since the clear, modulo 2^32, as seen at `clock`; late like the rows."""
-        late = self._state[scan.LAST_SPIKES] if self._state[scan.LAST] == clock - 1 else 0
-        return int(self._state[scan.SPIKES] - late)
+        """Spikes read since the clear, modulo 2^32, by the register; delayed like the rows."""
+        pending = self._state[scan.LAST_SPIKES] if self._state[scan.LAST] == clock - 1 else 0
+        return int(self._state[scan.SPIKES] - pending)
 
     @property
     def period(self) -> int:
@@ -85,8 +92,10 @@ class PixelArray:
         return tick << int(registers[scan.CLOCK_SELECT])
 
     def next_frame(self, clock: int) -> int | None:
-        """Returns the edge at or after `clock` at which a frame begins or, while one is under way,
-        may begin; None where none will."""
+        """The edge at or after `clock` at which a frame starts, or at which the present one ends.
+
+        None if the sensor is stopped.
+        """
         if self._state[scan.ACTIVE] and clock < self._state[scan.END]:
             return int(self._state[scan.END])
         return clock if self._registers[scan.RUN] else None
@@ -101,23 +110,25 @@ class PixelArray:
         """Writes word `index` of the pattern memory at edge `clock`."""
         pixels = np.frombuffer(value.to_bytes(4, "little"), np.uint8)
         self.memory.reshape(-1)[4 * index : 4 * index + 4] = pixels
-        self._late.append((clock + _READ_AHEAD, index))
+        self._pending.append((clock + _READ_AHEAD, index))
 
     def stop(self, clock: int, stop: int) -> int:
-        """Returns how far `run` may go at once from `clock` towards `stop`."""
-        while self._late and self._late[0][0] <= clock:
-            _, index = self._late.popleft()
+        """The edge up to which `run` may go at once, at most `stop`."""
+        while self._pending and self._pending[0][0] <= clock:
+            _, index = self._pending.popleft()
             part = slice(4 * index, 4 * index + 4)
-            self._seen.reshape(-1)[part] = self.memory.reshape(-1)[part]
-        if self._late:
-            stop = min(stop, self._late[0][0])
+            self._scanned.reshape(-1)[part] = self.memory.reshape(-1)[part]
+        if self._pending:
+            stop = min(stop, self._pending[0][0])
         if self._idle(stop):
             return stop
         return min(stop, clock + max(1, _TILES_AT_ONCE // self._tiles) * self.period)
 
     def run(self, clock: int, stop: int) -> Tiles:
-        """Runs edges `clock` to `stop` - 1 and returns the tiles computed; `stop` as `self.stop`
-        gave it, or less."""
+        """Runs edges `clock` to `stop` - 1; returns the computed tiles.
+
+        `stop` must not exceed `self.stop(clock, stop)`.
+        """
         if self._idle(stop):
             return _NO_TILES
         room = stop - clock
@@ -128,7 +139,7 @@ class PixelArray:
             self._registers,
             self._state,
             self._charge,
-            self._seen,
+            self._scanned,
             self.geometry.lanes,
             self.geometry.columns,
             self._row_clocks,
@@ -140,8 +151,10 @@ class PixelArray:
         return tiles[:count]
 
     def _idle(self, stop: int) -> bool:
-        """Whether no frame begins and no tile is computed before edge `stop`: then the kernel,
-        whose call alone takes longer than a byte on the line, would change nothing."""
+        """Whether no frame starts and no tile is computed before edge `stop`.
+
+        Then the kernel need not be called, which takes longer than a byte on the line.
+        """
         state, size = self._state, self.geometry
         if not state[scan.ACTIVE]:
             return not self._registers[scan.RUN]

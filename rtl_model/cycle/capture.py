@@ -1,5 +1,5 @@
-"""The capture memory: a burst of rows as records with sequence number and CRC-32, drained as a
-FIFO whose pointer may be set back."""
+"""The capture memory: rows as records with sequence number and CRC-32, read as a FIFO whose pointer
+can be set back."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ __all__ = ["Capture", "record"]
 
 
 def record(sequence: int, frame: int, row: int, words: Sequence[int]) -> list[int]:
-    """Returns the 32-bit words of a captured row: sequence, frame and row, bits, CRC-32 of all
-    that (zlib's, each word most significant byte first)."""
-    made = [sequence & 0xFFFFFFFF, (frame & 0xFFFFF) << 12 | row, *words]
-    return [*made, zlib.crc32(b"".join(word.to_bytes(4, "big") for word in made))]
+    """The 32-bit words of a captured row: sequence, frame and row, bits, CRC-32.
+
+    The CRC is zlib's, of all words before it, each most significant byte first.
+    """
+    words_before = [sequence & 0xFFFFFFFF, (frame & 0xFFFFF) << 12 | row, *words]
+    return [*words_before, zlib.crc32(b"".join(word.to_bytes(4, "big") for word in words_before))]
 
 
 class Capture:
-    """Bursts and the memory they fill. Rows come by `store` when they are computed and are in
-    memory from their due clock on."""
+    """Bursts and their memory. `store` takes a row when it is computed; the memory holds it from
+    its due clock on."""
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -35,16 +37,16 @@ class Capture:
         self.taken = 0
         self.memory: list[int] = []
         self.pointer = self.rows = self.lost = self._sequence = self._promised = 0
-        self._late: deque[tuple[int, list[int]]] = deque()
+        self._pending: deque[tuple[int, list[int]]] = deque()
         self._end: int | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether rows are being stored or may still come."""
+        """Whether rows are being stored or may still follow."""
         return self.active or self._end is not None
 
     def frame_begins(self, due: int) -> None:
-        """A frame starts; if it is the last of the burst, that is over at clock `due`."""
+        """A frame starts; if it is the last of the burst, the burst ends at clock `due`."""
         if self.armed:
             self.armed, self.active, self.taken = False, True, self.source
         if self.active:
@@ -57,22 +59,22 @@ class Capture:
 
     @property
     def takes(self) -> bool:
-        """Whether rows of the frame under way belong to the burst."""
+        """Whether rows of the frame in progress belong to the burst."""
         return self.active
 
     def store(self, due: int, frame: int, row: int, words: Sequence[int]) -> None:
-        """Takes a row whose record is in memory at clock `due`, or counts it as lost."""
+        """Stores a row, in memory from clock `due` on, or counts it as lost."""
         if self._promised + len(words) + 3 > self.size:
             self.lost += 1
         else:
-            self._late.append((due, record(self._sequence, frame, row, words)))
+            self._pending.append((due, record(self._sequence, frame, row, words)))
             self._promised += len(words) + 3
         self._sequence += 1
 
     def settle(self, clock: int) -> None:
-        """Puts into memory what is due before edge `clock`."""
-        while self._late and self._late[0][0] <= clock:
-            self.memory += self._late.popleft()[1]
+        """Moves the rows due before edge `clock` into the memory."""
+        while self._pending and self._pending[0][0] <= clock:
+            self.memory += self._pending.popleft()[1]
             self.rows += 1
         if self._end is not None and self._end <= clock:
             self.active, self.done, self._end = False, True, None
@@ -92,7 +94,7 @@ class Capture:
         self.pointer = min(value, len(self.memory))
 
     def next(self) -> int:
-        """Returns the next word and moves on; 0 at the end."""
+        """The next word, and advances the pointer; 0 at the end."""
         if self.level == 0:
             return 0
         self.pointer += 1

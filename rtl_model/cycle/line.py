@@ -1,4 +1,4 @@
-"""Counters of the serial line: what the board saw of it, kept through a reset of the rest."""
+"""The board's counters of the serial line; a reset of the board does not clear them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class LineCounters:
         self.clear()
 
     def clear(self) -> None:
-        """Sets all counters to what they are after power-on."""
+        """Sets all counters to their values after power-on."""
         self.rx_bytes = self.tx_bytes = 0
         self.framing_errors = self.watchdog_aborts = self.unknown_commands = 0
         self.writes = self.writes_crc = 0

@@ -1,4 +1,4 @@
-"""The board's pixel, bit-true, in numpy: what the pattern gives it and what a tick makes of it."""
+"""The board's pixel in numpy, exact in every bit: electrons of the pattern, and one tick."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy.typing as npt
 __all__ = ["CHARGE_MAX", "Pattern", "ResetRule", "increments", "step"]
 
 CHARGE_MAX = 4095
-"""Charge is kept in 12 bits and saturates."""
+"""Largest charge: 12 bits, saturating."""
 
 Ints = npt.NDArray[np.int64]
 
 
 class ResetRule(IntEnum):
-    """What a spike leaves of the charge."""
+    """Charge after a spike."""
 
     RESIDUAL = 0
     HARD = 1
@@ -26,7 +26,7 @@ class ResetRule(IntEnum):
 
 
 class Pattern(IntEnum):
-    """Where a pixel's electrons of a tick come from."""
+    """Source of a pixel's electrons."""
 
     MEMORY = 0
     CONSTANT = 1
@@ -42,22 +42,28 @@ def increments(
     column: npt.NDArray[Any],
     memory: npt.NDArray[Any],
 ) -> Ints:
-    """Returns electrons of a 40 kHz tick, 0 to 255, of pixels at (row, column), all broadcast
-    together; memory: their bytes of the pattern memory."""
+    """Electrons in a 40 kHz tick, 0 to 255, int64.
+
+    Args:
+        pattern, level: registers `sensor_pattern` and `sensor_level`.
+        frame: number since the clear.
+        row, column: of the pixels, broadcast.
+        memory: bytes of the pattern memory of these pixels.
+    """
     row, column = np.asarray(row, np.int64), np.asarray(column, np.int64)
     if pattern == Pattern.MEMORY:
-        made = np.asarray(memory, np.int64) + 0 * (row + column)
+        electrons = np.asarray(memory, np.int64) + 0 * (row + column)
     elif pattern == Pattern.CONSTANT:
-        made = level + 0 * (row + column)
+        electrons = level + 0 * (row + column)
     elif pattern == Pattern.RAMP:
-        made = (level + row + column + frame) & 255
+        electrons = (level + row + column + frame) & 255
     else:
-        made = ((row ^ column ^ frame) & 1) * level
-    return made.astype(np.int64)
+        electrons = ((row ^ column ^ frame) & 1) * level
+    return electrons.astype(np.int64)
 
 
 def step(charge: Ints, electrons: Ints, q: int, rule: int) -> tuple[Ints, npt.NDArray[np.bool_]]:
-    """Adds `electrons` to `charge` and compares with `q` once: (charge left, spikes)."""
+    """One tick: adds `electrons` to `charge` and compares with `q`; returns (charge, spikes)."""
     total = charge + electrons
     fired = total >= q
     if rule == ResetRule.HARD:

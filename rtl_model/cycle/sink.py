@@ -1,4 +1,4 @@
-"""The display sink: planes that come word by word over the line and are shown tile by tile.
+"""The display sink: planes arrive word by word over the line and are shown tile by tile.
 
 The words of a tile are taken from the FIFO one edge before the tile is shown, and a row counts one
 edge after its last tile.
@@ -25,7 +25,14 @@ class Shown(NamedTuple):
 
 
 class Sink:
-    """A FIFO of words and what became of them."""
+    """A FIFO of words, and the planes shown from it.
+
+    Attributes:
+        geometry: of the build.
+        left: frames still to be shown.
+        words: in the FIFO.
+        rows, crc, underruns, lost: registers `sink_*` of that name.
+    """
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry = geometry
@@ -37,7 +44,7 @@ class Sink:
     def clear(self) -> None:
         """Empties the FIFO and sets the counters to 0; planes still to be shown stay so."""
         self.words: deque[int] = deque()
-        self._held: list[int] = []  # taken for the tile that is shown next
+        self._next_words: list[int] = []  # of the tile that is shown next
         self.rows = self.crc = self.underruns = self.lost = 0
 
     @property
@@ -53,35 +60,35 @@ class Sink:
 
     @property
     def room(self) -> bool:
-        """Whether a word would find room."""
+        """Whether the FIFO is not full."""
         return len(self.words) < self.geometry.sink_words
 
     def push(self, word: int, room: bool) -> None:
-        """Takes a word, or counts it as lost where there was no `room` before this edge."""
+        """Takes a word, or counts it as lost if there was no `room` before this edge."""
         if room:
             self.words.append(word)
         else:
             self.lost += 1
 
     def frame_begins(self, clock: int) -> None:
-        """A frame starts, which is shown if planes are left."""
+        """A frame starts; it is shown if planes are left."""
         self._start = clock if self.left > 0 else None
         self.left -= self.active
         self._taken = self._shown = self._rows = 0
 
     def run(self, stop: int) -> list[Shown]:
-        """Runs the edges before `stop` of the frame under way; returns the tiles shown."""
+        """Runs the edges before `stop` of the frame in progress; returns the tiles shown."""
         size, start = self.geometry, self._start
-        made: list[Shown] = []
+        tiles: list[Shown] = []
         if start is None:
-            return made
+            return tiles
         takes, shows = self._tiles(stop - start), self._tiles(stop - start - 1)
         for place in range(self._shown, shows):
             while self._taken <= place:
                 self._take()
             row, index = divmod(place, size.tiles)
             clock = start + 1 + row * size.row_clocks + index
-            made.append(Shown(clock, row, index, self._show()))
+            tiles.append(Shown(clock, row, index, self._show()))
             if place + 1 < takes and self._taken == place + 1:
                 self._take()
         while self._taken < takes:
@@ -92,24 +99,24 @@ class Sink:
         self._rows = rows
         if stop - start > size.rows * size.row_clocks:
             self._start = None
-        return made
+        return tiles
 
     def _tiles(self, passed: int) -> int:
-        """Returns how many tiles lie in the first `passed` clocks of a scan."""
+        """Number of tiles in the first `passed` clocks of a scan."""
         size = self.geometry
         row, rest = divmod(max(0, passed), size.row_clocks)
         return min(row * size.tiles + min(rest, size.tiles), size.rows * size.tiles)
 
     def _take(self) -> None:
         count = min(self.geometry.lanes // 32, len(self.words))
-        self._held = [self.words.popleft() for _ in range(count)]
+        self._next_words = [self.words.popleft() for _ in range(count)]
         self._taken += 1
 
     def _show(self) -> int:
         due = self.geometry.lanes // 32
-        self.underruns += due - len(self._held)
-        words = self._held + [0] * (due - len(self._held))
-        self._held = []
+        self.underruns += due - len(self._next_words)
+        words = self._next_words + [0] * (due - len(self._next_words))
+        self._next_words = []
         for word in words:
             self.crc = zlib.crc32(word.to_bytes(4, "big"), self.crc)
         return sum(word << 32 * n for n, word in enumerate(words))

@@ -38,10 +38,16 @@ _WORD = 0xFFFFFFFF
 
 
 class System:
-    """One board after power-on, at clock 0.
+    """A board after power-on, at clock 0.
 
-    geometry: of the build; build: what ctrl_build reads.
-    keep: whether tiles are kept for `run`; a board that only speaks over its line needs none.
+    Args:
+        geometry: of the build.
+        build: contents of `ctrl_build`.
+        keep: whether tiles are stored for `run`; a board used over its line only needs none.
+
+    Attributes:
+        geometry: of the build.
+        line: counters of the serial line.
     """
 
     def __init__(self, geometry: Geometry | None = None, *, build: int = 0, keep: bool = True):
@@ -75,7 +81,7 @@ class System:
 
     @property
     def attending(self) -> bool:
-        """Whether a burst or a plane of the sink waits or is under way."""
+        """Whether a burst or a plane of the sink is pending or in progress."""
         sink, capture = self._sink, self._capture
         return capture.armed or capture.busy or sink.left > 0 or sink.active
 
@@ -91,11 +97,12 @@ class System:
         return value
 
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
-        """Runs `clocks` clocks and returns the tiles computed in them, and before them in `write`
-        and `read` since the last run.
+        """Runs `clocks` clocks; returns the tiles computed since the last run.
 
-        writes: (clock, byte address, value) at clocks of this run, at most one each. InputError
-            for any other.
+        Args:
+            clocks: number of clocks.
+            writes: (clock, byte address, value) at clocks of this run, at most one each. Raises
+                InputError for any other.
         """
         stop = self._clock + clocks
         for clock, address, value in sorted(writes, key=lambda write: write[0]):
@@ -113,12 +120,12 @@ class System:
         return np.concatenate(tiles) if tiles else np.empty(0, TILE)
 
     def shown(self) -> Tiles:
-        """Returns what the sink showed since this was last asked, as tiles whose frame is 0."""
+        """The tiles shown by the sink since the last call; their frame is 0."""
         shown, self._shown = self._shown, []
         return np.array([(clock, 0, *rest) for clock, *rest in shown], TILE)
 
     def advance(self, stop: int) -> None:
-        """Runs up to clock `stop`; does nothing where that has passed."""
+        """Runs up to clock `stop`; does nothing if it has passed."""
         array, capture, sink = self._array, self._capture, self._sink
         while self._clock < stop:
             clock = self._clock
@@ -145,7 +152,7 @@ class System:
         self._sink.frame_begins(clock)
 
     def _attend(self, tiles: Tiles, stop: int) -> None:
-        """Shows and captures what is due in a frame before edge `stop`."""
+        """Shows and captures the tiles of a frame before edge `stop`."""
         capture = self._capture
         shown = self._sink.run(stop)
         if self._keep:
@@ -169,7 +176,7 @@ class System:
     def _strobe_write(self, clock: int, address: int, value: int) -> None:
         address, value = address & ~3, value & _WORD
         self.advance(clock)
-        if address == _RESET and value & 1:  # no edge of the scan happens beside a reset
+        if address == _RESET and value & 1:  # the scan has no edge during a reset
             self._power_on()
             self._clock = clock + 1
             return
@@ -202,8 +209,8 @@ class System:
         return 0
 
     def _make_readers(self) -> dict[str, Callable[[], int]]:
-        """Registers that do not always read as after reset."""
-        made: dict[str, Callable[[], int]] = {
+        """Functions that read the registers that vary."""
+        readers: dict[str, Callable[[], int]] = {
             "ctrl_scratch": lambda: self._scratch,
             "ctrl_bus_errors": lambda: self._bus_errors,
             "ctrl_uptime": lambda: self._clock,
@@ -232,13 +239,13 @@ class System:
         for register in REGISTERS:
             group, name = register.name.split("_", 1)
             if group == "uart" and hasattr(self.line, name) and register.mode == "ro":
-                made[register.name] = lambda name=name: self.line.read(name)  # type: ignore[misc]
+                readers[register.name] = lambda name=name: self.line.read(name)  # type: ignore[misc]
             if group == "sensor" and register.mode == "rw":
-                made[register.name] = lambda full=register.name: self._array.register(full)  # type: ignore[misc]
-        return made
+                readers[register.name] = lambda full=register.name: self._array.register(full)  # type: ignore[misc]
+        return readers
 
     def _make_writers(self) -> dict[str, Callable[[int], None]]:
-        made: dict[str, Callable[[int], None]] = {
+        writers: dict[str, Callable[[int], None]] = {
             "ctrl_scratch": self._set_scratch,
             "ctrl_reset": lambda value: None,
             "uart_clear": lambda value: self.line.clear() if value else None,
@@ -253,10 +260,10 @@ class System:
         }
         for register in REGISTERS:
             if register.name.startswith("sensor_") and register.mode == "rw":
-                made[register.name] = lambda value, full=register.name: self._array.set_register(  # type: ignore[misc]
+                writers[register.name] = lambda value, full=register.name: self._array.set_register(  # type: ignore[misc]
                     full, value
                 )
-        return made
+        return writers
 
     def _set_scratch(self, value: int) -> None:
         self._scratch = value

@@ -1,15 +1,14 @@
-"""A board in a scenario's chain: it makes spikes in the sensor's place, or shows planes in the
-display's, frame by frame as the host steps it."""
+"""A board that replaces the sensor or the display of a scenario, stepped by the host."""
 
 from rtl_model.stand_in.display import BoardDisplay
-from rtl_model.stand_in.place import StandIn, stand_in
-from rtl_model.stand_in.sensor import BoardSensor, level_for, steps_of
+from rtl_model.stand_in.opening import OpenBoard, open_board
+from rtl_model.stand_in.sensor import BoardSensor, finest_level, quantise
 
 __all__ = [
     "BoardDisplay",
     "BoardSensor",
-    "StandIn",
-    "level_for",
-    "stand_in",
-    "steps_of",
+    "OpenBoard",
+    "finest_level",
+    "open_board",
+    "quantise",
 ]

@@ -1,5 +1,7 @@
-"""The board in the display's place: planes go to its sink, are shown tick by tick, and what was
-shown is held against its CRC-32; where asked, it is captured as well and comes back."""
+"""A board as display: planes are sent to its sink and shown tick by tick.
+
+The CRC-32 of the shown planes is compared; optionally the planes are captured and read back.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ import numpy.typing as npt
 from cosim import InputError
 from rtl_model.host import Cause, LineFault, capture
 from rtl_model.registers import mask
-from rtl_model.stand_in.place import StandIn
+from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
 __all__ = ["BoardDisplay", "Shown"]
@@ -25,8 +27,13 @@ Planes = npt.NDArray[np.bool_]
 
 
 class Shown(NamedTuple):
-    """What became of planes. wrong_crc: whether the CRC-32 of what was shown is another.
-    wrong_bits: bits that came back otherwise, 0 where none were asked back."""
+    """Result of showing planes.
+
+    Attributes:
+        planes: number of planes.
+        wrong_crc: whether the CRC-32 of the shown planes differs.
+        wrong_bits: bits that differ in the planes read back, 0 if none were read back.
+    """
 
     planes: int
     wrong_crc: bool
@@ -34,15 +41,22 @@ class Shown(NamedTuple):
 
 
 class BoardDisplay:
-    """An open board, its sink emptied. back: whether planes are captured as they are shown.
-    InputError where its memories do not hold a plane.
+    """An open board with an empty sink.
 
-    bytes: of planes sent so far.
+    Raises InputError if its memories do not hold a plane.
+
+    Args:
+        opened: the board.
+        back: whether planes are captured as they are shown, and read back.
+
+    Attributes:
+        bytes: of the planes sent so far.
+        burst: planes sent at once.
     """
 
-    def __init__(self, place: StandIn, *, back: bool = False) -> None:
-        self._board, self._info, self._back = place.board, place.info, back
-        info = place.info
+    def __init__(self, opened: OpenBoard, *, back: bool = False) -> None:
+        self._board, self._info, self._back = opened.board, opened.info, back
+        info = opened.info
         size = info.geometry
         self._wide = 32 * size.row_words
         words, record = size.row_words * size.rows, size.record_words * size.rows
@@ -52,7 +66,7 @@ class BoardDisplay:
         for what, parameter, held, need in sizes:
             if held < need:
                 raise InputError(
-                    place.name, f"one whose {what} memory holds a plane, {need} words",
+                    opened.name, f"one whose {what} memory holds a plane, {need} words",
                     f"one of {held} words", f"build it with a larger {parameter}",
                 )  # fmt: skip
         self.burst = min(size // need for _, _, size, need in sizes)
@@ -68,8 +82,10 @@ class BoardDisplay:
         return self._info.rows, self._info.columns
 
     def show(self, planes: Planes) -> Shown:
-        """Shows (n, rows, columns) planes, one a tick. LineFault where the sink ran dry, had no
-        room, or did not show them all."""
+        """Shows planes, (n, rows, columns) bool, one a tick.
+
+        Raises LineFault if the sink was empty or full, or did not show all of them.
+        """
         wrong_crc, wrong_bits = False, 0
         for first in range(0, len(planes), self.burst):
             part = planes[first : first + self.burst]

@@ -1,10 +1,10 @@
-"""Frames of a board, exactly as many as asked for.
+"""Stepping of a board: exactly as many frames as requested.
 
-A frame begins where `sensor_run` is 1 while none is under way, and a begun one is finished. So the
-host writes 1 and 0, one word after the other in one packet, and the tick is made longer than a word
-takes on the line: such a pulse makes one frame, or none where the one before has not ended, and
-never two. What the board counts says how many are still to be made. The tick is then not the 40 kHz
-one: a board that is stepped makes the planes of the ticks, not their time.
+A frame starts when `sensor_run` is 1 and no frame is in progress; a started frame is completed. The
+host writes 1 and then 0 in one packet, and the tick is longer than a word on the line. Such a pulse
+makes one frame, or none if the previous frame has not ended, and never two. The board's frame
+counter shows how many are missing. The tick is then longer than at 40 kHz: a stepped board makes
+the planes of the ticks, but not in their time.
 """
 
 from __future__ import annotations
@@ -18,19 +18,23 @@ from rtl_model.host import Board, BoardInfo, Cause, LineFault
 __all__ = ["Stepper"]
 
 _TICK_WORDS: Final = 6
-"""Words that a tick lasts at least: a pulse is one, and the line may falter a little."""
+"""Shortest tick, in words on the line: a pulse is one word, and the line may pause briefly."""
 _APART: Final = 4 / 3
-"""From pulse to pulse, in ticks."""
+"""Distance of pulses, ticks."""
 _PACKET: Final = 240
-"""Words of a packet at most."""
+"""Most words of a packet."""
 _PROBED: Final = 8
-"""Words read to learn how many clocks one takes on the line; a simulated line may take none."""
+"""Words read to measure the clocks of one word; a simulated line may take none."""
 _STALLS: Final = 100
-"""Packets in a row without a frame before it is given up."""
+"""Consecutive packets without a frame before a fault is raised."""
 
 
 class Stepper:
-    """The sensor's clock in the host's hand. From `restart` on, `frames` have been made."""
+    """Steps the sensor of a board.
+
+    Attributes:
+        frames: made since `restart`.
+    """
 
     def __init__(self, board: Board, info: BoardInfo) -> None:
         self._board, self._info = board, info
@@ -54,8 +58,10 @@ class Stepper:
         self.frames = 0
 
     def step(self, frames: int) -> None:
-        """Makes so many frames and waits until the last has ended. LineFault where they cannot be
-        had, or where a pause of the line made one too many."""
+        """Makes frames and waits until the last has ended.
+
+        Raises LineFault if a frame does not start, or if a pause of the line made one too many.
+        """
         target, stalls = self.frames + frames, 0
         while self.frames < target:
             # The count is of before the clear until a first frame has begun.
@@ -63,22 +69,22 @@ class Stepper:
             pulses = min(target - self.frames, most)
             words = [1, *[0] * (self._apart - 1)] * pulses
             self._board.verified_write(self._run, words, fixed=True)
-            made = self._board.read_twice("sensor_frames")
-            if made > self.frames + pulses:
+            count = self._board.read_twice("sensor_frames")
+            if count > self.frames + pulses:
                 raise LineFault(
                     Cause.LATE,
-                    f"the board made {made - self.frames} frames of {pulses} pulses: the line "
+                    f"the board made {count - self.frames} frames of {pulses} pulses: the line "
                     "stood still within a packet",
                 )
-            stalls = 0 if made > self.frames else stalls + 1
+            stalls = 0 if count > self.frames else stalls + 1
             if stalls > _STALLS:
                 raise LineFault(Cause.LATE, f"frame {self.frames} of the board does not begin")
-            self.frames = made
+            self.frames = count
         seconds = self._tick / self._info.clock_hz
         self._board.bone.pause(seconds * self._board.bone.time_scale)
 
     def _word_clocks(self) -> int:
-        """Clocks of the board from one word on the line to the next, the most of a few."""
+        """Clocks of the board from one word on the line to the next, the maximum of a few."""
         place = self._board.csr.register("ctrl_uptime").address
         times = self._board.bone.read(place, _PROBED, fixed=True, retry=True)
         return max(1, *(b - a & 0xFFFFFFFF for a, b in pairwise(times)))

@@ -11,7 +11,7 @@ from cosim.spikes.viform import WORD, unpack_planes
 from link.section import LinkScenario
 from link.sending import Transmission
 from rtl_model.geometry import Geometry
-from rtl_model.stand_in import BoardDisplay, stand_in
+from rtl_model.stand_in import BoardDisplay, open_board
 
 __all__ = ["Loop", "open_loop"]
 
@@ -71,7 +71,7 @@ def open_loop(scenario: LinkScenario) -> Loop | None:
     room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual board
     virtual = Geometry(panel.height, panel.width, capture_words=room, sink_words=room)
     with ExitStack() as stack:
-        board = stack.enter_context(stand_in(place, "link.loop", virtual))
+        board = stack.enter_context(open_board(place, "link.loop", virtual))
         if (board.info.rows, board.info.columns) != (panel.height, panel.width):
             raise InputError(
                 "link.panel", f"of {board.info.columns} x {board.info.rows} pixels, which "

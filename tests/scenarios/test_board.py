@@ -18,10 +18,10 @@ from link.sending import Transmission
 from link.setup.setup import set_up_link
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
-from rtl_model.stand_in import stand_in
+from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
 from scenarios.assemble.camera.boards import BoardCamera
-from scenarios.assemble.camera.lensed import resized
+from scenarios.assemble.camera.lensed import camera_setting, resized
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
@@ -40,7 +40,7 @@ def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
     low, high = (np.full((4, 8), np.float32(x * lux)) for x in (0.1, 1.0))
     edge = Clock(40_000).edge
     light = Light((Piece(0, edge(3), low, high), Piece(edge(3), edge(8), high, high)))
-    with stand_in("serial:virtual", "sensor.source", Geometry(rows=4, columns=8)) as place:
+    with open_board("serial:virtual", "sensor.source", Geometry(rows=4, columns=8)) as place:
         camera = BoardCamera(place, setting, 0.5, 8)
         made = camera.step(light, Block(0, 8))
     q, middles = 255, [0.1 + 0.9 * (k + 0.5) / 3 for k in range(3)]
@@ -132,7 +132,7 @@ class FourPlanes:
 
 def test_a_links_planes_come_back_bit_for_bit() -> None:
     _, scenario = load("light-link", LINK)
-    sent = set_up_link(scenario, "numba", SilentProgress()).sent
+    sent = set_up_link(scenario, camera_setting(scenario), "numba", SilentProgress()).sent
     loop = open_loop(scenario)
     assert loop is not None
     with closing(loop):

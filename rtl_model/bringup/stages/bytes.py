@@ -1,4 +1,4 @@
-"""Stage bytes: does anything come back, and is it what was asked for? If not, is it the baud?"""
+"""Stage bytes: checks that answers arrive and are right; if not, searches for the board's baud."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from rtl_model.registers import MAGIC
 
 __all__ = ["check_bytes", "readable"]
 
-_READS = 8  # of one word, after one another; all must come whole
-_LEAST_TEXT = 4  # printable bytes in a row that are taken for text
+_READS = 8  # consecutive reads of one word; all must be complete
+_LEAST_TEXT = 4  # consecutive printable bytes that count as text
 _SHOWN = 40
-_WORKS_PERCENT = 4.0  # off by no more than this, every receiver takes the baud
-_NARROW = 0.04  # rates that answer span some 10 % of the nominal; fewer are hits on a noisy line
+_WORKS_PERCENT = 4.0  # deviation of the baud that every receiver accepts
+_NARROW = 0.04  # a board answers over some 10 % of the nominal rate; less is chance on a noisy line
 _LISTEN_S = 0.05
-_LATE_S = 5.0  # that a late answer is waited for; a silent board takes as much longer to be told
+_LATE_S = 5.0  # longest wait for a late answer; a silent board takes as much longer to report
 _LATE_MARGIN = 1.5
 
 
 def check_bytes(bench: Bench) -> Figures:
-    """Reads one word a few times: answers must have the right length, and be the same.
+    """Reads one word a few times: answers must have the right length and be equal.
 
-    StageFault text, garbled or baud; LineFault for the host's own causes (silent, echo, short ..).
+    Raises StageFault text, garbled, baud or slow; LineFault for the host's causes (silent, echo,
+    short and others).
     """
-    uninvited = _listen(bench)
-    if uninvited:
-        raise _spoken(bench, uninvited)
+    unsolicited = _listen(bench)
+    if unsolicited:
+        raise _unsolicited_bytes(bench, unsolicited)
     bench.bone.resynchronise()
     address = bench.address("ctrl_magic") if bench.csr.ours else 0
     begun = bench.port.now()
@@ -49,12 +50,12 @@ def check_bytes(bench: Bench) -> Figures:
                 raise slow from fault
         text = readable(heard)
         if text is not None:
-            raise _spoken(bench, heard) from fault
-        raise _off(bench, fault.text) or _spoilt(bench, fault) from fault
+            raise _unsolicited_bytes(bench, heard) from fault
+        raise _wrong_baud(bench, fault.text) or _spoilt(bench, fault) from fault
     spent = bench.port.now() - begun
     if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
         seen = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
-        wrong = _off(bench, f"answers have the right length and hold {seen}")
+        wrong = _wrong_baud(bench, f"answers have the right length and hold {seen}")
         if wrong is not None:
             raise wrong
         if len(set(words)) > 1:
@@ -63,28 +64,28 @@ def check_bytes(bench: Bench) -> Figures:
                 f"one register read {_READS} times gives {seen}",
                 "check cable, ground, levels and baud",
             )
-    if min(times) > _usual(bench):  # each of them: not a busy machine for once
-        raise _told_slow(bench, min(times))
+    if min(times) > _usual(bench):  # even the fastest: not merely a busy machine
+        raise _slow_fault(bench, min(times))
     bench.magic = words[0]
     return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
 
 
 def _slow(bench: Bench, address: int) -> StageFault | None:
-    """The fault "slow" where the answer is right and comes after the time for it."""
+    """The fault "slow" if the answer is right but late, else None."""
     late = _delay(bench, address)
     if late is None or late <= _usual(bench):
         return None
-    bench.bone.pause(_LATE_S)  # what answers earlier questions is over then
+    bench.bone.pause(_LATE_S)  # answers to earlier requests have ended by then
     late = _delay(bench, address)
-    return None if late is None or late <= _usual(bench) else _told_slow(bench, late)
+    return None if late is None or late <= _usual(bench) else _slow_fault(bench, late)
 
 
 def _usual(bench: Bench) -> float:
-    """Seconds beyond line time that an answer may take."""
+    """Usual delay of an answer beyond its time on the line, s."""
     return PATIENCE_S * max(1.0, bench.bone.time_scale)
 
 
-def _told_slow(bench: Bench, late: float) -> StageFault:
+def _slow_fault(bench: Bench, late: float) -> StageFault:
     scale = math.ceil(_LATE_MARGIN * late / PATIENCE_S)
     return StageFault(
         "slow",
@@ -96,7 +97,7 @@ def _told_slow(bench: Bench, late: float) -> StageFault:
 
 
 def _delay(bench: Bench, address: int) -> float | None:
-    """Seconds beyond line time until the answer of a board of ours, None where none comes."""
+    """Delay of an answer of our board beyond its time on the line, s; None without an answer."""
     bone = bench.bone
     usual, bone.patience_s = bone.patience_s, max(_LATE_S, 4 * bone.patience_s)
     begun = bench.port.now()
@@ -113,7 +114,7 @@ def _delay(bench: Bench, address: int) -> float | None:
 
 
 def readable(data: bytes) -> str | None:
-    """Returns the text in `data` where it looks like some device's, else None."""
+    """The text in `data` if it looks like text of another device, else None."""
     fine = sum(32 <= byte < 127 or byte in (9, 10, 13) for byte in data)
     if len(data) < _LEAST_TEXT or fine < 0.9 * len(data) or b"SPK2" in data:
         return None
@@ -121,13 +122,13 @@ def readable(data: bytes) -> str | None:
 
 
 def _listen(bench: Bench) -> bytes:
-    """What comes though nothing is asked, in a moment of silence."""
+    """Bytes that arrive without a request."""
     bench.port.drain()
-    got = bench.port.read(1, _LISTEN_S)  # one: a replay takes that for waiting
+    got = bench.port.read(1, _LISTEN_S)  # one byte: a replayed log treats it as waiting
     return got + bench.port.read(63, _LISTEN_S) if got else b""
 
 
-def _spoken(bench: Bench, data: bytes) -> StageFault:
+def _unsolicited_bytes(bench: Bench, data: bytes) -> StageFault:
     text = readable(data)
     if text is not None:
         return StageFault(
@@ -144,8 +145,8 @@ def _spoken(bench: Bench, data: bytes) -> StageFault:
     )
 
 
-def _off(bench: Bench, seen: str) -> StageFault | None:
-    """The fault "baud" where the board answers at another rate, else None."""
+def _wrong_baud(bench: Bench, seen: str) -> StageFault | None:
+    """The fault "baud" if the board answers at another rate, else None."""
     nominal = bench.nominal_baud
     bench.note("no sound answer comes back: looking for the board's baud, which may take a minute")
     try:
@@ -159,12 +160,12 @@ def _off(bench: Bench, seen: str) -> StageFault | None:
     narrow = found.highest - found.lowest < _NARROW * nominal
     if found.tolerable or narrow or abs(found.error_percent) <= _WORKS_PERCENT:
         return None
-    return StageFault("baud", f"{seen}; {_told(found)}", _mend(found), _figures(found))
+    return StageFault("baud", f"{seen}; {_baud_text(found)}", _mend(found), _figures(found))
 
 
 def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
-    """The first fault, told by how many answers come whole now: a line that is silent or cut off
-    gives none, one that spoils bytes some."""
+    """The first fault, with the number of complete answers in further reads: none on a silent or
+    interrupted line, some on a noisy one."""
     whole, heard = 0, False
     for _ in range(_READS):
         try:
@@ -185,7 +186,7 @@ def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
     )
 
 
-def _told(found: BaudReport) -> str:
+def _baud_text(found: BaudReport) -> str:
     side, fast = ("above", "slow") if found.error_percent > 0 else ("below", "fast")
     host = 100 * (found.nominal / found.measured - 1)
     return (

@@ -1,4 +1,4 @@
-"""Stage counters: many round trips, after which the board must have counted just what was sent."""
+"""Stage counters: after many round trips the board must have counted exactly what was sent."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ _MEND = {
 
 
 def check_counters(bench: Bench) -> Figures:
-    """Writes and reads `ctrl_scratch` in round trips, then a burst of words back to back; holds the
-    board's counters of bytes, words and errors against what was sent. StageFault by the counter's
-    name, "scratch" where a word came back changed, "restarted" where the uptime fell."""
+    """Writes and reads `ctrl_scratch` in round trips, then writes a burst of words back to back.
+
+    The board's counters of bytes, words and errors must match what was sent. Raises StageFault with
+    the counter's name, "scratch" if a word was changed, "restarted" if the uptime fell.
+    """
     scratch = bench.read_stable("ctrl_scratch")
     counted = tuple(bench.bone.read_twice(bench.address("uart_writes"), 2))
     before = {name: bench.read_stable(name) for name in ERRORS}
@@ -93,7 +95,7 @@ def check_counters(bench: Bench) -> Figures:
 
 
 def _speed(bench: Bench, times: list[float]) -> Figures:
-    """Round trips a second, and what of each is not line time."""
+    """Round trips a second, and the latency beyond the time on the line."""
     typical = float(np.median(times))
     line = bench.line_s(20)  # ten bytes to write a word, six to ask for it, four of answer
     latency = max(0.0, typical - line * bench.bone.time_scale)
@@ -128,8 +130,14 @@ def _restarted(name: str, before: int, after: int, figures: Figures) -> StageFau
 def _check_written(
     bench: Bench, written: list[int], before: tuple[int, ...], figures: Figures
 ) -> None:
-    """Holds count and CRC-32 of written words against what was written. before: both as they were
-    at first."""
+    """Compares count and CRC-32 of the written words with the board's.
+
+    Args:
+        bench: the board under test.
+        written: words written.
+        before: the board's count and CRC-32 before.
+        figures: of the stage, for a fault.
+    """
     count, crc = bench.bone.read_twice(bench.address("uart_writes"), 2)
     count = (count - before[0]) & 0xFFFFFFFF
     must = zlib.crc32(b"".join(word.to_bytes(4, "big") for word in written), before[1])

@@ -1,4 +1,4 @@
-"""Stage identity: is it our board, which build of it, and of what size?"""
+"""Stage identity: whether the board is ours, its build and its size."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from rtl_model.registers import MAGIC, VERSION, identifier
 __all__ = ["check_identity"]
 
 _MOST_ROWS, _MOST_COLUMNS = 4095, 4096
-_BAUD_SLACK = 0.06  # of the host's baud against what the board takes itself to have
+_BAUD_SLACK = 0.06  # relative difference of the host's baud and the board's nominal one
 
 
 def check_identity(bench: Bench) -> Figures:
-    """Reads magic, version, geometry, build and identifier; `bench.geometry` and `bench.board` are
-    set. StageFault foreign, version, geometry or identifier."""
+    """Reads magic, version, geometry, build and identifier into `bench.geometry` and `.board`.
+
+    Raises StageFault foreign, version, geometry or identifier.
+    """
     board = Board(bench.bone, bench.csr)
     if not bench.csr.ours:
         raise _foreign(board, "the csr.csv given is not of a Viform board")
@@ -91,7 +93,7 @@ def _check_geometry(size: Geometry, figures: Figures) -> None:
 
 
 def _foreign(board: Board, seen: str) -> StageFault:
-    """Another design: told by its name, where it has LiteX's identifier."""
+    """The fault of another design, with its name if it has LiteX's identifier."""
     figures: Figures = {}
     told = ""
     try:

@@ -27,8 +27,8 @@ def _frames_that_fit(bench: Bench) -> int:
     return min(bench.frames, size.capture_words // (size.record_words * size.rows))
 
 
-def _test_image(rows: int, columns: int) -> npt.NDArray[np.uint8]:
-    """Returns an image in which no two rows and no two columns are alike, (rows, columns) uint8."""
+def _distinct_image(rows: int, columns: int) -> npt.NDArray[np.uint8]:
+    """An image without equal rows or columns, (rows, columns) uint8."""
     row, column = np.ogrid[:rows, :columns]
     return ((row * 37 + column * 101 + (row * column) % 59) % 256).astype(np.uint8)
 
@@ -88,7 +88,7 @@ def check_patterns(bench: Bench) -> Figures:
                 "build the board with more capture_words",
             )
         frames, rows = 1, (min(fit, size.rows) - 1) << 16
-    image = _test_image(size.rows, size.columns)
+    image = _distinct_image(size.rows, size.columns)
     repeated = pattern.upload(board, image)
     figures: Figures = {
         "frames_compared": 0, "bits_compared": 0, "bits_wrong": 0, "upload_repeats": repeated,

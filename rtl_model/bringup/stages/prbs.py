@@ -1,4 +1,4 @@
-"""Stage prbs: pseudo-random words both ways, and of wrong bits, which bit and byte of the word."""
+"""Stage prbs: pseudo-random words in both directions; locates wrong bits in the word."""
 
 from __future__ import annotations
 
@@ -9,46 +9,51 @@ from rtl_model.host.prbs import ORDERS
 
 __all__ = ["check_prbs", "which_bits"]
 
-_WORDS = 256  # each way and order: 32 768 bits in all
+_WORDS = 256  # each direction and order: 32 768 bits in all
 
 
 def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _WORDS) -> Figures:
-    """Holds the board's sequence against ours and ours against the board's. StageFault
-    from-board, to-board or words-lost."""
+    """Compares the board's sequence with ours, and lets the board compare ours with its own.
+
+    Raises StageFault from-board, to-board or words-lost.
+    """
     figures: Figures = {"words": words, "orders": list(orders), "bits": 0}
     board = Board(bench.bone, bench.csr, verify=False)
     for order in orders:
-        made = prbs.exchange(board, order, words)
-        if sum(map(bool, made.wrong)) > 1 and bench.monitor is not None:
-            # More than one word: their request may have gone astray, which does not happen twice.
+        result = prbs.exchange(board, order, words)
+        if sum(map(bool, result.wrong)) > 1 and bench.monitor is not None:
+            # More than one word: the request may have been changed, which does not happen twice.
             again = prbs.exchange(board, order, words)
             if not any(again.wrong):
                 bench.monitor.count_misplaced()
-                made = again
+                result = again
         figures["bits"] += 2 * 32 * words
-        if any(made.wrong):
-            raise _from_board(order, made.wrong, figures)
-        if made.checked != words:
+        if any(result.wrong):
+            raise _from_board(order, result.wrong, figures)
+        if result.checked != words:
             raise StageFault(
                 "words-lost",
-                f"order {order}, to the board: {made.checked} of {words} words arrived",
+                f"order {order}, to the board: {result.checked} of {words} words arrived",
                 "check cable and flow control, and that bytes are taken back to back",
                 figures,
             )
-        if made.errors:
+        if result.errors:
             raise StageFault(
                 "to-board",
-                f"order {order}, to the board: {made.errors} of {32 * words} bits are wrong",
+                f"order {order}, to the board: {result.errors} of {32 * words} bits are wrong",
                 "check the level at the board's receiver and the baud",
-                figures | {"bits_wrong": made.errors},
+                figures | {"bits_wrong": result.errors},
             )
     bench.write("prbs_order", 31)
     return figures | {"bits_wrong": 0}
 
 
 def which_bits(wrong: list[int]) -> str:
-    """Returns where in the words wrong bits stand: one bit, one byte, or neither. wrong: words
-    whose 1s are wrong bits, at least one."""
+    """The location of wrong bits in the words: one bit, one byte, or several.
+
+    Args:
+        wrong: words whose 1s are wrong bits, at least one.
+    """
     union = 0
     for word in wrong:
         union |= word

@@ -1,5 +1,4 @@
-"""How many spikes a pixel gives under constant light, in closed form: what the threshold sweep is
-held against. Nothing of the cycle model stands in it."""
+"""Spike count of a pixel under constant light in closed form, independent of the cycle model."""
 
 from __future__ import annotations
 
@@ -7,12 +6,17 @@ __all__ = ["count_spikes"]
 
 
 def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
-    """Returns the spikes of one pixel in `frames` ticks from no charge.
+    """Spikes of one pixel that starts without charge.
 
-    electrons: of one tick as the sensor counts them (twice those of 40 kHz at 20 kHz), 0 to 510.
-    level: of the threshold, Q = 255 + 256 level. rule: 0 residual (3 as 0), 1 hard, 2 subtract.
-    One spike a tick at most. A residual or subtracting pixel keeps what is beyond Q, so it has
-    fired floor(n electrons / Q) times; a hard one is full every ceil(Q / electrons) ticks.
+    At most one spike a tick. With residual or subtracting reset, the charge beyond Q remains, so
+    after n ticks the pixel has fired floor(n electrons / Q) times. With hard reset it fires every
+    ceil(Q / electrons) ticks.
+
+    Args:
+        frames: number of ticks.
+        electrons: of one tick, 0 to 510; at 20 kHz twice those at 40 kHz.
+        level: of the threshold, Q = 255 + 256 level.
+        rule: reset rule, 0 residual (also 3), 1 hard, 2 subtract.
     """
     q = 255 + 256 * level
     if electrons <= 0:

@@ -1,5 +1,4 @@
-"""Stage threshold: all 16 levels at both clocks under all reset rules, spikes counted against the
-closed form."""
+"""Stage threshold: compares spike counts of all levels, clocks and reset rules with a formula."""
 
 from __future__ import annotations
 
@@ -17,8 +16,10 @@ _WORD = 1 << 32
 
 
 def check_threshold(bench: Bench) -> Figures:
-    """Runs constant light under each setting for some frames and compares the count of spikes,
-    which must be exactly rows x columns x `count_spikes`. StageFault rate, or stands-still."""
+    """Runs constant light under each setting; the spikes must be rows x columns x `count_spikes`.
+
+    Raises StageFault rate, stands-still or rows.
+    """
     size = bench.geometry
     bench.write("sensor_run", 0)
     bench.write("sensor_pattern", 1)
@@ -60,7 +61,7 @@ def check_threshold(bench: Bench) -> Figures:
 
 
 def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
-    """Frames and spikes of a run from no charge, once the last frame is read."""
+    """Frames and spikes of a run that starts without charge, after the last frame is read."""
     bench.write("sensor_threshold", level)
     bench.write("sensor_clear", 1)
     before = bench.read_stable("sensor_frame_clock")

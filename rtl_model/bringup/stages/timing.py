@@ -1,4 +1,4 @@
-"""Stage timing: frames against the tick they were set to, and the board's clock against ours."""
+"""Stage timing: compares frame periods with the tick, and the board's clock with the host's."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from rtl_model.bringup.bench.stage import Figures, StageFault
 
 __all__ = ["check_timing", "clock_rate"]
 
-_SPAN_S = 1.0  # between first and last reading of the clock
-_READINGS = 8  # of which the quickest counts, at each end
+_SPAN_S = 1.0  # between the first and the last reading of the clock
+_READINGS = 8  # at each end; the fastest is used
 _DIFFERENCES = 6  # of frame clocks, for each setting
-_PPM_MOST = 20_000.0  # assumed: beyond 2 % no common oscillator is, and a UART works still
+_PPM_MOST = 20_000.0  # assumed: every common oscillator is within 2 %, where a UART still works
 _WORD = 1 << 32
 
 
 class Reading(NamedTuple):
-    """A clock count and the host's times that it was surely read between, seconds."""
+    """A clock count, and the earliest and latest host time of its reading, s."""
 
     clocks: int
     early: float
@@ -26,8 +26,11 @@ class Reading(NamedTuple):
 
 
 def check_timing(bench: Bench) -> Figures:
-    """Differences of `sensor_frame_clock` must be whole ticks, for both clocks and a longer tick;
-    the real frequency is told in ppm with its uncertainty. StageFault tick or clock."""
+    """Differences of `sensor_frame_clock` must be whole ticks, for both clocks and a longer tick.
+
+    Also measures the deviation of the board's clock, ppm, with its uncertainty. Raises StageFault
+    stands-still, tick or clock.
+    """
     size = bench.geometry
     bench.write("sensor_run", 0)
     figures: Figures = {"tick_clocks": size.tick_clocks}
@@ -66,7 +69,7 @@ def check_timing(bench: Bench) -> Figures:
 
 
 def _ticks(bench: Bench, period: int, select: int) -> int:
-    """Holds differences of frame clocks against whole periods; how many were held."""
+    """Compares differences of frame clocks with whole periods; returns their number."""
     before = bench.read_stable("sensor_frame_clock")
     bench.write("sensor_run", 1)
     end = bench.port.now() + 2.0 + 100 * bench.ticks_s(1, select)
@@ -98,8 +101,11 @@ def _ticks(bench: Bench, period: int, select: int) -> int:
 
 
 def clock_rate(bench: Bench, span_s: float = _SPAN_S) -> tuple[float, float]:
-    """Returns the board's clock in Hz by the host's time, and how far that may be off: the count
-    is read somewhere between the end of the request and the answer's first byte."""
+    """The board's clock by the host's time, and its uncertainty, Hz.
+
+    The count is read at an unknown time between the end of the request and the first byte of the
+    answer.
+    """
     first = _read(bench)
     bench.bone.pause(span_s)
     last = _read(bench)
@@ -110,14 +116,14 @@ def clock_rate(bench: Bench, span_s: float = _SPAN_S) -> tuple[float, float]:
 
 
 def _read(bench: Bench) -> Reading:
-    """The quickest of some readings."""
+    """The fastest of some readings."""
     best: Reading | None = None
     scale = bench.bone.time_scale
     for _ in range(_READINGS):
         begun = bench.port.now()
         count = bench.read("ctrl_uptime")
         ended = bench.port.now()
-        # The line takes its time for six bytes before and four after, if it is a line at all.
+        # A real line takes the time of six bytes before and four bytes after the reading.
         spare = 0.9 * scale
         early, late = begun + spare * bench.line_s(6), ended - spare * bench.line_s(4)
         if bench.simulated or early >= late:

@@ -1,7 +1,8 @@
-"""Boards in a scenario: one in the sensor's place, one in the display's.
+"""Boards that replace the sensor or the display of a scenario.
 
-A board is a stage of the run's chain like the part whose place it takes: light in and spikes out,
-or spikes in. The sensor then has the board's pixels: the scene is drawn for so many.
+Each is a stage of the run's chain with the inputs and outputs of the part that it replaces. The
+scene is drawn for the board's number of pixels. `rtl_model.stand_in` is imported only for scenarios
+with a board.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 
 if TYPE_CHECKING:
-    from rtl_model.stand_in import BoardDisplay, StandIn
+    from rtl_model.stand_in import BoardDisplay, OpenBoard
 
 __all__ = ["NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "refuse_boards"]
 
@@ -35,46 +36,50 @@ _SIMULATED: Final = (
     ("pattern", None), ("circuit", None), ("threshold_noise", 0.0), ("dead_time", 0.0),
     ("row_skew", 0.0), ("comparator_delay", 0.0), ("crosstalk", 0.0),
 )  # fmt: skip
-"""What a simulated pixel may have and the board's has not."""
+"""Keys of the sensor that a board's pixels do not have, with their defaults."""
 
 
 def refuse_boards(scenario: Scenario) -> None:
-    """Raises InputError where a board is asked for by what simulates alone."""
+    """Raises InputError for a scenario with a board, in commands that only simulate."""
     sink = None if scenario.display is None else scenario.display.sink
-    for key, given in (("sensor.source", scenario.sensor.source), ("display.sink", sink)):
-        if given is not None:
-            raise InputError(key, "absent but for viform run", given, "leave it out")
+    for key, value in (("sensor.source", scenario.sensor.source), ("display.sink", sink)):
+        if value is not None:
+            raise InputError(key, "absent but for viform run", value, "leave it out")
 
 
 class BoardCamera:
-    """The board as the camera's stage. rate: the most of the scene, spikes a cycle.
+    """A board as the camera stage of the chain.
 
-    worst: largest error that whole electrons have made of a pixel's rate so far, spikes a cycle.
+    Attributes:
+        shape: (rows, columns) of the board.
+        name: for messages.
+        worst: largest error of a pixel's rate by rounding to electrons so far, spikes a cycle.
+        level: of the board's threshold.
+        sensor: the board.
     """
 
-    def __init__(self, place: StandIn, setting: CameraSetting, rate: float, cycles: int) -> None:
-        from rtl_model.stand_in import BoardSensor, level_for
+    def __init__(self, place: OpenBoard, setting: CameraSetting, rate: float, cycles: int) -> None:
+        from rtl_model.stand_in import BoardSensor, finest_level
 
         self.shape = (place.info.rows, place.info.columns)
         self.name, self.worst = place.name, 0.0
-        self.level = level_for(rate)
+        self.level = finest_level(rate)
         self._setting = setting
         self._exposure = Exposure(setting.clock, setting.electrons_per_lux)
         self.sensor = BoardSensor(place, self.level, setting.reset, cycles)
 
     def step(self, light: Light, block: Block) -> Viform:
-        """The latched flags of one block; ticks whose light is the same to the board are one
-        burst."""
+        """The latched flags of one block; ticks with equal electrons are one burst."""
         steps = self._steps(light, block)
         changes = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=(1, 2))) + 1
         edges = [0, *changes.tolist(), len(steps)]
         parts = [self.sensor.expose(steps[a], b - a) for a, b in pairwise(edges)]
-        made = Viform.from_planes(np.concatenate(parts), self._setting.clock)
-        return Viform(made.words, block.cycles, self._setting.clock, block.start)
+        stream = Viform.from_planes(np.concatenate(parts), self._setting.clock)
+        return Viform(stream.words, block.cycles, self._setting.clock, block.start)
 
     def _steps(self, light: Light, block: Block) -> npt.NDArray[np.uint8]:
-        """The board's electrons in each cycle, (cycles, rows, columns)."""
-        from rtl_model.stand_in import steps_of
+        """The board's electrons in each cycle, (cycles, rows, columns) uint8."""
+        from rtl_model.stand_in import quantise
 
         steps = np.empty((block.cycles, *self.shape), np.uint8)
         scale = 1 / (ONE * self._setting.threshold)
@@ -87,13 +92,19 @@ class BoardCamera:
                 if span.slope is not None:
                     charge = charge + span.slope * (span.elapsed + n)
                 rate = charge.reshape(self.shape).astype(np.float64) * scale
-                steps[span.first + n], off = steps_of(rate, self.level)
+                steps[span.first + n], off = quantise(rate, self.level)
                 self.worst = max(self.worst, float(np.abs(off).max()))
         return steps
 
 
 class BoardPanel:
-    """The board as the display's stage: what comes in goes out, and was shown."""
+    """A board as the display stage of the chain; it returns the planes that it has shown.
+
+    Attributes:
+        name: for messages.
+        planes: shown so far.
+        wrong: bursts whose CRC-32 differed.
+    """
 
     def __init__(self, board: BoardDisplay, name: str, fit: str, shape: tuple[int, int]) -> None:
         self._board, self.name = board, name
@@ -118,28 +129,34 @@ class BoardPanel:
 
 @dataclass
 class Boards:
-    """A run's open boards, None where it has none. panel: the sink's stage, once the stream's size
-    is known."""
+    """The open boards of a run.
 
-    source: StandIn | None = None
-    sink: StandIn | None = None
+    Attributes:
+        source: that replaces the sensor, None if there is none.
+        sink: that replaces the display, None if there is none.
+        fit: `display.fit` of the scenario.
+        panel: the sink's stage, None until the size of the stream is known.
+    """
+
+    source: OpenBoard | None = None
+    sink: OpenBoard | None = None
     fit: str = "exact"
     panel: BoardPanel | None = None
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Rows and columns of a board in the sensor's place."""
+        """Rows and columns of the source, None without one."""
         return None if self.source is None else (self.source.info.rows, self.source.info.columns)
 
     def simulated(self, scenario: Scenario) -> Scenario:
-        """What is left of the scenario to be simulated and planned."""
+        """The scenario without the parts that boards replace."""
         if self.source is not None:
             sensor = scenario.sensor.model_copy(update={"source": None})
             scenario = scenario.model_copy(update={"sensor": sensor})
         return scenario if self.sink is None else scenario.model_copy(update={"display": None})
 
     def camera(self, setting: CameraSetting, scene: Summary, cycles: int) -> BoardCamera | None:
-        """The board's camera, and the sink's stage, made ready; None where pixels are simulated."""
+        """The camera stage of the source, None without one; also sets up the sink's stage."""
         if self.sink is not None and self.panel is None:
             from rtl_model.stand_in import BoardDisplay
 
@@ -151,48 +168,50 @@ class Boards:
         return BoardCamera(self.source, setting, rate, cycles)
 
     def notes(self, camera: Any) -> list[str]:
-        """What a user must know before the run."""
-        told = []
+        """Notes for the user before the run."""
+        notes = []
         if isinstance(camera, BoardCamera):
             height, width = camera.shape
             q = quantum(camera.level)
-            told.append(
+            notes.append(
                 f"{camera.name} makes the spikes: {width} x {height} pixels, threshold {q} of its "
                 f"electrons, so a rate is off by at most {0.5 / q:.2g} spikes a cycle; it has no "
                 "shot noise, and is stepped, so its own ticks are not the clock's"
             )
         if self.panel is not None:
-            told.append(f"{self.panel.name} shows the planes; no light is rendered")
-        return told
+            notes.append(f"{self.panel.name} shows the planes; no light is rendered")
+        return notes
 
     def metrics(self, camera: Any) -> dict[str, Metric]:
-        """What the boards did."""
-        made: dict[str, Metric] = {}
+        """Metrics of the boards."""
+        metrics: dict[str, Metric] = {}
         if isinstance(camera, BoardCamera):
-            made["board_bits_wrong"] = Metric(camera.sensor.wrong_bits, "bits")
-            made["board_quantisation"] = Metric(camera.worst, "spikes/cycle")
-            made["board_bytes"] = Metric(camera.sensor.bytes, "bytes")
+            metrics["board_bits_wrong"] = Metric(camera.sensor.wrong_bits, "bits")
+            metrics["board_quantisation"] = Metric(camera.worst, "spikes/cycle")
+            metrics["board_bytes"] = Metric(camera.sensor.bytes, "bytes")
         if self.panel is not None:
-            made["sink_planes"] = Metric(self.panel.planes, "planes")
-            made["sink_crc_wrong"] = Metric(self.panel.wrong, "bursts")
-        return made
+            metrics["sink_planes"] = Metric(self.panel.planes, "planes")
+            metrics["sink_crc_wrong"] = Metric(self.panel.wrong, "bursts")
+        return metrics
 
     def faults(self, camera: Any) -> list[str]:
-        """What makes the run a failed one."""
-        told = []
+        """Faults of the boards that make the outcome "failed"."""
+        faults = []
         if isinstance(camera, BoardCamera) and camera.sensor.wrong_bits:
-            told.append(
+            faults.append(
                 f"{camera.sensor.wrong_bits} bits of {camera.name} are not those of the cycle model"
             )
         if self.panel is not None and self.panel.wrong:
-            told.append(f"what {self.panel.name} showed is not what it was sent: CRC-32")
-        return told
+            faults.append(f"what {self.panel.name} showed is not what it was sent: CRC-32")
+        return faults
 
 
 @contextmanager
 def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
-    """The boards that the scenario names, open. Raises InputError where one does not answer, or
-    cannot stand in for this sensor."""
+    """Opens the boards of a scenario, and closes them at the end of the context.
+
+    Raises InputError if one does not answer, or cannot replace the sensor.
+    """
     section, panel = scenario.sensor, scenario.display
     sink = None if panel is None else panel.sink
     if section.source is None and sink is None:
@@ -203,19 +222,19 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
             "--resume", "given for a run without a board, whose charge cannot be put back", "one "
             "with a board", "run it afresh with another --out",
         )  # fmt: skip
-    from rtl_model.stand_in import stand_in
+    from rtl_model.stand_in import open_board
 
     boards = Boards(fit="exact" if panel is None else panel.fit)
     with ExitStack() as stack:
         if section.source is not None:
-            for name, plain in _SIMULATED:
+            for name, default in _SIMULATED:
                 value = getattr(section, name)
-                if value != plain:
+                if value != default:
                     raise InputError(
                         f"sensor.{name}", "absent with sensor.source", "given",
                         "leave it out: the board's pixels have none",
                     )  # fmt: skip
-            boards.source = stack.enter_context(stand_in(section.source, "sensor.source"))
+            boards.source = stack.enter_context(open_board(section.source, "sensor.source"))
         if sink is not None:
-            boards.sink = stack.enter_context(stand_in(sink, "display.sink"))
+            boards.sink = stack.enter_context(open_board(sink, "display.sink"))
         yield boards

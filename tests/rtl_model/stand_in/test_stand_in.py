@@ -10,8 +10,8 @@ from cosim import InputError
 from rtl_model.cycle import Bridge, Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone
-from rtl_model.stand_in import BoardDisplay, BoardSensor, StandIn, level_for, steps_of
-from rtl_model.stand_in.place import parse_place
+from rtl_model.stand_in import BoardDisplay, BoardSensor, OpenBoard, finest_level, quantise
+from rtl_model.stand_in.opening import parse_address
 
 SMALL = Geometry(rows=5, columns=40, capture_words=128, sink_words=64, baud=3_000_000)
 
@@ -60,9 +60,9 @@ class BridgePort:
         return
 
 
-def place(geometry: Geometry = SMALL, byte_clocks: int | None = 1) -> StandIn:
+def place(geometry: Geometry = SMALL, byte_clocks: int | None = 1) -> OpenBoard:
     board = Board(Uartbone(BridgePort(geometry, byte_clocks)))
-    return StandIn(board, board.info(), "the model", 3_000_000)
+    return OpenBoard(board, board.info(), "the model", 3_000_000)
 
 
 @pytest.mark.parametrize("byte_clocks", [1, None])
@@ -119,10 +119,10 @@ def test_wrong_bits_are_counted() -> None:
 
 @pytest.mark.parametrize("rate", [0.01, 0.06, 0.3, 0.5, 0.9, 1.0, 3.0])
 def test_the_step_is_within_half_an_electron(rate: float) -> None:
-    level = level_for(rate)
+    level = finest_level(rate)
     q = 255 + 256 * level
     wanted = np.linspace(0, rate, 1001)
-    steps, error = steps_of(wanted, level)
+    steps, error = quantise(wanted, level)
     np.testing.assert_allclose(steps / q - np.minimum(wanted, 1), error, atol=1e-15)
     assert np.abs(error).max() <= 0.5 / q + 1e-15
     # The next finer threshold would not hold the brightest.
@@ -160,11 +160,11 @@ def test_memories_too_small_for_a_frame_are_refused() -> None:
 
 
 def test_a_place_is_a_port_and_perhaps_a_baud() -> None:
-    assert parse_place("serial:/dev/ttyUSB0", "k") == ("/dev/ttyUSB0", 115_200)
-    assert parse_place("serial:socket://10.0.0.7:1234,3000000", "k") == (
+    assert parse_address("serial:/dev/ttyUSB0", "k") == ("/dev/ttyUSB0", 115_200)
+    assert parse_address("serial:socket://10.0.0.7:1234,3000000", "k") == (
         "socket://10.0.0.7:1234",
         3_000_000,
     )
     for wrong in ("", "serial:", "usb:/dev/x", "serial:x,", "serial:x,0", "serial:x,fast"):
         with pytest.raises(InputError, match="k must be serial:PORT"):
-            parse_place(wrong, "k")
+            parse_address(wrong, "k")
