@@ -27,7 +27,9 @@ def philox4x32(
 ) -> tuple[U32, U32, U32, U32]:
     """Four uint32 words for each counter; counters broadcast against each other.
 
-    counter: four arrays or integers below 2^32. key: two integers below 2^32.
+    Args:
+        counter: four arrays or integers below 2^32.
+        key: two integers below 2^32.
     """
     c0, c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, np.uint64) for c in counter))
     k0, k1 = key

@@ -114,10 +114,14 @@ def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
 def write_stream(
     stream: SpikeStream, path: Path, *, head: bool = False, config: bool = False
 ) -> list[str]:
-    """Writes a stream in the format of the name's ending; what the format has no place for comes
-    back, a line each.
+    """Writes a stream in the format of the name's ending. Returns a line for each property of the
+    stream that the format cannot hold.
 
-    head: of a `.dat`, frames of 416 x 250. config: a config.yaml beside a `.dat`.
+    Args:
+        stream: that is written.
+        path: of the file.
+        head: whether a `.dat` has frames of 416 x 250, with a head.
+        config: whether a config.yaml is written beside a `.dat`.
     """
     ending = ending_of(path)
     if ending not in FORMATS:

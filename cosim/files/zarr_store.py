@@ -107,9 +107,10 @@ class ZarrStream:
 class Recorder:
     """The stage that writes a run's spikes. The store is made at the first block, or continued.
 
-    cycles: of the whole run. start: what its first cycle is called. Blocks come in order, of any
-    size; a word that one block leaves open is completed by the next. bytes_written: of words,
-    before compression.
+    Blocks come in order, of any size. A word that a block ends within is completed by the next.
+
+    Attributes:
+        bytes_written: of words, before compression.
     """
 
     def __init__(

@@ -27,10 +27,12 @@ Box = tuple[int, int, int, int]
 class Piece:
     """Light that runs linearly from `first` at instant `start` to `last` at `stop`.
 
-    start, stop: picoseconds, start < stop. first, last: (H, W) float32 >= 0; the same object
-    where the light is constant. changed: where given, a promise that outside this box the piece
-    is constant and goes on from the piece before it without a jump; parts may use it to save work
-    and must give the same result without it.
+    Attributes:
+        start, stop: instants in picoseconds, start < stop.
+        first, last: (H, W) float32 >= 0; the same object where the light is constant.
+        changed: box outside which the piece is constant and continues the piece before it without
+            a jump; None if unknown. Parts may use it to save work and must give the same result
+            without it.
     """
 
     start: int
@@ -63,8 +65,12 @@ class Piece:
 class Light:
     """Light on a plane during at least a block of time: pieces in order, without gaps.
 
-    unit: "lux" on the plane. The pieces may reach beyond the block asked for, and one and the same
-    `Piece` object serves every block it touches, so that a part can prepare it once.
+    The pieces may extend beyond the block. The same `Piece` object serves every block that it
+    overlaps, so that a part can prepare it once.
+
+    Attributes:
+        pieces: in order, each starting where the one before it stops.
+        unit: "lux" on the plane.
     """
 
     pieces: tuple[Piece, ...]

@@ -22,20 +22,25 @@ from cosim.stage import BLOCK, Block
 __all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
 
 SAMPLES = 9
-"""Instants at which a drawn scene is looked at."""
+"""Instants at which a drawn scene is sampled."""
 
 
 @runtime_checkable
 class Sketched(Protocol):
-    """A source that would take long to walk through."""
+    """A source that samples itself, since drawing all of it would take long."""
 
     def sketch(self, cycles: int, samples: int) -> Sketch: ...
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """least, most: light that any instant of the run gives each pixel, (H, W) in lux. certain:
-    (H, W), where that interval is proven. planes: new planes of light a cycle, where it changes."""
+    """The light of a run at every pixel.
+
+    Attributes:
+        least, most: limits over all instants, (H, W) in lux.
+        certain: where these limits are proven, (H, W).
+        planes: new planes of light per cycle.
+    """
 
     least: Plane
     most: Plane
@@ -49,7 +54,7 @@ class Survey:
 
 
 def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
-    """Every piece of the run."""
+    """The exact survey, from every piece of the run."""
     least: Plane | None = None
     most: Plane | None = None
     known_pieces: list[Piece] = []
@@ -70,7 +75,7 @@ def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
 
 
 def survey(source: Source, clock: Clock, cycles: int) -> Survey:
-    """The interval of light of so many cycles. source: one of its own, since it is run through."""
+    """The survey of a run of so many cycles. It uses the source up."""
     if not isinstance(source, Sketched):
         return _walked(source, clock, cycles)
     from scipy.ndimage import maximum_filter, minimum_filter

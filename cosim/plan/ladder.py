@@ -57,11 +57,11 @@ def distinct_plans(
     """
     rungs: list[tuple[list[float], P]] = []
     for tolerance in tolerances:
-        made = plan(tolerance)
-        if rungs and key(made) == key(rungs[-1][1]):
+        planned = plan(tolerance)
+        if rungs and key(planned) == key(rungs[-1][1]):
             rungs[-1][0].append(tolerance)
         else:
-            rungs.append(([tolerance], made))
+            rungs.append(([tolerance], planned))
     return rungs
 
 

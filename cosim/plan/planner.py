@@ -31,9 +31,16 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Row:
-    """One effect in a plan. kept: share of tiles that keep it, 0 to 1. bound: largest promise over
-    the tiles that leave it out, or, where all keep it, over all; an estimate's is twice its size.
-    kind: of the bound. cost_ns: of keeping it everywhere, ns a pixel-cycle."""
+    """One effect in a plan.
+
+    Attributes:
+        effect: its name.
+        kept: share of tiles that keep it, 0 to 1.
+        bound: largest bound over the tiles that leave it out, or over all tiles if none does; an
+            estimate counts twice.
+        kind: of the bound.
+        cost_ns: of keeping it in every tile, ns per pixel-cycle.
+    """
 
     effect: str
     kept: float
@@ -44,9 +51,16 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """tolerance: asked. rows: every effect. kept: names of effects, (tiles,) bool each. promise:
-    names, (tiles,) what leaving the effect out may change. total: (tiles,) sum over what is left
-    out. cost_ns, full_ns: of a pixel-cycle as planned, and with everything."""
+    """Which effects each tile keeps.
+
+    Attributes:
+        tolerance: that the plan was made for.
+        rows: one for every effect.
+        kept: tiles that keep an effect, (tiles,) bool by name.
+        promise: bound on what leaving an effect out changes, (tiles,) by name.
+        total: sum of the bounds of what is left out, (tiles,).
+        cost_ns, full_ns: cost of a pixel-cycle as planned and with every effect, ns.
+    """
 
     tolerance: float
     rows: tuple[Row, ...]
@@ -175,12 +189,16 @@ def make_plan(
     own: float = 0.0,
     forced: Sequence[str] = (),
 ) -> Plan:
-    """Plans a scene of so many tiles as `scene`'s arrays are long.
+    """Plans a scene; its tiles are those of `scene`'s arrays.
 
-    certain: (tiles,) whether the scene's intervals are proven; else every bound is an estimate.
-    base_ns: what a pixel-cycle costs without effects. own: relative error that the simulation makes
-    by itself, which takes its part of the tolerance. forced: names of effects to keep whatever
-    their bound.
+    Args:
+        effects: that may be left out.
+        scene: summary of the scene.
+        tolerance: relative error allowed.
+        certain: (tiles,) whether the scene's intervals are proven; else every bound is an estimate.
+        base_ns: cost of a pixel-cycle without effects, ns.
+        own: relative error of the simulation itself, which takes its part of the tolerance.
+        forced: names of effects to keep whatever their bound.
     """
     tiles = np.broadcast(scene.darkest, scene.brightest).size
     sure = np.broadcast_to(np.asarray(certain), tiles)

@@ -35,11 +35,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Case:
-    """number: of the table in docs/stability.md. what: must hold, in words. reference: that the
-    method is compared with. guards: the naive method that fails. unit, limit: of the check's value.
+    """One case of the stability suite.
 
-    check: of a method, to the value. shipped: makes the method that ships for a device (None for
-    numba). quick: arguments of the check for a smaller instance of the same case.
+    Attributes:
+        number: in the table of docs/stability.md.
+        name: short.
+        what: the property that must hold, in words.
+        reference: what the method is compared with.
+        guards: the naive method that fails.
+        unit, limit: of the check's value, which must not exceed the limit.
+        check: computes the value of a method.
+        shipped: makes the method that ships for a device (None for numba).
+        quick: arguments of the check for a smaller instance of the same case.
     """
 
     number: int

@@ -29,7 +29,7 @@ def digest(path: str | Path) -> str | None:
 
 @lru_cache(maxsize=8)
 def _digest(path: str, size: int, modified: int) -> str:
-    """size, modified: of the file, so that one that changes meanwhile is read anew."""
+    """SHA-256 of a file. size, modified: of the file, so that a changed file is read again."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -18,9 +18,19 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Row:
-    """source: document and place. printed: as a number or a list, None where the document leaves
-    the number to the reader. relation: `computed` is ... `printed`. holds: it is, to the printed
-    digits, or `note` says the document's own error, which a calculation proved."""
+    """A number that a source document prints, beside the computed one.
+
+    Attributes:
+        source: document and place.
+        what: the quantity.
+        printed: a number or a list; None where the document leaves the number to the reader.
+        relation: of `computed` to `printed`.
+        computed: the number that the simulation gives.
+        unit: of both.
+        holds: whether the relation holds to the printed digits, or `note` states the document's
+            error, which a calculation has proved.
+        note: for the reader.
+    """
 
     source: str
     what: str

@@ -71,10 +71,10 @@ def convert(
             "OUT", f"a name ending in {FORMATS_HELP}, or of a clip ({', '.join(CLIPS)})", str(out),
             "give it one of these",
         )  # fmt: skip
-    shown = {"--window": window, "--every": every, "--scale": scale, "--rate": rate}
-    given = [flag for flag, value in shown.items() if value is not None]
-    if given and not clip:
-        raise InputError(given[0], "given with a clip to write", str(out), f"leave {given[0]} out")
+    clip_options = {"--window": window, "--every": every, "--scale": scale, "--rate": rate}
+    used = [flag for flag, value in clip_options.items() if value is not None]
+    if used and not clip:
+        raise InputError(used[0], "given with a clip to write", str(out), f"leave {used[0]} out")
     place = source if is_coded(source) else locate_stream(source)
     if out.exists() and place.resolve() == out.resolve():
         raise InputError("OUT", "another file than IN", str(out), "choose another name")

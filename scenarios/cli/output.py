@@ -65,7 +65,7 @@ class LineProgress(SilentProgress):
     run says nothing."""
 
     def __init__(self) -> None:
-        self._told = time.monotonic()
+        self._last_line_at = time.monotonic()
         self._what, self._total = "", 0
         self._first: tuple[int, float] | None = None
 
@@ -76,17 +76,17 @@ class LineProgress(SilentProgress):
         now = time.monotonic()
         if self._first is None:  # a run that is gone on with does not begin at 0
             self._first = done, now
-        if now - self._told < EVERY_S or not self._total:
+        if now - self._last_line_at < EVERY_S or not self._total:
             return
-        self._told = now
+        self._last_line_at = now
         before, began = self._first
         left = ""
         if before < done < self._total:
-            left = f", {_lasting((self._total - done) * (now - began) / (done - before))} left"
+            left = f", {_duration((self._total - done) * (now - began) / (done - before))} left"
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
 
 
-def _lasting(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     """A time as a person says it: 12 s, 3 min, 5.5 h."""
     for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
         if seconds >= least:

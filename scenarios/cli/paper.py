@@ -48,9 +48,9 @@ def paper(
         raise typer.Exit(1)
 
 
-def _told(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_told(each) for each in value)
+        return ", ".join(_text(each) for each in value)
     if isinstance(value, bool) or value is None:
         return {None: "none", True: "yes", False: "no"}[value]
     return f"{value:.6g}" if isinstance(value, float) else str(value)
@@ -62,8 +62,8 @@ def _table(title: str, rows: list[Row]) -> str:
         (
             row.source[4:],
             row.what,
-            "-" if row.printed is None else f"{_WORDS[row.relation]} {_told(row.printed)}".strip(),
-            f"{_told(row.computed)} {'' if row.unit == '1' else row.unit}".strip(),
+            "-" if row.printed is None else f"{_WORDS[row.relation]} {_text(row.printed)}".strip(),
+            f"{_text(row.computed)} {'' if row.unit == '1' else row.unit}".strip(),
             "" if row.holds else "FAILS",
             row.note,
         )
@@ -72,8 +72,8 @@ def _table(title: str, rows: list[Row]) -> str:
     heads = ("place", "what", "printed", "ours", "")
     widths = [max(len(c[n]) for c in (heads, *cells)) for n in range(4)]
     lines = [title, "  " + "  ".join(h.ljust(w) for h, w in zip(heads, widths, strict=False))]
-    for *shown, mark, note in cells:
-        lines.append("  " + "  ".join(c.ljust(w) for c, w in zip(shown, widths, strict=True)))
+    for *columns, mark, note in cells:
+        lines.append("  " + "  ".join(c.ljust(w) for c, w in zip(columns, widths, strict=True)))
         lines[-1] = f"{lines[-1]}  {mark}".rstrip()
         if note:
             lines.append(f"      {note}")

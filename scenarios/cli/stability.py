@@ -30,15 +30,15 @@ def stability(
     from scenarios.studies.stability import CASES
 
     known = {str(number): case for number, case in CASES.items()}
-    for given in cases or []:
-        if given not in known:
+    for number in cases or []:
+        if number not in known:
             raise InputError(
                 "a case",
                 f"one of {', '.join(known)}",
-                repr(given),
+                repr(number),
                 "leave the numbers out to run all",
             )
-    chosen = [known[given] for given in dict.fromkeys(cases or known)]
+    chosen = [known[number] for number in dict.fromkeys(cases or known)]
     target, rows = choose_device(device), []
     for n, case in enumerate(chosen, 1):
         text = f"viform: {n}/{len(chosen)} case {case.number}, {case.name}:"

@@ -47,8 +47,14 @@ DRAWN = 8
 
 @dataclass(frozen=True)
 class Row:
-    """scene, sensor: names. reports: spikes or reports a pixel and second. bits: a pixel and
-    second. psnr: dB, mean over five instants, white = 1."""
+    """One sensor before one scene.
+
+    Attributes:
+        scene, sensor: names.
+        reports: spikes or reports per pixel and second.
+        bits: per pixel and second.
+        psnr: dB, mean over five instants, white = 1.
+    """
 
     scene: str
     sensor: str

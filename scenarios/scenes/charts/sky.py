@@ -83,11 +83,11 @@ class Sky:
         return (0, 0, 0, 0)
 
     def points(self) -> list[tuple[int, int, str]]:
-        found = []
+        points = []
         for target in self.targets:
             row, column = (int(np.rint(i.mean())) for i in np.nonzero(target.mask))
-            found.append((row, column, target.name))
-        return found
+            points.append((row, column, target.name))
+        return points
 
 
 def _places(
@@ -99,17 +99,17 @@ def _places(
     for side in itertools.count(2):
         cell = (height / side, width / side)
         size = 0.36 * min(cell)
-        found = []
+        centres = []
         for n, (i, j) in enumerate(itertools.product(range(side), repeat=2)):
             # The R2 sequence: even, without a pattern that the eye finds.
             shift = [(0.5 + n * g) % 1 - 0.5 for g in (0.7548776662, 0.5698402910)]
             y = (i + 0.5 + 0.2 * shift[0]) * cell[0]
             x = (j + 0.5 + 0.2 * shift[1]) * cell[1]
             if math.hypot(y - sun[0], x - sun[1]) > radius + 1.15 * size:
-                found.append((y, x))
-        if len(found) >= stars:
+                centres.append((y, x))
+        if len(centres) >= stars:
             break
-    return sorted(found, key=lambda p: math.hypot(p[0] - sun[0], p[1] - sun[1])), size
+    return sorted(centres, key=lambda p: math.hypot(p[0] - sun[0], p[1] - sun[1])), size
 
 
 class SkySource(AnalyticSource):

@@ -124,14 +124,18 @@ def paint_lines(
 
 @dataclass(frozen=True)
 class Star(Drawn):
-    """A Siemens star that rotates clockwise as seen, in the middle of a still chart.
+    """A Siemens star that rotates clockwise in the picture, in the middle of a still chart.
 
-    shape: (height, width) in pixels, each 8 to 2000. spokes: bright spokes, 2 to 360.
-    revolutions: per second, -1000 to 1000, negative turns it back. profile: "square" or "sine"
-    across a spoke. contrast: (bright - dark) / (bright + dark), 0 to 1. mean: the star's mean
-    reflectance, above 0, with mean (1 + contrast) at most 1. phase: revolutions at t = 0.
+    The picture's shorter side counts as 1 m. Raises ValueError for values out of range.
 
-    The picture's shorter side counts as 1 m. ValueError for values out of range.
+    Attributes:
+        shape: (height, width) in pixels, each 8 to 2000.
+        spokes: bright spokes, 2 to 360.
+        revolutions: per second, -1000 to 1000; negative ones are counter-clockwise.
+        profile: "square" or "sine" across a spoke.
+        contrast: (bright - dark) / (bright + dark), 0 to 1.
+        mean: mean reflectance of the star, above 0, with mean (1 + contrast) at most 1.
+        phase: revolutions at t = 0.
     """
 
     shape: tuple[int, int]
@@ -190,12 +194,12 @@ class Star(Drawn):
             "rim": (0.0, 0.96 * RADIUS),
             "black ring": (0.0, 0.5 * (RADIUS + RING_IN)),
         }
-        found = [(*view.point(x, y), label) for label, (x, y) in at.items()]
+        points = [(*view.point(x, y), label) for label, (x, y) in at.items()]
         for m in (0, 3, 7):
             angle = (m + 0.5) / len(STEPS) * TAU
             x, y = ring * math.sin(angle), -ring * math.cos(angle)
-            found.append((*view.point(x, y), f"step {STEPS[m]:g}"))
-        return found
+            points.append((*view.point(x, y), f"step {STEPS[m]:g}"))
+        return points
 
 
 @lru_cache(maxsize=2)

@@ -47,10 +47,15 @@ def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
 class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
-    frame(n) is (H, W) float32 in [0, 1]. rate: frames a second (0 for a still image). count: frames
-    known so far; `ended` tells that it is all of them. timeline: when frames are shown, None where
-    the file does not tell. Far ahead and backwards, decoding begins at the last key frame before;
-    without a timeline at the file's beginning. What is passed over is decoded and no more.
+    `frame(n)` is (H, W) float32 in [0, 1]. For a frame far ahead, or behind, decoding begins at the
+    last key frame before it, or without a timeline at the start of the file. Frames in between are
+    decoded but not converted.
+
+    Attributes:
+        rate: frames per second, 0 for a still image.
+        count: number of frames known so far.
+        ended: whether this is all of them.
+        timeline: times of the frames; None where the file has none.
     """
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -72,17 +77,17 @@ class Clip:
         if self.frame(1) is None:
             self.rate = Fraction(0)
         elif (timeline := Timeline.opened(path, self.rate)) is not None:
-            told = [timeline.stamp(0), timeline.stamp(1)]
-            if None not in told and told == self._first_stamps:
+            stamps = [timeline.stamp(0), timeline.stamp(1)]
+            if None not in stamps and stamps == self._first_stamps:
                 self.timeline = timeline
 
     def _note(self, text: str) -> None:
         if text not in self.notes:
             self.notes.append(text)
 
-    def _bad(self, given: str) -> InputError:
+    def _bad(self, actual: str) -> InputError:
         return InputError(
-            "scene.path", "a clip or image that can be decoded", f"{self._path} ({given})",
+            "scene.path", "a clip or image that can be decoded", f"{self._path} ({actual})",
             "check the file, or leave scene.path out for the built-in scene",
         )  # fmt: skip
 

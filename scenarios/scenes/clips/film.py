@@ -22,7 +22,13 @@ _FOREVER = 2**62
 
 
 class FilmSource:
-    """path: the clip. start: seconds into it. rate: frames a second, or None for the clip's own."""
+    """A clip as the `Source` of a run.
+
+    Args:
+        path: of the clip.
+        start: seconds into it.
+        rate: frames per second, None for the clip's own.
+    """
 
     def __init__(
         self,

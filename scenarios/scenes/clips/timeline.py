@@ -21,15 +21,17 @@ __all__ = ["Timeline"]
 _TOLD = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut")
 """Containers, as FFmpeg names them, that stamp every packet and lead to a key frame. MPEG program
 streams do not: after a jump their frames carry other stamps."""
-_UNTOLD = ("vp8",)
-"""Codecs some of whose packets are never shown, which the packets do not tell."""
+_HIDDEN_PACKETS = ("vp8",)
+"""Codecs that have packets without a visible frame, which the packets do not mark."""
 
 
 class Timeline:
-    """rate: the clip's mean frames a second. Frames are numbered as they are shown, from 0; times
-    are picoseconds from frame 0 on. uneven: whether a frame known so far left its even place.
+    """Times of a clip's frames, in picoseconds from frame 0. Frames are numbered in display order.
 
-    A packet without a stamp ends what is known; so does the clip's end.
+    The timeline ends at a packet without a stamp, or at the clip's end.
+
+    Attributes:
+        uneven: whether a frame so far is not at its place at the mean rate.
     """
 
     def __init__(self, container: Any, stream: Any, rate: Fraction) -> None:
@@ -50,7 +52,9 @@ class Timeline:
         try:
             container = av.open(str(path))
             stream = container.streams.video[0]
-            untold = container.format.name not in _TOLD or stream.codec_context.name in _UNTOLD
+            untold = (
+                container.format.name not in _TOLD or stream.codec_context.name in _HIDDEN_PACKETS
+            )
             if untold or not stream.time_base:
                 container.close()
                 return None

@@ -100,15 +100,15 @@ def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _search(parts, win, cam, blend, reach, across, place, found):  # type: ignore[no-untyped-def]
+def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ignore[no-untyped-def]
     """Pixels of the window nearer than `reach` metres to the union of the cones, joined smoothly
     over `blend` metres (polynomial smooth minimum, I. Quilez).
 
-    Fills place (n,) with their indices into the image, `across` pixels wide, and found (6, n) with
-    x, y, distance, lean x, lean y and radius; gives their count. In a tile, a cone farther from its
-    centre than the nearest one by the tile's own reach both ways and two blends cannot touch what
-    the nearest ones make of the union, and is skipped. A cone is handed on as numbers: as a row of
-    the table its references are counted for each pixel, which takes twice as long as the geometry.
+    Fills place (n,) with their indices into the image, `across` pixels wide, and surface (6, n)
+    with x, y, distance, lean x, lean y and radius. Returns their count. A cone is skipped in a tile
+    if it is farther from the tile's centre than the nearest cone by the tile's diagonal and two
+    blends: it cannot change the union there. A cone is passed on as numbers, since a row of the
+    table is reference counted for each pixel, which takes twice as long as the geometry.
     """
     y0, y1, x0, x1, dy, dx = win
     pixel, cy, cx = cam
@@ -156,8 +156,8 @@ def _search(parts, win, cam, blend, reach, across, place, found):  # type: ignor
                         tx, ty, r = tx + w * (tx2 - tx), ty + w * (ty2 - ty), r + w * (r2 - r)
                     if d < reach:
                         place[n] = (i - dy) * across + j - dx
-                        found[0, n], found[1, n], found[2, n] = x, y, d
-                        found[3, n], found[4, n], found[5, n] = tx, ty, r
+                        surface[0, n], surface[1, n], surface[2, n] = x, y, d
+                        surface[3, n], surface[4, n], surface[5, n] = tx, ty, r
                         n += 1
     return n
 
@@ -168,9 +168,9 @@ def _find(
     """The image as one row of pixels, and what `_search` finds: indices into it, and rows x, y,
     distance, lean x, lean y, radius."""
     size = (win[1] - win[0]) * (win[3] - win[2])
-    place, found = np.empty(size, np.int64), np.empty((6, size))
-    n = _search(parts, win, cam, blend, reach, image.shape[1], place, found)
-    return image.reshape(-1, copy=False), place[:n], found[:, :n]
+    place, surface = np.empty(size, np.int64), np.empty((6, size))
+    n = _search(parts, win, cam, blend, reach, image.shape[1], place, surface)
+    return image.reshape(-1, copy=False), place[:n], surface[:, :n]
 
 
 @vectorize(cache=True)

@@ -133,10 +133,13 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Items in painting order: `still` ones, or those of an instant t (seconds).
+    """Items in painting order.
 
-    speed: upper bound, metres per second, of any of its points. reach: metres (x0, y0, x1, y1)
-    that it never leaves, where known.
+    Attributes:
+        still: items that do not move.
+        items: items at an instant in seconds; None for a layer that does not move.
+        speed: upper bound of the speed of any point, m/s.
+        reach: region (x0, y0, x1, y1) that the layer never leaves, m; None if unknown.
     """
 
     still: tuple[Item, ...] = ()

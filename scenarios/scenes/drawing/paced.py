@@ -107,14 +107,14 @@ class PacedSource:
         """The pieces that begin with this cycle."""
         if cycle not in self._pieces:
             if cycle in self._steps:
-                made = self._moving(cycle)
+                pieces = self._moving(cycle)
             else:
                 start = self._clock.edge(cycle)
                 after = min((c for c in self._steps if c > cycle), default=None)
                 stop = 2**62 if after is None else self._clock.edge(after)
                 plane = self._at(start)
-                made = [Piece(start, stop, plane, plane)]
-            self._pieces[cycle] = made
+                pieces = [Piece(start, stop, plane, plane)]
+            self._pieces[cycle] = pieces
         return self._pieces[cycle]
 
     def _first(self, cycle: int) -> int:
@@ -138,13 +138,13 @@ class PacedSource:
 
     def step(self, data: None, block: Block) -> Light:
         pieces: list[Piece] = []
-        cycle = kept = self._first(block.start)
+        cycle = first = self._first(block.start)
         while cycle < block.stop:
             pieces += self._from(cycle)
             if pieces[-1].stop >= 2**62:
                 break
             cycle = self._clock.cycle_at(pieces[-1].stop)
-        self._pieces = {c: p for c, p in self._pieces.items() if c >= kept}
+        self._pieces = {c: p for c, p in self._pieces.items() if c >= first}
         return Light(tuple(pieces))
 
     def truth(self, ps: int) -> Plane:

@@ -66,9 +66,17 @@ def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """shape: (height, width) of the picture. pixel: metres. knife: angle of the gradient that is
-    seen, against the flow: 0 a knife edge across the flow, pi/2 one along it. body: (H, W) part of
-    each pixel that the model hides."""
+    """A schlieren bench.
+
+    Attributes:
+        shape: (height, width) of the picture.
+        pixel: its side in the test section, metres.
+        knife: angle between the visible gradient and the flow, radians: 0 for a knife edge across
+            the flow, pi/2 for one along it.
+        body: part of each pixel that the model covers, (H, W).
+        lamp: unevenness of the lamp, (H, W).
+        dark: pixels outside the window, (H, W).
+    """
 
     shape: tuple[int, int]
     pixel: float

@@ -69,14 +69,20 @@ SLOW = 0.2
 class Shockwave:
     """A schlieren view of a model while the tunnel starts.
 
-    shape: (height, width) in pixels, each 8 to 2000. mach: 4 to 7. model: "wedge" with half angle
-    `angle` (radians), two-dimensional, or "sphere", a hemisphere of `radius` (m) on a cylinder.
-    start: seconds at which the waves leave the nozzle's exit. chamber: pressure there before, Pa;
-    None for CHAMBER of the pressure at which the tunnel does not start. knife: radians between the
-    flow and the gradient that is seen. field: metres that the picture's shorter side sees.
+    Raises ValueError, "NAME must be ...", for values out of range: a wedge without an attached
+    shock that leaves the flow supersonic, a chamber pressure at which the tunnel does not start.
 
-    ValueError, "NAME must be ...", for values out of range: a wedge without an attached shock that
-    leaves the flow supersonic, a chamber against which the tunnel does not start.
+    Attributes:
+        shape: (height, width) in pixels, each 8 to 2000.
+        mach: of the nozzle, 4 to 7.
+        model: "wedge", two-dimensional, or "sphere", a hemisphere on a cylinder.
+        angle: half angle of a wedge, radians.
+        radius: of a sphere, m.
+        start: instant at which the waves leave the nozzle's exit, s.
+        chamber: pressure there before, Pa; None for CHAMBER of the pressure at which the tunnel
+            does not start.
+        knife: angle between the flow and the visible gradient, radians.
+        field: length of the picture's shorter side, m.
     """
 
     shape: tuple[int, int]

@@ -43,10 +43,17 @@ STEADY_PIXELS, STEADY_CYCLES = 256, 131_072
 
 @dataclass(frozen=True)
 class SizeRow:
-    """One stream. Sizes in bits a pixel and cycle. zstd: of the three layouts at level 3, and
-    of the best of them at 19.
-    events: every spike as (i, j, t), sorted by time. repeat, line: bits alone; *_zstd: with zstd 3
-    where it helps. statistical: by name; psnr: dB of TFP and TFI of what each leaves."""
+    """Sizes of one stream in every format, bits per pixel and cycle.
+
+    Attributes:
+        zstd: of the three layouts at level 3, and of the best of them at level 19.
+        events: every spike as (i, j, t), sorted by time.
+        repeat, line: of the code's bits alone.
+        repeat_zstd, line_zstd: with zstd 3 where it helps.
+        sent: spikes that each code sends over the spikes of the stream, by name.
+        statistical: of the statistical codes, by name.
+        psnr: of TFP and TFI from what each statistical code keeps, dB.
+    """
 
     scene: str
     threshold: float
@@ -84,8 +91,10 @@ class SteadyRow:
 
 def _codes(threshold: float) -> dict[str, Code]:
     """The statistical codes that are compared, by name."""
-    made = {f"k{k:g}": Code("statistical", k, threshold) for k in KS}
-    return made | {f"k{k:g}r": Code("statistical", k, threshold, refine=REFINE) for k in (3.0, 5.0)}
+    codes = {f"k{k:g}": Code("statistical", k, threshold) for k in KS}
+    return codes | {
+        f"k{k:g}r": Code("statistical", k, threshold, refine=REFINE) for k in (3.0, 5.0)
+    }
 
 
 def event_bits(stream: SpikeStream, spikes: int) -> float:
