@@ -1,4 +1,4 @@
-"""The [display] section: the panel that shows the stream, what stands beside it, who looks."""
+"""The [display] section: the panel that shows the stream, reference displays, and the observer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from display.setting import DisplaySetting
 __all__ = ["OBSERVERS", "DisplaySection"]
 
 OBSERVERS = ("eye", "pursuit", "camera")
-"""Who looks at a display."""
+"""Observers of a display."""
 # The renderer keeps 1e-6 of white up to this.
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]

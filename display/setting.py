@@ -1,4 +1,4 @@
-"""A display as it is simulated: the panel, who looks, and how finely time is resolved."""
+"""A display as it is simulated: panel, observer, and resolution in time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,14 @@ __all__ = ["DisplaySetting"]
 
 @dataclass(frozen=True)
 class DisplaySetting:
-    """panel: as it is in full. observer: through whom the error is told. batch: planes to a span
-    of light, 1 to 64; row_timing: whether rows are shown at their own instants."""
+    """A display and what is simulated of it.
+
+    Attributes:
+        panel: with every effect.
+        observer: whose radiance the error is of.
+        batch: planes to a span of light, 1 to 64.
+        row_timing: whether rows are shown at their own instants.
+    """
 
     panel: SpikePanel
     observer: Observer
@@ -36,20 +42,20 @@ class DisplaySetting:
     @property
     def kept(self) -> tuple[Effect, ...]:
         """Every effect that acts in this setting."""
-        made = [
+        effects = [
             planes_effect(self.panel, self.observer, fine, coarse)
             for fine, coarse in pairwise(SPANS)
             if self.batch < coarse
         ]
         if self.row_timing and self.panel.row_scan > 0:
-            made.append(row_timing_effect(self.panel, self.observer))
+            effects.append(row_timing_effect(self.panel, self.observer))
         if max(self.panel.rise, self.panel.decay) > 0:
-            made.append(emission_effect(self.panel, self.observer))
-        return tuple(made)
+            effects.append(emission_effect(self.panel, self.observer))
+        return tuple(effects)
 
     def without(self, names: Collection[str]) -> DisplaySetting:
-        """The setting with these effects left out, named as in `kept`; what it has not is no
-        matter. Spans grow as far as every shorter one is left out as well."""
+        """The setting with these effects left out, named as in `kept`; other names are
+        ignored. Spans grow as far as every shorter one is left out as well."""
         batch = self.batch
         for span in SPANS:
             if span > batch:

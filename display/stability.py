@@ -60,7 +60,7 @@ def _light(renderer: Any, words: npt.NDArray[np.uint32], planes: int) -> float:
 
 def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) -> list[Fraction]:
     """Packets of light in each plane, in Python's integers. age: planes since a spike before."""
-    tau, made = 0, []
+    tau, levels = 0, []
     for n in range(planes):
         if n in at:
             tau, age = (tau if age is None else min(age + 1, MOST)), 0
@@ -68,8 +68,8 @@ def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) 
             age = min(age + 1, MOST)
         span = tau if drive == "hold" else max(tau, age or 0)
         held = Fraction(1, span) if tau else Fraction(0)
-        made.append(Fraction(int(n in at)) if drive == "impulse" else held)
-    return made
+        levels.append(Fraction(int(n in at)) if drive == "impulse" else held)
+    return levels
 
 
 # 22 ------------------------------------------------------------------------------------------
@@ -107,12 +107,12 @@ def ages(make: Renderers) -> float:
             if age is not None:
                 state = renderer.state()
                 state["age"] = np.full_like(state["age"], age)
-                state["seen"] = np.ones_like(state["seen"])
+                state["started"] = np.ones_like(state["started"])
                 renderer.restore(state)
             renderer.step(_spikes(at, planes), planes, None)
             due = _levels(at, planes, drive, age)
-            given = np.asarray(renderer.light, np.float64)[:, 0, 0]
-            error = np.abs(given - np.array([float(d) for d in due]))
+            light = np.asarray(renderer.light, np.float64)[:, 0, 0]
+            error = np.abs(light - np.array([float(d) for d in due]))
             worst = max(worst, float(np.max(np.where(np.isfinite(error), error, np.inf))))
     return worst
 
@@ -165,9 +165,9 @@ def stiff_emitter(make: Renderers, planes: int = 64) -> float:
         panel = _panel(drive="impulse", pulse=0.25, rise=rise / CLOCK.hz, decay=decay / CLOCK.hz)
         renderer = make(panel, 1, 1)
         renderer.step(_spikes(at, planes), planes, None)
-        given = np.asarray(renderer.light, np.float64)[:, 0, 0]
+        light = np.asarray(renderer.light, np.float64)[:, 0, 0]
         due = _relaxed(at, planes, panel.pulse, panel.rise, panel.decay)
-        error = np.abs(given - due)
+        error = np.abs(light - due)
         worst = max(worst, float(np.max(np.where(np.isfinite(error), error, np.inf))))
     return worst
 

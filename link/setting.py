@@ -17,7 +17,6 @@ from link.air.geometry import lengths
 from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
-from scenarios.assemble.camera.lensed import camera_setting
 from sensor import CameraSetting
 from sensor.sections.sensor import LensSection
 
@@ -91,8 +90,8 @@ def payload_of(scenario: LinkScenario) -> Payload:
         return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
     path = Path(section.file)
 
-    def bad(given: str) -> InputError:
-        return InputError("link.file", "a file that can be read", f"{path} ({given})", "check it")
+    def bad(problem: str) -> InputError:
+        return InputError("link.file", "a file that can be read", f"{path} ({problem})", "check it")
 
     try:
         if path.is_dir():
@@ -156,8 +155,12 @@ def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
     return replace(optics, f_number=number)
 
 
-def link_setting(scenario: LinkScenario) -> LinkSetting:
-    """Raises InputError for what cannot be simulated."""
+def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
+    """The link of a scenario. Raises InputError for what cannot be simulated.
+
+    Args:
+        camera: that of [sensor], with every effect.
+    """
     section, sensor = scenario.link, scenario.sensor
     if sensor.readout != "synchronous":
         raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
@@ -165,7 +168,6 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
         if getattr(sensor, name) is not None:
             raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
     _refuse_lens(sensor.lens)
-    camera = camera_setting(scenario)
     panel, aim, air = section.panel, section.aim, section.air
     distance = section.distance * _MICRO
     optics = _optics(scenario, camera)
@@ -176,14 +178,14 @@ def link_setting(scenario: LinkScenario) -> LinkSetting:
     phase = panel.phase
     if phase is None:
         phase = float(_random(scenario.seed, _STREAM_PHASE).random())
-    shown = SpikePanel(
+    spike_panel = SpikePanel(
         (panel.height, panel.width), _panel_clock(camera.clock, panel.clock_offset), 1.0, "impulse",
         rise=panel.rise, decay=panel.decay, row_scan=row_scan, fill=panel.fill,
         luminance=panel.luminance,
     )  # fmt: skip
     period = camera.clock.edge(1)
     return LinkSetting(
-        camera, shown, optics,
+        camera, spike_panel, optics,
         Aim((aim.offset_x, aim.offset_y), aim.rotation, (aim.tilt_x, aim.tilt_y), aim.vibration,
             aim.vibration_frequency, aim.occluded),
         AirSetting(

@@ -30,10 +30,15 @@ class Cause(Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """cause: the main one. told: a sentence with the figures that show it and what mends it."""
+    """Why a file did not arrive.
+
+    Attributes:
+        cause: the main one.
+        text: a sentence with the figures that show it, and a remedy.
+    """
 
     cause: Cause
-    told: str
+    text: str
 
     @property
     def whole(self) -> bool:

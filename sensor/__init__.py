@@ -2,9 +2,8 @@
 
 from sensor.device.chips import CHIPS, Chip
 from sensor.device.pattern import DevicePattern, dark_current
-from sensor.device.silicon import SILICON, Silicon, Sized
 from sensor.latched.camera import SpikeCamera
-from sensor.latched.effects import EFFECTS, ktc_electrons
+from sensor.latched.effects import EFFECTS
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import make_pixels
 from sensor.reconstruct import (
@@ -22,18 +21,14 @@ __all__ = [
     "CHIPS",
     "EFFECTS",
     "METHODS",
-    "SILICON",
     "CameraSetting",
     "Chip",
     "DevicePattern",
-    "Silicon",
-    "Sized",
     "SpikeCamera",
     "dark_current",
     "interval_image",
     "interval_rate",
     "isi",
-    "ktc_electrons",
     "make_pixels",
     "tau_image",
     "tau_levels",

@@ -1,8 +1,6 @@
 """A physical effect: what it is, where from, what it costs, what leaving it out can change.
 
-Every effect is one small file that makes one `Effect`. The planner (cosim/plan/planner.py) reads
-cost and bound over a scene's `Summary`; the kernel is compiled from the fragments of the effects
-that are kept and from nothing else.
+The planner (cosim/plan/planner.py) reads cost and bound of each `Effect` over a scene's `Summary`.
 """
 
 from __future__ import annotations
@@ -25,15 +23,23 @@ Kind = Literal["proof", "estimate"]
 
 @dataclass(frozen=True)
 class Summary:
-    """What bounds read of a scene, known before anything is simulated: intervals that hold over a
-    tile of pixels and over the whole run. Numbers, or arrays of one a tile.
+    """What bounds read of a scene, known before anything is simulated.
 
-    darkest, brightest: photoelectrons a cycle, the least and the most that any pixel gets in any
-    cycle. threshold: electrons. window: cycles over which a rate is taken. cycles: duration. floor:
-    spikes a cycle below which an error counts as if the rate were this. spread: standard deviation
-    of an interval's threshold over the threshold, with every noise of the setting. planes: new
-    planes of light a cycle, 0 where the light never changes. slack: factor that all effects
-    together may take off a pixel's light. dead: cycles of light that each spike costs.
+    Intervals hold over a tile of pixels and over the whole run. Values are numbers, or arrays of
+    one a tile.
+
+    Attributes:
+        darkest, brightest: photoelectrons a cycle, the least and the most that any pixel gets in
+            any cycle.
+        threshold: electrons.
+        window: cycles over which a rate is taken.
+        cycles: duration.
+        floor: spikes a cycle below which an error counts as if the rate were this.
+        spread: standard deviation of an interval's threshold over the threshold, with every noise
+            of the setting.
+        planes: new planes of light a cycle, 0 where the light never changes.
+        slack: factor that all effects together may take off a pixel's light.
+        dead: cycles of light that each spike costs.
     """
 
     darkest: Any
@@ -62,10 +68,11 @@ class Summary:
 
 @dataclass(frozen=True)
 class Bound:
-    """How far leaving an effect out can move the spike rate of a tile's pixels, RMS, relative to
-    that rate: a number, or one a tile.
+    """How far leaving an effect out can move the spike rate of a tile's pixels, RMS.
 
-    kind: "proof" holds always; "estimate" is the right size, not a limit, and counts twice.
+    Attributes:
+        value: relative to that rate; a number, or one a tile.
+        kind: "proof" holds always; "estimate" is the right size, not a limit, and counts twice.
     """
 
     value: Any
@@ -79,20 +86,22 @@ def free(scene: Summary) -> float:
 
 @dataclass(frozen=True)
 class Effect:
-    """name: as reports print it. source: of its equation. stream: of its draws.
-    define: macro that turns it on in a kernel. fragment: its OpenCL source.
+    """A physical effect of one machine, as the planner reads it.
 
-    bound: of leaving it out. cost: ns per pixel-cycle of keeping it, by the table of `costs.py` of
-    its part; nothing is saved by leaving out what costs nothing. scope: "tile" where each tile may
-    keep it or not, "plane" where the whole plane does. group: effects of one group share their
-    cost: it is paid once.
+    Attributes:
+        name: as reports print it.
+        source: of its equation.
+        stream: of its random draws.
+        bound: of leaving it out.
+        cost: of keeping it, ns per pixel-cycle, by the table of `costs.py` of its part. Nothing is
+            saved by leaving out an effect that costs nothing.
+        scope: "tile" where each tile may keep it or not, "plane" where the whole plane does.
+        group: effects of one group share their cost: it is paid once.
     """
 
     name: str
     source: str
     stream: Stream
-    define: str
-    fragment: Callable[[], str]
     bound: Callable[[Summary], Bound]
     cost: Callable[[Summary], Any] = field(default=free)
     scope: Literal["tile", "plane"] = "plane"

@@ -55,9 +55,9 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     likely = likely + 2 * change.travel * contrast + change.lost * (1 + contrast)
     likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.scheme, np.inf)
     if not panel.packets:  # dark up to the first or second spike
-        late, planes = unlit_rate(scene, change.unseen, panel.scheme.spikes)
+        unlit, planes = unlit_rate(scene, change.unseen, panel.scheme.spikes)
         apart = np.minimum(change.travel, change.travelled * np.sqrt(planes))
-        likely = likely + late * (change.jump + apart)
+        likely = likely + unlit * (change.jump + apart)
     return np.asarray(likely)
 
 

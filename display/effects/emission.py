@@ -37,23 +37,21 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
         change = steps(observer, panel, scene.cycles)
         moving = np.asarray(scene.planes) > 0
         # A hold goes on for planes, and its levels with it.
-        late = change.root * flutter(scene, panel.scheme, np.inf)
-        late = late * (swing if panel.packets else 1.0)
+        likely = change.root * flutter(scene, panel.scheme, np.inf)
+        likely = likely * (swing if panel.packets else 1.0)
         if not panel.packets:  # dark up to the first or second spike
-            late = late + change.jump * unlit_rate(scene, change.unseen, panel.scheme.spikes)[0]
-        late = (
-            late
+            likely = likely + change.jump * unlit_rate(scene, change.unseen, panel.scheme.spikes)[0]
+        likely = (
+            likely
             + change.lost * (1 + spread(scene))
             + JUMP * 2 * change.half * spread(scene) * moving
         )
         # Of few packets some pixels have more: what each makes of its own varies as their number.
         grain = change.grain * flutter(scene, panel.scheme, np.inf)
-        value = mean * late + apart * unsteady(scene, panel.scheme, swing) * np.hypot(1, grain)
+        value = mean * likely + apart * unsteady(scene, panel.scheme, swing) * np.hypot(1, grain)
         if panel.rise > panel.decay:  # of the light that is left
             value = np.where(value < 1, value / np.maximum(1 - value, 1e-12), np.inf)
         return Bound(value, "estimate")
 
     source = "first-order emitter (SpikePanel.rise, decay), its light integrated by parts"
-    return Effect(
-        "emission rise and decay", source, Stream.NONE, "", str, bound, lambda scene: EMISSION
-    )
+    return Effect("emission rise and decay", source, Stream.NONE, bound, lambda scene: EMISSION)

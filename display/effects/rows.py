@@ -23,4 +23,4 @@ def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
         return promise(scene, panel, observer, change, float("inf"))
 
     source = "rows that a matrix drives one after another (SpikePanel.row_scan)"
-    return Effect("row timing", source, Stream.NONE, "", str, bound, lambda scene: ROWS)
+    return Effect("row timing", source, Stream.NONE, bound, lambda scene: ROWS)

@@ -32,6 +32,6 @@ def planes_effect(panel: SpikePanel, observer: Observer, fine: int, coarse: int)
 
     source = "an image is the response times light, integrated: its change by means over spans"
     return Effect(
-        f"planes within {coarse}", source, Stream.NONE, "", str, bound,
+        f"planes within {coarse}", source, Stream.NONE, bound,
         lambda scene: SPAN_COST[fine], group="planes",
     )  # fmt: skip

@@ -62,8 +62,8 @@ def unlit_rate(scene: Summary, unseen: int, spikes: int) -> tuple[Values, Values
     _LATE spreads longer. And the planes of an interval of such a pixel."""
     low, high = _bounds(scene)
     at = np.minimum(high, spikes * (1 + _LATE * scene.spread) * scene.slack / max(unseen, 1))
-    late = np.where(at < low, 0.0, at / np.maximum(at, max(scene.floor, 1e-300)))
-    return late, 1 / np.maximum(at, 1e-12)
+    rate = np.where(at < low, 0.0, at / np.maximum(at, max(scene.floor, 1e-300)))
+    return rate, 1 / np.maximum(at, 1e-12)
 
 
 def _interval(scene: Summary, rate: Values) -> Values:

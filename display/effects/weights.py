@@ -156,7 +156,7 @@ def span_change(
 ) -> Change:
     """Spans of `coarse` planes for spans of `fine`, which divide them."""
     return _worse(
-        *(_span_change(observer, panel, planes, fine, coarse, late) for late in _rows(panel))
+        *(_span_change(observer, panel, planes, fine, coarse, delay) for delay in _rows(panel))
     )
 
 
@@ -166,11 +166,11 @@ def _rows(panel: SpikePanel) -> tuple[int, int]:
 
 
 def _span_change(
-    observer: Observer, panel: SpikePanel, planes: int, fine: int, coarse: int, late: int
+    observer: Observer, panel: SpikePanel, planes: int, fine: int, coarse: int, delay: int
 ) -> Change:
     sums = _Sums(observer.images)
     for begin, edges in _chunks(observer, panel, planes):
-        at = edges + late
+        at = edges + delay
         weight = observer.weights(at[:-1], at[1:])
         change = _means(weight, coarse) - _means(weight, fine)
         middles = []
@@ -185,14 +185,14 @@ def _span_change(
 
 
 @_cached
-def delay_change(observer: Observer, panel: SpikePanel, planes: int, late: int) -> Change:
-    """All light `late` picoseconds later."""
+def delay_change(observer: Observer, panel: SpikePanel, planes: int, delay: int) -> Change:
+    """All light `delay` picoseconds later."""
     sums = _Sums(observer.images)
     for begin, at in _chunks(observer, panel, planes):
         weight = observer.weights(at[:-1], at[1:])
-        later = observer.weights(at[:-1] + late, at[1:] + late)
+        later = observer.weights(at[:-1] + delay, at[1:] + delay)
         middle = (at[:-1] + at[1:]) // 2
-        away = _apart(observer.shifts(middle), observer.shifts(middle + late))
+        away = _apart(observer.shifts(middle), observer.shifts(middle + delay))
         sums.add(begin, later - weight, np.maximum(weight, later), away, len(at) - 1)
     return sums.change()
 
@@ -209,7 +209,7 @@ def steps(observer: Observer, panel: SpikePanel, planes: int) -> Change:
     run's ends a weight steps from and to nothing."""
     plane = panel.start(1) - panel.start(0)
     first, last = (
-        delay_change(observer, replace(panel, transport=panel.transport + late), planes, plane)
-        for late in _rows(panel)
+        delay_change(observer, replace(panel, transport=panel.transport + delay), planes, plane)
+        for delay in _rows(panel)
     )
     return _worse(first, last)

@@ -1,1 +1,1 @@
-"""Who looks at a display: eyes, cameras, and the stages that gather what they see."""
+"""Observers of a display, eyes and cameras, and the integration of their images."""

@@ -1,7 +1,8 @@
-"""Who looks at light: an eye that keeps still, an eye that pursues, a camera.
+"""Observers of light: an eye that keeps still, an eye that pursues, a camera.
 
-Only what an observer's image is made of is modelled: which light, from when and where. The delay of
-the nerves, the same for every display, is taken off: the image of instant T is of light around T.
+An observer is modelled by the light that its images integrate: from when, and from where. The delay
+of the nerves is the same for every display and is left out: the image of instant T is of light
+around T.
 """
 
 from __future__ import annotations
@@ -104,5 +105,5 @@ class PursuingEye:
 
     def shifts(self, at: Instants) -> tuple[Values, Values]:
         centre = np.array(self.still.instants, np.float64)[:, None]
-        late = (at[None, :] - centre) / PS
-        return late * self.velocity[0], late * self.velocity[1]
+        seconds = (at[None, :] - centre) / PS
+        return seconds * self.velocity[0], seconds * self.velocity[1]

@@ -1,4 +1,4 @@
-"""What observers take of light, block by block, as weights and shifts.
+"""Views: weights and shifts with which observers integrate the light of a block.
 
 An observer makes one or more images. Each is an integral over time of the light, weighted by the
 observer's response and, for an eye that moves, shifted on the retina. Light is the mean over short
@@ -22,29 +22,36 @@ Values = npt.NDArray[np.float64]
 
 
 class Observer(Protocol):
-    """images: how many it makes.
-
-    weights(start, stop): (images, spans) float64, the share of each span [start, stop) (ps, arrays)
-    in each image: the response integrated over the span; over all time each image's sum is 1, so
-    that constant light 1 gives images of 1.
-    shifts(at): (images, spans) pixels each, (dy, dx), at instants `at` (ps): the image at (y, x)
-    takes the light at (y + dy, x + dx), bilinear, dark outside.
-    """
+    """An observer that takes one or more images."""
 
     @property
-    def images(self) -> int: ...
-    def weights(self, start: npt.NDArray[np.int64], stop: npt.NDArray[np.int64]) -> Values: ...
-    def shifts(self, at: npt.NDArray[np.int64]) -> tuple[Values, Values]: ...
+    def images(self) -> int:
+        """Number of images."""
+        ...
+
+    def weights(self, start: npt.NDArray[np.int64], stop: npt.NDArray[np.int64]) -> Values:
+        """(images, spans) float64, share of each span [start, stop) (ps) in each image: the
+        response integrated over the span. Over all time each image's weights add up to 1, so that
+        constant light 1 gives images of 1."""
+        ...
+
+    def shifts(self, at: npt.NDArray[np.int64]) -> tuple[Values, Values]:
+        """(dy, dx) at instants `at` (ps), (images, spans) pixels each: the image at (y, x) takes
+        the light at (y + dy, x + dx), bilinear, dark outside."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """How the images of a block of planes come from its spans, each (images, spans) float64.
+    """How the images of a block of planes are integrated from its spans.
 
-    weight: times the span's light in Q (summed over its planes). slope: the weight's change from
-    row 0 to row `height` (rows are driven one after another): row r has weight + slope · r /
-    height, which is exact to 1e-6 for an eye, and to a share of a plane at the ends of a camera's
-    exposure. dy, dx: the shift in row 0, and dy_slope, dx_slope its change in the same way.
+    Attributes, (images, spans) float64 each:
+        weight: factor of the span's light in row 0; light in Q, summed over the span's planes.
+        slope: change of the weight from row 0 to row `height`, since rows are driven one after
+            another: row r has weight + slope r / height. Exact to 1e-6 for an eye, and to a share
+            of a plane at the ends of a camera's exposure.
+        dy, dx: shift in row 0, pixels.
+        dy_slope, dx_slope: change of the shift, as `slope`.
     """
 
     weight: Values
@@ -79,10 +86,10 @@ def panel_views(
     edges = [*range(first, first + planes, batch), first + planes]
     at = np.array([panel.start(n) for n in edges], np.int64)
     start, stop = at[:-1], at[1:]
-    late = round(panel.row_delay)
+    delay = round(panel.row_delay)
     per_q = 1 / (np.diff(edges) * panel.white_rate)
     top = observer.weights(start, stop) * per_q
-    bottom = observer.weights(start + late, stop + late) * per_q
+    bottom = observer.weights(start + delay, stop + delay) * per_q
     middle = (start + stop) // 2
-    (y0, x0), (y1, x1) = observer.shifts(middle), observer.shifts(middle + late)
+    (y0, x0), (y1, x1) = observer.shifts(middle), observer.shifts(middle + delay)
     return Views(top, bottom - top, y0, x0, y1 - y0, x1 - x0)

@@ -28,6 +28,6 @@ def relaxation(constant: float, share: float, panel: SpikePanel) -> tuple[float,
     """
     if constant == 0:
         return share, 0.0, 1.0
-    late = constant * panel.clock.hz
-    gone = -math.expm1(-share / late)
-    return share - late * gone, late * gone, gone
+    planes = constant * panel.clock.hz
+    gone = -math.expm1(-share / planes)
+    return share - planes * gone, planes * gone, gone

@@ -22,9 +22,9 @@ def _nearest(panel: int, stream: int) -> npt.NDArray[np.intp]:
 def _centred(panel: int, stream: int) -> tuple[slice, slice]:
     """Where on the panel the stream's middle lies, and which part of the stream; an odd rest is
     to the right and below."""
-    shown = min(panel, stream)
-    on, of = (panel - shown) // 2, (stream - shown) // 2
-    return slice(on, on + shown), slice(of, of + shown)
+    size = min(panel, stream)
+    on, of = (panel - size) // 2, (stream - size) // 2
+    return slice(on, on + size), slice(of, of + size)
 
 
 def fit_words(

@@ -60,9 +60,16 @@ PROJECTED: Final = 32
 
 @dataclass(frozen=True)
 class Blur:
-    """A row of the table. display, drive: see `Latency`. ahead, behind: the light in front of the
-    edge and after it, spikes a cycle. width: BEW, pixels. bet, ebet: seconds; NaN where the light
-    does not settle within what was filmed (held light never goes dark). cmr: CMR-like, %."""
+    """A row of the table.
+
+    Attributes:
+        display, drive: see `Latency`.
+        ahead, behind: light in front of the edge and after it, spikes a cycle.
+        width: BEW, pixels.
+        bet, ebet: s; NaN if the light does not settle within what was filmed (held light never
+            goes dark).
+        cmr: CMR-like, %.
+    """
 
     display: str
     drive: str
@@ -156,22 +163,22 @@ def spike_blur(
     planes = np.arange(first, first + round(EXPOSURE * hz))
     side = math.sqrt(panel.fill)
     count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
-    found = []
+    table = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         light_shown = light_of[planes]
         lit = replace(panel, drive=drive).share if panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
         profile = retina(np.repeat(light_shown, count, axis=0), times, x, side)
-        found.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
-    return found
+        table.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
+    return table
 
 
 def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns: Values) -> Values:
     """(instants, columns) light of frames fed the true edge, as a share of the pixel's own."""
     rate, ahead, behind = panel.rate.hz, *edge
-    shown = times - panel.latency
-    frame = np.floor(shown * rate + 1e-9).astype(np.int64)
+    at = times - panel.latency
+    frame = np.floor(at * rate + 1e-9).astype(np.int64)
     settling = math.ceil(SETTLED * panel.response * rate)
     numbers = np.arange(frame[0] - settling, frame[-1] + 1)
 
@@ -182,7 +189,7 @@ def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns
     level = target(int(numbers[0]) - 1)
     for k in numbers:
         inside = frame == k
-        age = shown[inside] - k / rate
+        age = at[inside] - k / rate
         goal = target(int(k))
         left = np.exp(-age / panel.response) if panel.response > 0 else np.zeros(len(age))
         on = (age * rate < panel.persistence) / panel.persistence
@@ -195,27 +202,27 @@ def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns
 def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns: Values) -> Values:
     """(instants, columns) the same of binary planes, averaged over rows."""
     rate = panel.rate.hz
-    shown = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
+    at = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
     error = spread_errors(np.arange(PROJECTED)[:, None], columns)
     out = np.empty((len(times), len(columns)))
-    for k in range(int(shown[-1]) + 1):
+    for k in range(int(at[-1]) + 1):
         goal = edge[0] + (edge[1] - edge[0]) * np.clip(SPEED * k / rate - columns, 0, 1)
         error += goal
         lit = error >= 0.5
         error -= lit
-        out[shown == k] = lit.mean(axis=0)
+        out[at == k] = lit.mean(axis=0)
     return out
 
 
 def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> float:
     """BEW of an edge between two levels of such a panel, pixels."""
-    travel, late = SPEED / panel.rate.hz, panel.latency * SPEED
+    travel, lag = SPEED / panel.rate.hz, panel.latency * SPEED
     if isinstance(panel, Projector):  # a dim pixel waits for its plane
         slow = travel / min(level for level in edge if level > 0)
     else:
         slow = 5 * panel.response * SPEED
     x = np.arange(
-        -MARGIN - late - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
+        -MARGIN - lag - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
     )
     # The eye looks at whole frames, from the beginning of one on.
     rate, persistence = panel.rate.hz, getattr(panel, "persistence", 1.0)
@@ -252,8 +259,8 @@ def frame_blur(
     if not isinstance(panel, Projector):
         width = _frame_width(panel, (0.0, 1.0))
         return [Blur.of(panel.name, "", edge, width) for edge in edges]
-    found = []
+    table = []
     for edge in edges:
         share = min(edge[0] / white_rate, 1.0), min(edge[1] / white_rate, 1.0)
-        found.append(Blur.of(panel.name, "", edge, _frame_width(panel, share)))
-    return found
+        table.append(Blur.of(panel.name, "", edge, _frame_width(panel, share)))
+    return table

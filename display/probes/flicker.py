@@ -1,7 +1,7 @@
 """How steady light is that should be steady: of a patch, as a photodiode takes it, and of pixels.
 
 A patch of 16 x 16 pixels is filmed for a second and shown. Its rows are driven within 1.6 % of a
-cycle of each other, which is left out. Light is told as its mean over each cycle: what a packet
+cycle of each other, which is left out. Light is taken as its mean over each cycle: what a packet
 shorter than a cycle does within it lies above 3 kHz and is in none of the figures but the percent
 flicker of the true light, which is then 100.
 """
@@ -46,8 +46,13 @@ SUMMED: Final = 32
 
 @dataclass(frozen=True)
 class Flicker:
-    """A row of the table; of pixels, the median of 16. display, drive, rate: see `Latency`. told:
-    mean in packets Q a cycle (of frames, what would be as bright)."""
+    """A row of the table.
+
+    Attributes:
+        display, drive, rate: see `Latency`.
+        area: a patch, or single pixels, of which the figures are the median of 16.
+        figures: their mean is in packets Q a cycle; of frames, what would be as bright.
+    """
 
     display: str
     drive: str

@@ -1,8 +1,7 @@
 """From photon to photon: how long after an edge of light a display's light passes half way.
 
 Every column of a small chip sees the edge at its own phase of the cycle, every row is driven at its
-own time, so the pixels are all phases by all rows. What is told of each pixel adds up to its
-latency:
+own time, so the pixels are all phases by all rows. The parts of a pixel's latency add up to it:
 
 - interval: from the edge to the latch of the first spike after it. When light goes, to the first
   latch after it: no spike is the news then.
@@ -83,10 +82,17 @@ class Delay:
 
 @dataclass(frozen=True)
 class Latency:
-    """A row of the table. display: its name. drive: of a spike panel, else "". rate: of the light,
-    spikes a cycle. way: dark to light or light to dark. total: microseconds. parts: of `PARTS`, in
-    order; their means add up to the total's. lost: share of pixels whose light never passed half
-    way while it was filmed."""
+    """A row of the table.
+
+    Attributes:
+        display: its name.
+        drive: of a spike panel, else "".
+        rate: of the light, spikes a cycle.
+        way: dark to light or light to dark.
+        total: microseconds.
+        parts: of `PARTS`, in order; their means add up to the total's.
+        lost: share of pixels whose light never passed half way while it was filmed.
+    """
 
     display: str
     drive: str

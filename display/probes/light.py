@@ -53,9 +53,9 @@ def edge_light(
     ps = 10**12 / speed  # to cross a pixel
 
     def plane(column: int) -> npt.NDArray[np.float32]:
-        made = _plane((height, width), ahead)
-        made[:, :column] = behind
-        return made
+        values = _plane((height, width), ahead)
+        values[:, :column] = behind
+        return values
 
     pieces, now, column = [], plane(0), 0
     while round(column * ps) < stop and column < width:

@@ -98,25 +98,25 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
     `ebet_ms_DISPLAY` of mid grey out of the dark. `mprt_ms_*` is the mean of BET (10 to 90 %) over
     `GREYS`.
     """
-    made: dict[str, Metric] = {}
+    figures: dict[str, Metric] = {}
     for delay in probes.latency:
         name = f"latency_{NAMES[delay.rate]}{'_fall' if delay.way == 'fall' else ''}_us"
         if delay.display != "spike":
             if delay.rate == GREY:
-                made[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
+                figures[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
             continue
         name += "" if delay.drive == "impulse" else f"_{delay.drive}"
-        made[name] = _known(delay.total.median, "us")
+        figures[name] = _known(delay.total.median, "us")
     for edge in probes.blur:
         if (edge.ahead, edge.behind) == (0.0, GREY):
             if edge.display != "spike":
-                made[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                figures[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
                 continue
-            made[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
             if edge.drive == probes.drive:
-                made["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
+                figures["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
         elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
-            made[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
     for kind in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
         display, drive = kind
         times = [
@@ -124,27 +124,27 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
             if (edge.display, edge.drive) == kind and (edge.ahead, edge.behind) in GREYS
         ]  # fmt: skip
         if times:
-            made[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
+            figures[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
     for steady in probes.flicker:
         if steady.display != "spike":
             continue
         if steady.area == "pixel":
             if steady.rate == SPARSE:
                 name = f"flicker_svm_{steady.drive}_sparse_pixel"
-                made[name] = _known(steady.figures.svm, "1")
+                figures[name] = _known(steady.figures.svm, "1")
             continue
         for name, value, unit in (
             ("percent", steady.figures.percent, "%"), ("index", steady.figures.index, "1"),
             ("svm", steady.figures.svm, "1"), ("visibility", steady.figures.visibility, "1"),
         ):  # fmt: skip
             if steady.rate == GREY and steady.drive == probes.drive:
-                made[f"flicker_{name}_spike"] = _known(value, unit)
+                figures[f"flicker_{name}_spike"] = _known(value, unit)
             if steady.rate == SPARSE:
-                made[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
+                figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
     if probes.pst_lm is not None:
-        made["pst_lm_spike"] = _known(probes.pst_lm, "1")
-    held = made.get("ebet_ms_120hz")
-    own = made.get("ebet_ms_spike")
+        figures["pst_lm_spike"] = _known(probes.pst_lm, "1")
+    held = figures.get("ebet_ms_120hz")
+    own = figures.get("ebet_ms_spike")
     if held and own and held.value and own.value:
-        made["blur_120hz_over_spike"] = Metric(held.value / own.value, "1")
-    return made
+        figures["blur_120hz_over_spike"] = Metric(held.value / own.value, "1")
+    return figures

@@ -1,4 +1,4 @@
-"""How far a moving edge is smeared: widths of its profile on the retina, and times made of them.
+"""Blur of a moving edge: widths of its profile on the retina, and the corresponding times.
 
 An edge is filmed, shown, and followed by the eye; across it the retina image runs from one level to
 the other. BEW is the distance from 10 to 90 % of that step; BET = BEW / v is the time the same, for
@@ -6,7 +6,7 @@ any speed v; EBET = BET / 0.8 extends it to the full width as though the profile
 ideal hold of T gives a straight profile of width v T, so BET = 0.8 T and EBET = T.
 
 Two conventions of MPRT are in use. The mean of BET over transitions between greys is that of the
-measurement standards; "1 ms persistence is 1 pixel per 1000 pixels/s" (TestUFO) tells the full
+measurement standards; "1 ms persistence is 1 pixel per 1000 pixels/s" (TestUFO) is the full
 width, which is the mean of EBET. VESA's exact formula of ClearMR is not public: what is here is a
 ratio of its kind and is called CMR-like.
 """

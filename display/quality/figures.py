@@ -1,4 +1,4 @@
-"""All that is told of the flicker of one waveform, from one spectrum."""
+"""All flicker figures of one waveform, from one spectrum."""
 
 from __future__ import annotations
 
@@ -16,7 +16,14 @@ __all__ = ["FlickerFigures", "flicker_figures"]
 
 @dataclass(frozen=True)
 class FlickerFigures:
-    """mean: of the samples, in their unit. percent: flicker, %. index, svm, visibility: 1."""
+    """Flicker of a light waveform.
+
+    Attributes:
+        mean: of the samples, in their unit.
+        percent: percent flicker, %.
+        index, svm, visibility: flicker index, SVM, and visibility by elaTCSF; dimensionless.
+        ieee: class by IEEE 1789.
+    """
 
     mean: float
     percent: float

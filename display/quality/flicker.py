@@ -79,7 +79,7 @@ def risk_of(frequency: float, modulation: float) -> Ieee1789:
 def ieee_1789(wave: npt.ArrayLike, rate: float) -> Ieee1789:
     """The class of light sampled `rate` times a second: of its strongest component, whose amplitude
     over the mean is the modulation. That of short pulses exceeds 100 %: they have harmonics beside
-    it. Noise is told by what about a hertz of it holds (see `spectrum`)."""
+    it. Of noise it is the energy in about a hertz (see `spectrum`)."""
     return ieee_1789_of(spectrum(wave, rate))
 
 

@@ -1,9 +1,10 @@
 """Short-term light modulation, PstLM: the IEC light flickermeter of a light waveform.
 
 IEC TR 61547-1, as its public reference code has it: light over its mean is band-limited, weighted
-by the eye's response to flicker, squared and smoothed, and told by the levels that it exceeds in so
-many percent of the time. 1 is the flicker that half of people find irritating. All filters are in
-second-order sections: as one polynomial the high-pass at 0.05 Hz loses its digits at high rates.
+by the eye's response to flicker, squared and smoothed. PstLM combines the levels that are exceeded
+in given percentages of the time. 1 is the flicker that half of people find irritating. All filters
+are in second-order sections: as one polynomial the high-pass at 0.05 Hz loses its digits at high
+rates.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ WEIGHTING: Final = (
     (0.041661, 44.758, 2715.6, 29839.0, 0.0),
     (1.0, 196.32, 11781.0, 534820.0, 3505380.0),
 )
-"""H(s), numerator and denominator: from light to what is seen of it."""
+"""H(s), numerator and denominator: from light to its visible flicker."""
 SCALE: Final = 1.101603155420234e6
 SMOOTHING: Final = 0.3
 """Seconds, time constant."""
 SETTLING: Final = 20.0
-"""Seconds at the beginning that are not looked at."""
+"""Seconds at the beginning that are left out."""
 LEVELS: Final = (
     (0.0314, (0.1,)),
     (0.0525, (0.7, 1.0, 1.5)),
@@ -41,7 +42,7 @@ LEVELS: Final = (
 """(weight, percents of the time): each term is the mean of the levels exceeded so long."""
 LEAST_SECONDS: Final = SETTLING + SMOOTHING / 0.007
 """What is exceeded 0.7 % of the time must be exceeded for at least a smoothing time. That of 0.1 %
-would need 320 s; light that is not periodic is told by less than the term's own spread."""
+would need 320 s; light that is not periodic changes by less than the term's own spread."""
 LEAST_RATE: Final = 400.0
 """Hz, samples: the bilinear transform then moves 9 Hz by less than 0.2 %."""
 
@@ -74,9 +75,9 @@ def pst_lm(wave: npt.ArrayLike, rate: float) -> float:
             f"PstLM needs at least {LEAST_SECONDS:.1f} s sampled at {LEAST_RATE:g} Hz or more, not "
             f"{seconds:g} s at {rate:g} Hz"
         )
-    seen = signal.sosfilt(_sections(rate), light / light.mean() - 1)
+    visible = signal.sosfilt(_sections(rate), light / light.mean() - 1)
     smooth = signal.butter(1, 1 / (2 * np.pi * SMOOTHING), "lowpass", fs=rate, output="sos")
-    sensation = signal.sosfilt(smooth, SCALE * seen**2)[round(SETTLING * rate) :]
+    sensation = signal.sosfilt(smooth, SCALE * visible**2)[round(SETTLING * rate) :]
     total = 0.0
     for weight, percents in LEVELS:
         total += weight * float(np.percentile(sensation, [100 - p for p in percents]).mean())

@@ -4,8 +4,8 @@ A Hann window is used, and bins are taken together from one local minimum of the
 next: by Parseval's theorem the energy of such a group is that of the line in it, wherever between
 two bins its frequency lies (the main lobe of a Hann window has all but 0.05 % of it). Longer
 waveforms are cut into pieces of about a second whose spectra are averaged in power, so that noise,
-which has no lines, is told per hertz or so however long it was looked at. Lines less than about
-4 Hz apart count as one.
+which has no lines, is given per hertz or so, whatever the length of the waveform. Lines less than
+about 4 Hz apart count as one.
 """
 
 from __future__ import annotations

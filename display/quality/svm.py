@@ -4,7 +4,7 @@ SVM = (sum of (C_m / T(f_m))^3.7)^(1 / 3.7) over its components from 80 to 2000 
 amplitude of each over the mean and T the threshold contrast of a sine. Above 1 an average observer
 sees moving things in steps; the EU allows lamps 0.4 (Regulation 2019/2020). The method is that of
 IEC TR 63158, after Perz et al., Lighting Res. Technol. 47:281, 2015. The constants of T were not
-seen in a source that can be cited; they are as recalled, and put the threshold at 0.26 at 100 Hz.
+found in a source that can be cited; they are from memory, and put the threshold at 0.26 at 100 Hz.
 """
 
 from __future__ import annotations

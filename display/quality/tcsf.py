@@ -1,4 +1,4 @@
-"""Whether flicker is seen: the temporal contrast sensitivity of elaTCSF, and light weighted by it.
+"""Visibility of flicker: the temporal contrast sensitivity of elaTCSF, and light weighted by it.
 
 elaTCSF (Cai et al., SIGGRAPH Asia 2024) gives the sensitivity at a place of the visual field, by
 frequency, eccentricity and luminance, and pools it over the area that flickers. Its parts are for
@@ -60,7 +60,7 @@ def tcsf(frequency: npt.ArrayLike, eccentricity: npt.ArrayLike, luminance: float
 def sensitivity(
     frequency: npt.ArrayLike, luminance: float, field: tuple[float, float]
 ) -> npt.NDArray[np.float64]:
-    """Sensitivity to a field of (width, height) degrees that flickers as one, looked at in its
+    """Sensitivity to a field of (width, height) degrees that flickers as one, fixated in its
     middle. frequency: (n,) Hz."""
     width, height = field
     if not (width > 0 and height > 0):

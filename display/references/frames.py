@@ -17,8 +17,8 @@ __all__ = ["FrameShow"]
 
 Instants = npt.NDArray[np.int64]
 PARTS, MOST = 16, 1024
-"""Parts of a time constant in which a pixel that approaches its level is looked at, and of a frame
-at most: what a faster pixel does in a part is still its true mean."""
+"""Parts of a time constant for which the light of a slow pixel is integrated, and of a frame at
+most: the light of a faster pixel in a part is still its true mean."""
 
 
 def _approach(begin: int, constant: float) -> Gain:
@@ -42,14 +42,16 @@ def _times(gain: Gain | None, factor: float) -> Gain | None:
 
 
 class FrameShow:
-    """What a frame panel shows of light, frame after frame.
+    """Light of a frame panel that is fed the true light, frame after frame.
 
-    panel: what shows. shape: (H, W). white: light, in its own unit, that is shown as 1; more is
-    shown as 1 too. Before the first frame has come the panel is dark.
+    Before the first frame the panel is dark. With `response` the pixel's level approaches the
+    frame's as y' = (x - y) / response all the time, in closed form; a strobe shows that level in
+    the first `persistence` of each frame. State: number of the next frame, and level at its start.
 
-    With `response` the pixel's level approaches the frame's as y' = (x - y) / response all the
-    time, in closed form; a strobe lights it in the first `persistence` of each frame, as it then
-    is. State: the number of the next frame, and the level at its start.
+    Args:
+        panel: the frame panel.
+        shape: (height, width).
+        white: light that is shown as 1, in the unit of the light; brighter light is clipped.
     """
 
     def __init__(self, panel: FramePanel, shape: tuple[int, int], white: float) -> None:
@@ -63,8 +65,8 @@ class FrameShow:
         """What the light from where the last step ended to `until` (ps) makes shine; a frame's
         light reaches beyond."""
         while self.panel.rate.edge(self._next) < until:
-            given = light.at(self.panel.rate.edge(self._next))
-            yield self._frame(np.clip(given / self._white, 0, 1, dtype=np.float32))
+            values = light.at(self.panel.rate.edge(self._next))
+            yield self._frame(np.clip(values / self._white, 0, 1, dtype=np.float32))
             self._next += 1
 
     def _frame(self, level: Plane) -> LightPlanes:
@@ -85,8 +87,8 @@ class FrameShow:
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next step depends on."""
-        kept = {"next": np.array(self._next)}
-        return kept | ({"level": self._level.copy()} if self.panel.response else {})
+        state = {"next": np.array(self._next)}
+        return state | ({"level": self._level.copy()} if self.panel.response else {})
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""

@@ -15,7 +15,7 @@ from display.panels.panel import Projector
 __all__ = ["ProjectorShow", "spread_errors"]
 
 BATCH = 32
-"""Planes shown at a time: few enough to stay small, many enough that images are passed seldom."""
+"""Planes shown at a time: few enough for the cache, many enough to pass over the images seldom."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the low-discrepancy sequence R2: 1/g and 1/g^2 with g^3 = g + 1."""
 

@@ -1,4 +1,4 @@
-"""The true light itself, seen through the glass with nothing between."""
+"""The true light itself, as a reference display without any loss."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from display.observe.integration import Gain, LightPlanes, Span, Values
 __all__ = ["TruthShow"]
 
 BATCH = 8
-"""Planes of light looked at together."""
+"""Planes of light that are integrated together."""
 Instants = npt.NDArray[np.int64]
 Stack = npt.NDArray[np.float32]
 
@@ -34,12 +34,13 @@ def _ramp(piece: Piece, rising: bool) -> Gain:
 class TruthShow:
     """The light of a scene, piecewise linear in time, as planes that come and go.
 
-    white: light, in its own unit, that is 1. longest: ps, of a span within which an observer's
-    weight is told by its integral alone. end: ps, of the light that is looked at. State: until when
-    it has been seen.
+    Spans are counted from each piece's start, so they depend on the pieces of the light only, not
+    on how it is split into steps. State: the instant up to which light has been shown.
 
-    Spans are counted from each piece's start, so they do not depend on how the light is split into
-    steps as long as its pieces do not.
+    Args:
+        white: light that is 1, in the unit of the light.
+        longest: longest span, ps: within it an observer's weight is represented by its integral.
+        end: of the light that is shown, ps.
     """
 
     def __init__(self, white: float, longest: int, end: int) -> None:
@@ -79,7 +80,7 @@ class TruthShow:
         return LightPlanes(self._planes[: len(planes)], spans)
 
     def _times(self, piece: Piece, until: int) -> list[tuple[int, int]]:
-        """Spans of the piece that begin before `until` and were not seen before."""
+        """Spans of the piece that begin before `until` and were not shown before."""
         stop = min(piece.stop, self._end)
         times = []
         while max(self._done, piece.start) < min(until, stop):

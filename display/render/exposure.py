@@ -46,11 +46,11 @@ class Exposures:
     def _flush(self, image: int) -> None:
         texture = self._textures[image]
         quads = np.frombuffer(texture.read(alignment=4), np.float32)
-        seen = quads.reshape(self._shape[0], 4 * self._quads)[:, : self._shape[1]]
+        values = quads.reshape(self._shape[0], 4 * self._quads)[:, : self._shape[1]]
         if image in self._sums:
-            self._sums[image] += seen
+            self._sums[image] += values
         else:
-            self._sums[image] = seen.astype(np.float64)
+            self._sums[image] = values.astype(np.float64)
         self._targets[image].clear()
         self._draws[image] = 0
 
@@ -64,16 +64,16 @@ class Exposures:
 
     def take(self, image: int) -> Values:
         """The same; it begins anew."""
-        seen = self.read(image)
+        values = self.read(image)
         self._sums.pop(image, None)
-        return seen
+        return values
 
     def put(self, images: Values) -> None:
         """Goes on from (images, height, width)."""
-        for image, seen in enumerate(images):
+        for image, values in enumerate(images):
             self.take(image)
-            if seen.any():
-                self._sums[image] = seen.copy()
+            if values.any():
+                self._sums[image] = values.copy()
 
     def all(self) -> Values:
         """(images, height, width) float64."""

@@ -1,6 +1,6 @@
 """The golden model of a spike-continuous panel: numpy, float64, one plane after another.
 
-What the renderer's shaders are held to. Closed form within a plane: the drive is constant there (in
+Tests compare the shaders with it. Closed form within a plane: the drive is constant there (in
 two parts for a packet shorter than the plane), and the emitter relaxes towards it.
 """
 
@@ -32,7 +32,7 @@ class GoldenRenderer:
 
     Attributes:
         tau, age: of each pixel, uint32; tau is 0 before the second spike, age counts from the first
-            spike on (`seen`).
+            spike on (`started`).
         memory: of each pixel, float64, what the drive remembers.
         level: of each pixel's emitter at the end of the last plane, packets a cycle.
         light: of the last block, (spans, height, width) float64, packets Q summed over each span.
@@ -43,14 +43,14 @@ class GoldenRenderer:
     def __init__(self, panel: SpikePanel, batch: int, images: int) -> None:
         self.panel, self.batch = panel, batch
         self.tau, self.age = (np.zeros(panel.shape, np.uint32) for _ in range(2))
-        self.seen = np.zeros(panel.shape, np.bool_)
+        self.started = np.zeros(panel.shape, np.bool_)
         self.level, self.memory = np.zeros(panel.shape), np.zeros(panel.shape)
         self._images = np.zeros((images, *panel.shape))
         self.light = np.zeros((0, *panel.shape))
 
     def step(self, words: npt.NDArray[np.uint32], cycles: int, views: Views | None) -> None:
         """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-        views: for spans of `batch` planes; None lets nobody look."""
+        views: for spans of `batch` planes; None for no observer."""
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
         spans = -(-cycles // self.batch)
@@ -65,14 +65,14 @@ class GoldenRenderer:
     def _plane(self, spike: npt.NDArray[np.bool_]) -> Values:
         """Light of one plane, packets; updates the state."""
         scheme = self.panel.scheme
-        older = np.where(self.age < FOREVER, self.age + self.seen.astype(np.uint32), FOREVER)
+        older = np.where(self.age < FOREVER, self.age + self.started.astype(np.uint32), FOREVER)
         if scheme.remember is not None:
-            after = scheme.remember(self.memory, self.tau, np.where(self.seen, older, 0))
+            after = scheme.remember(self.memory, self.tau, np.where(self.started, older, 0))
             self.memory = np.where(spike, after, self.memory)
-        self.tau = np.where(spike & self.seen, older, self.tau).astype(np.uint32)
+        self.tau = np.where(spike & self.started, older, self.tau).astype(np.uint32)
         self.age = np.where(spike, np.uint32(0), older).astype(np.uint32)
-        self.seen |= spike
-        lit = self.seen if scheme.spikes < 2 else self.tau > 0
+        self.started |= spike
+        lit = self.started if scheme.spikes < 2 else self.tau > 0
         level = scheme.level(self.age, np.maximum(self.tau, np.uint32(1)), self.memory)
         drive, pulse = np.where(lit, level, 0.0), self.panel.share
         if self.panel.rise == 0 and self.panel.decay == 0:
@@ -93,9 +93,9 @@ class GoldenRenderer:
             if constant == 0:
                 out[way], self.level[way] = x * share, x
                 continue
-            late = constant / period
-            gone = -np.expm1(-share / late)
-            out[way] = x * share + (y - x) * late * gone
+            planes = constant / period
+            gone = -np.expm1(-share / planes)
+            out[way] = x * share + (y - x) * planes * gone
             self.level[way] = y + (x - y) * gone
         return out
 
@@ -120,7 +120,7 @@ class GoldenRenderer:
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
         return {
-            "tau": self.tau.copy(), "age": self.age.copy(), "seen": self.seen.copy(),
+            "tau": self.tau.copy(), "age": self.age.copy(), "started": self.started.copy(),
             "level": self.level.copy(), "memory": self.memory.copy(),
             "images": self._images.copy(),
         }  # fmt: skip
@@ -128,7 +128,7 @@ class GoldenRenderer:
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
         self.tau, self.age = state["tau"].copy(), state["age"].copy()
-        self.seen, self.level = state["seen"].copy(), state["level"].copy()
+        self.started, self.level = state["started"].copy(), state["level"].copy()
         self.memory = state["memory"].copy()
         self._images = state["images"].copy()
 

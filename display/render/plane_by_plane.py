@@ -1,6 +1,6 @@
-"""One plane a draw: what a moderngl user writes first, and what the benchmark holds beside ours.
+"""One plane a draw: the plain way to use moderngl, which the benchmark compares the renderer with.
 
-Each plane is a texture of a byte a pixel, each draw covers the screen once, and what is seen is an
+Each plane is a texture of a byte a pixel, each draw covers the screen once, and the image is an
 exponential mean in a float32 texture, by blending: to read the mean of before as a texture takes
 about twice as long. Bytes come ready made: taking them out of words is not timed.
 """
@@ -19,13 +19,13 @@ from display.render.shader import vertex
 __all__ = ["PlaneByPlane"]
 
 KEEP = 1 - 2**-10
-"""Of what is seen, from plane to plane."""
+"""Share of the mean that is kept from plane to plane."""
 _HEAD = """#version 330
 uniform usampler2D plane, state; uniform sampler2D bytes;
 uniform float keep; uniform vec2 shift;
-layout(location = 0) out vec4 seen;
+layout(location = 0) out vec4 mean;
 """
-_SEEN = "seen = vec4(x, 0.0, 0.0, keep);"
+_MEAN = "mean = vec4(x, 0.0, 0.0, keep);"
 _STATE = """layout(location = 1) out uvec2 held;
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
@@ -47,7 +47,7 @@ Kind = Literal["impulse", "hold", "causal", "pursuit"]
 
 
 class PlaneByPlane:
-    """kind: a drive, or impulse seen by an eye that moves. shape: (height, width)."""
+    """A panel of one drive, or impulse for a moving eye ("pursuit"); shape: (height, width)."""
 
     def __init__(self, kind: Kind, shape: tuple[int, int]) -> None:
         self._kind, self._shown = kind, 0
@@ -57,15 +57,15 @@ class PlaneByPlane:
         self._plane = self._context.texture(size, 1, dtype="f1" if moves else "u1", alignment=1)
         if not moves:
             self._plane.filter = moderngl.NEAREST, moderngl.NEAREST
-        self._seen = self._context.texture(size, 1, dtype="f4")
+        self._mean = self._context.texture(size, 1, dtype="f4")
         self._state = [self._context.texture(size, 2, dtype="u4") for _ in range(2 * holds)]
         self._targets = [
-            self._context.framebuffer([self._seen, *self._state[n : n + 1]]) for n in range(2)
+            self._context.framebuffer([self._mean, *self._state[n : n + 1]]) for n in range(2)
         ]
         for target in self._targets:
             target.clear()
         self._program = self._context.program(
-            vertex_shader=vertex(), fragment_shader=f"{_HEAD}{_SHADERS[kind]}{_SEEN} }}"
+            vertex_shader=vertex(), fragment_shader=f"{_HEAD}{_SHADERS[kind]}{_MEAN} }}"
         )
         places = {"plane": 0, "bytes": 0, "state": 1, "keep": KEEP}
         for name, value in places.items():
@@ -75,7 +75,7 @@ class PlaneByPlane:
         self._triangle = self._context.vertex_array(self._program, [])
 
     def show(self, planes: npt.NDArray[np.uint8], shift: float = 0.0) -> npt.NDArray[np.float32]:
-        """What is seen after these planes, (n, height, width) of 0 and 1; for pursuit `shift`
+        """The mean after these planes, (n, height, width) of 0 and 1; for pursuit `shift`
         pixels along the rows come with each. (height, width) float32."""
         with self._context:
             self._context.enable(moderngl.BLEND)
@@ -91,9 +91,9 @@ class PlaneByPlane:
                 self._targets[1 - n % 2].use()
                 self._triangle.render(moderngl.TRIANGLES, vertices=3)
             self._shown += len(planes)
-            size = self._seen.height, self._seen.width
-            return np.frombuffer(self._seen.read(), np.float32).reshape(size)
+            size = self._mean.height, self._mean.width
+            return np.frombuffer(self._mean.read(), np.float32).reshape(size)
 
     def close(self) -> None:
-        """Gives the context back."""
+        """Releases the context."""
         self._context.release()

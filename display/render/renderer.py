@@ -1,4 +1,4 @@
-"""A spike-continuous panel seen by observers, in fragment shaders: many planes a draw.
+"""A spike-continuous panel and its observers in fragment shaders: many planes a draw.
 
 The same as `GoldenRenderer` within 1e-6 of white. Words are uploaded as they are, four neighbouring
 pixels a texel. Up to 128 planes are unrolled in one draw, together with the images of still
@@ -120,7 +120,7 @@ class Renderer:
 
     def step(self, words: Words, cycles: int, views: Views | None) -> None:
         """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-        views: for spans of `batch` planes; None lets nobody look."""
+        views: for spans of `batch` planes; None for no observer."""
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
         self._last, self._lit = (words, cycles), None
@@ -172,7 +172,7 @@ class Renderer:
         spans = [(first + n) // self.batch for n in range(0, planes, group)]
         if views is not None:
             still, moving = (
-                [n for n in some if _sees(views, n, spans)] for some in (still, moving)
+                [n for n in some if _takes_light(views, n, spans)] for some in (still, moving)
             )
         onward = next(n for n in range(3) if n not in (self._start, self._now))
         room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
@@ -322,7 +322,7 @@ class Renderer:
         return {
             "tau": held.get("tau", none),
             "age": np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32),
-            "seen": older > 0,
+            "started": older > 0,
             "memory": held.get("memory", none).view(np.float32).astype(np.float64),
             "level": np.asarray(held.get("level", none) * self._unit, np.float64),
             "images": images,
@@ -337,7 +337,7 @@ class Renderer:
         older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
         held = {
             "tau": state["tau"],
-            "age": np.where(state["seen"], older, 0),
+            "age": np.where(state["started"], older, 0),
             "memory": state["memory"].astype(np.float32).view(np.uint32),
             "level": np.clip(np.rint(state["level"] / self._unit), 0, LEVELS),
         }
@@ -380,5 +380,5 @@ def _images_of(views: Views | None) -> tuple[list[int], list[int]]:
     return [n for n in range(views.images) if not moves[n]], list(np.flatnonzero(moves))
 
 
-def _sees(views: Views, image: int, spans: list[int]) -> bool:
+def _takes_light(views: Views, image: int, spans: list[int]) -> bool:
     return bool(views.weight[image, spans].any() or views.slope[image, spans].any())

@@ -23,47 +23,47 @@ PIECE = 1 << 13
 REPEATS = 3
 
 
-def golden_ns(setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]) -> float:
+def golden_ns(setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]) -> float:
     """Nanoseconds a pixel-plane of the golden model."""
-    return _time(GoldenRenderer, setting, shown, PIECE)
+    return _time(GoldenRenderer, setting, blocks, PIECE)
 
 
 def display_ns(
-    kind: Literal["gl", "numpy"], setting: DisplaySetting, shown: Sequence[tuple[Block, Words]]
+    kind: Literal["gl", "numpy"], setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]
 ) -> float:
-    """The same of the renderer of this kind (`gl`, `numpy`). shown: words, block by block."""
+    """The same of the renderer of this kind (`gl`, `numpy`). blocks: words, block by block."""
     if kind == "numpy":
-        return golden_ns(setting, shown)
-    return _time(lambda *given: make_renderer(kind, *given), setting, shown, math.inf)
+        return golden_ns(setting, blocks)
+    return _time(lambda *given: make_renderer(kind, *given), setting, blocks, math.inf)
 
 
-def _draws(shown: Sequence[tuple[Block, Words]]) -> list[tuple[Block, Words]]:
+def _draws(blocks: Sequence[tuple[Block, Words]]) -> list[tuple[Block, Words]]:
     """Blocks that follow each other, joined up to what a run draws at once."""
-    made: list[tuple[Block, Words]] = []
-    for block, words in shown:
-        if made and made[-1][0].stop == block.start and made[-1][0].cycles % WORD == 0:
-            before, held = made[-1]
+    draws: list[tuple[Block, Words]] = []
+    for block, words in blocks:
+        if draws and draws[-1][0].stop == block.start and draws[-1][0].cycles % WORD == 0:
+            before, held = draws[-1]
             if before.cycles + block.cycles <= DRAW:
                 joined = np.concatenate([held, words])
-                made[-1] = Block(before.start, before.cycles + block.cycles), joined
+                draws[-1] = Block(before.start, before.cycles + block.cycles), joined
                 continue
-        made.append((block, words))
-    return made
+        draws.append((block, words))
+    return draws
 
 
 def _time(
-    make: Any, setting: DisplaySetting, shown: Sequence[tuple[Block, Words]], most: float
+    make: Any, setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]], most: float
 ) -> float:
     """From the first step to an image, by when everything that a renderer has put off is done; the
     least of several times through the same planes, after one that compiles what they need."""
-    height, width = shown[0][1].shape[1:]
+    height, width = blocks[0][1].shape[1:]
     rows = height if most == math.inf else max(1, min(height, int(most) // width))
     # The stream's own size: what a panel of another costs is the same a pixel.
     panel = replace(setting.simulated_panel, shape=(rows, width))
     ready = replace(setting, panel=panel)
     draws = [
         (block, np.ascontiguousarray(words[:, :rows]), ready.views(block.start, block.cycles))
-        for block, words in _draws(shown)
+        for block, words in _draws(blocks)
     ]
     renderer = make(panel, setting.batch, setting.observer.images)
     took = []

@@ -1,10 +1,10 @@
 """The light of a panel's pixels and of patches of it, compiled; tests hold it to `GoldenRenderer`.
 
-A patch is a piece of the panel, 16 x 16 pixels of it, whose surroundings are not known. An eye
-that keeps still needs none. For one that moves the patch goes on round its edges: light that leaves
-it on one side comes in at the other. So all of the patch's light is seen, with the differences
-between its neighbours (and one false one across its edge, within its range of light); what a patch
-cannot show is an edge that lies between two of them.
+A patch is a piece of the panel, 16 x 16 pixels, whose surroundings are not known. An eye that keeps
+still needs none. For a moving eye the patch continues periodically at its edges: light that leaves
+it on one side enters at the other. So all of the patch's light is integrated, with the differences
+between its neighbours and one false difference across its edge, within its range of light. An edge
+that lies between two patches is not represented.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Words = npt.NDArray[np.uint32]
 
 
 def _show(  # type: ignore[no-untyped-def]
-    words, cycles, batch, spikes, pulse, rise, decay, tau, age, seen, memory, emitted, out
+    words, cycles, batch, spikes, pulse, rise, decay, tau, age, started, memory, emitted, out
 ):
     """Adds the light of each span of planes of each pixel to `out`, (spans, pixels); compiled for a
     drive. rise, decay: time constants in planes."""
@@ -39,7 +39,7 @@ def _show(  # type: ignore[no-untyped-def]
     up, down = gone_in(pulse, rise), gone_in(pulse, decay)
     up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[1]):
-        t, a, s = tau[pixel], age[pixel], seen[pixel]
+        t, a, s = tau[pixel], age[pixel], started[pixel]
         m, y = memory[pixel], emitted[pixel]
         for n in range(cycles):
             fired = (words[n // WORD, pixel] >> np.uint32(n % WORD)) & np.uint32(1)
@@ -62,7 +62,7 @@ def _show(  # type: ignore[no-untyped-def]
                     more, y = relax(0.0, 1.0 - pulse, y, up_after, down_after)
                     light += more
             out[n // batch, pixel] += light
-        tau[pixel], age[pixel], seen[pixel] = t, a, s
+        tau[pixel], age[pixel], started[pixel] = t, a, s
         memory[pixel], emitted[pixel] = m, y
 
 
@@ -72,7 +72,7 @@ class PanelPixels:
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel
         self.tau, self.age = (np.zeros(pixels, np.uint32) for _ in range(2))
-        self.seen = np.zeros(pixels, np.bool_)
+        self.started = np.zeros(pixels, np.bool_)
         self.level, self.memory = np.zeros(pixels), np.zeros(pixels)
 
     def light(self, words: Words, cycles: int, batch: int) -> Values:
@@ -81,14 +81,14 @@ class PanelPixels:
         out = np.zeros((-(-cycles // batch), words.shape[1]))
         compiled(_show, panel.scheme)(
             np.ascontiguousarray(words), cycles, batch, panel.scheme.spikes, panel.share,
-            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.seen, self.memory,
+            panel.rise * hz, panel.decay * hz, self.tau, self.age, self.started, self.memory,
             self.level, out,
         )  # fmt: skip
         return out
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything the next block depends on."""
-        return {n: getattr(self, n).copy() for n in ("tau", "age", "seen", "memory", "level")}
+        return {n: getattr(self, n).copy() for n in ("tau", "age", "started", "memory", "level")}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from a `state`."""
@@ -121,7 +121,7 @@ def _integrate_periodic(light, weight, slope, dy, dx, dy_slope, dx_slope, row, r
 
 
 class PatchDisplay:
-    """A display on patches, and what its observer has seen of them.
+    """A display on patches, and the images of its observer.
 
     setting: as it is simulated. rows, columns: of a patch. row: (lines,) the panel's row of each
     line of all patches, stacked.

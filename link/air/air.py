@@ -38,12 +38,12 @@ _COARSE: Final = 8
 
 def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
     """Of the lens at the panel's distance."""
-    made = lengths(optics, distance)
+    at_panel = lengths(optics, distance)
     cutoff = None
     if optics.diffraction:
-        working = optics.f_number * made.extension
+        working = optics.f_number * at_panel.extension
         cutoff = optics.camera_pitch / (optics.wavelength_nm * 1e-9 * working)
-    return Psf(optics.blur, made.disc if defocus else 0.0, cutoff)
+    return Psf(optics.blur, at_panel.disc if defocus else 0.0, cutoff)
 
 
 @njit(cache=True, nogil=True)
@@ -112,7 +112,7 @@ class Air:
         self.shape = shape = camera.chip.height, camera.chip.width
         self.symbols = -(-planes // source.ticks)
         """Of the transmission; the last may be cut short."""
-        self._levels = made = levels(optics, air, names)
+        self._levels = level = levels(optics, air, names)
         self._psf = lens_psf(optics, air.distance, "defocus" in names)
         self._homography = image_of(optics, aim, air, shape)
         self._projection = Projection(self._homography, panel.shape, shape, self._psf)
@@ -129,13 +129,13 @@ class Air:
         self._hidden = round(aim.occluded * optics.width)
         self._glare, self._stray = air.glare, sun_glare(optics, air, aim, shape)
         self._halo = lengths(optics, air.distance).camera * halo_angle(optics.wavelength_nm)
-        self._base = np.full(shape, made.around + made.fog, np.float32)
+        self._base = np.full(shape, level.around + level.fog, np.float32)
         if air.sun > 0:
-            seen = 1 - self._projection(np.ones(panel.shape, np.float32))
-            self._base += sun_image(optics, aim, air, shape) * np.clip(seen, 0, 1)
+            visible = 1 - self._projection(np.ones(panel.shape, np.float32))
+            self._base += sun_image(optics, aim, air, shape) * np.clip(visible, 0, 1)
         # Of what the lens spreads evenly: the panel's pixels by what they are in the whole image.
         self._weights = None
-        if made.halo <= 0 and not self._projection.wide:
+        if level.halo <= 0 and not self._projection.wide:
             self._weights, self._base_sum = self._projection.weights(), float(self._base.sum())
         self._places = places
         if places is not None and self._weights is not None:
@@ -184,7 +184,7 @@ class Air:
             pieces.extend(self._symbol_pieces(symbol))
         if stop > self._after.start:
             pieces.append(self._after)
-        self._pieces = {n: made for n, made in self._pieces.items() if n >= first}
+        self._pieces = {n: piece for n, piece in self._pieces.items() if n >= first}
         self._resume = self._symbol(self._clock.edge(block.stop - _AROUND))
         return Light(tuple(pieces))
 
@@ -206,12 +206,12 @@ class Air:
             begin = symbol * self._ticks
             stop = min(begin + self._ticks, self._planes)
             shift, factors = self.shift(self._edge(begin)), self.factors[symbol]
-            shown = [self._lux(plane, shift, factors) for plane in self._emission.planes(symbol)]
-            edges = range(begin, stop + 1) if len(shown) > 1 else (begin, stop)
+            planes = [self._lux(plane, shift, factors) for plane in self._emission.planes(symbol)]
+            edges = range(begin, stop + 1) if len(planes) > 1 else (begin, stop)
             at = [self._edge(n) for n in edges]
             self._pieces[symbol] = tuple(
                 Piece(one, two, lux, lux)
-                for one, two, lux in zip(at[:-1], at[1:], shown, strict=True)
+                for one, two, lux in zip(at[:-1], at[1:], planes, strict=True)
             )
         return self._pieces[symbol]
 
@@ -223,11 +223,11 @@ class Air:
     ) -> Plane:
         """Lux on the sensor while the panel shows this plane, in units of a pixel that is on.
         factors: (patches,)."""
-        made = self._levels
+        level = self._levels
         # What differs from the surroundings is projected, so that the panel's edge is right.
         light = plane.astype(np.float32)
-        self.patches.multiply(light, made.panel * factors)
-        light += np.float32(made.face - made.around)
+        self.patches.multiply(light, level.panel * factors)
+        light += np.float32(level.face - level.around)
         light[:, : self._hidden] = 0
         if self._weights is None:
             return self._whole(light, shift)
@@ -239,11 +239,11 @@ class Air:
 
     def _whole(self, light: Plane, shift: tuple[float, float]) -> Plane:
         """The same where light goes far."""
-        made, base = self._levels, self._base
+        level, base = self._levels, self._base
         image = self._projection(light, shift)
-        if made.halo > 0:
-            share = made.halo / made.dimmed
-            base = base + share * (self._spread(image) + made.around)
+        if level.halo > 0:
+            share = level.halo / level.dimmed
+            base = base + share * (self._spread(image) + level.around)
         _finish(image, base, self._glare, math.nan, self._stray)
         return image if self._places is None else cut(image, self._places)
 

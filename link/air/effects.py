@@ -104,8 +104,8 @@ def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> 
     if max(one.radius, other.radius) > 3:  # its own pixel is hardly seen
         return 1.0
     optics = scene.optics
-    made = image_of(optics, scene.aim, scene.air, shape)
-    affine = affine_at(made, (optics.width - 1) / 2, (optics.height - 1) / 2)
+    home = image_of(optics, scene.aim, scene.air, shape)
+    affine = affine_at(home, (optics.width - 1) / 2, (optics.height - 1) / 2)
     count = max(taps(affine, one), taps(affine, other))
     tables = [kernel_table(affine, psf, count, _PHASES) for psf in (one, other)]
     return float(np.abs(tables[0] - tables[1]).sum(axis=(2, 3)).max() / 2)
@@ -125,8 +125,8 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
     """Of every effect that acts in the scene, by name."""
     panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
     shape = camera.chip.height, camera.chip.width
-    made, psf = levels(optics, air), lens_psf(optics, air.distance)
-    lit, out = made.on, {}
+    level, psf = levels(optics, air), lens_psf(optics, air.distance)
+    lit, out = level.on, {}
     out["lens blur"] = _blur_change(scene, shape, psf, replace(psf, sigma=0.0))
     out["diffraction"] = _blur_change(scene, shape, psf, replace(psf, cutoff=None))
     out["defocus"] = _blur_change(scene, shape, psf, replace(psf, disc=0.0))
@@ -137,13 +137,13 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
         thick = extinction(air.visibility, optics.wavelength_nm, air.particles) * air.distance
         clear = levels(optics, air, frozenset({"ambient on the panel", "surroundings"}))
         out["fog extinction"] = max(clear.on, clear.around) * -math.expm1(-thick) / lit
-        out["airlight"] = made.fog / lit
+        out["airlight"] = level.fog / lit
         # Left out, airlight takes the place of the halo.
-        most = max(clear.on, clear.around, made.fog / max(-math.expm1(-thick), 1e-300))
+        most = max(clear.on, clear.around, level.fog / max(-math.expm1(-thick), 1e-300))
         out["fog blur"] = forward_share(thick) * most / lit
-    out["ambient on the panel"] = made.face * (1 + made.halo / made.dimmed) / lit
-    out["surroundings"] = made.around * (1 + made.halo / made.dimmed) / lit
-    brightest = max(made.on, made.around + made.fog)
+    out["ambient on the panel"] = level.face * (1 + level.halo / level.dimmed) / lit
+    out["surroundings"] = level.around * (1 + level.halo / level.dimmed) / lit
+    brightest = max(level.on, level.around + level.fog)
     stray = sun_glare(optics, air, aim, shape)
     out["glare"] = (air.glare * brightest + stray) / lit
     if air.sun > 0:
@@ -179,6 +179,6 @@ def _effect(name: str, change: Change) -> Effect:
 
     streams = {"vibration": Stream.VIBRATION, "scintillation": Stream.SCINTILLATION}
     return Effect(
-        name, _SOURCES[name], streams.get(name, Stream.NONE), "", str, bound,
+        name, _SOURCES[name], streams.get(name, Stream.NONE), bound,
         cost if name in _COSTS else free,
     )  # fmt: skip

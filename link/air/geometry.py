@@ -72,14 +72,14 @@ def image_of(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) 
     centre = np.array([aim.offset[0] / c * d, aim.offset[1] / c * d, d])
     world = np.stack([turn[:, 0], turn[:, 1], centre], axis=1) @ to_panel
     view = np.array([[c, 0, (shape[1] - 1) / 2], [0, c, (shape[0] - 1) / 2], [0, 0, 1.0]])
-    made = view @ world
-    depth = panel_corners(optics) @ made[2, :]
+    homography = view @ world
+    depth = panel_corners(optics) @ homography[2, :]
     if not (depth > optics.focal_length).all():
         raise InputError(
             "the panel", "wholly before the lens", f"one whose corner is {depth.min():.3g} m away",
             "tilt it less, or move it away with link.distance",
         )  # fmt: skip
-    return np.asarray(made / made[2, 2], np.float64)
+    return np.asarray(homography / homography[2, 2], np.float64)
 
 
 def panel_corners(optics: Optics) -> Matrix:

@@ -91,8 +91,8 @@ class FlickerSeries:
             if first + n:  # the first is of the stationary law
                 draws[n] = self._stays * self._last + self._new * draws[n]
             self._last = draws[n]
-        made = self._law.factors(draws.reshape(-1, 2))
-        self._first, self._made = first, made.reshape(self._step, self._patches)
+        factors = self._law.factors(draws.reshape(-1, 2))
+        self._first, self._made = first, factors.reshape(self._step, self._patches)
 
 
 def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
@@ -100,8 +100,8 @@ def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
     do so on their own. What a pixel sees is taken as a disc of its area, blur left aside, which
     would average more."""
     pixel = air.distance / lengths(optics, air.distance).camera
-    seen = optics.wavelength_nm, air.distance, optics.focal_length / optics.f_number
+    optical = optics.wavelength_nm, air.distance, optics.focal_length / optics.f_number
     disc = 2 / math.sqrt(math.pi) * pixel
-    law = flicker(air.structure, *seen, air.wind, disc)
-    side = patch_side(seen[2], *seen[:2], disc) if law.index > 0 else math.inf
+    law = flicker(air.structure, *optical, air.wind, disc)
+    side = patch_side(optical[2], *optical[:2], disc) if law.index > 0 else math.inf
     return law, Patches((optics.height, optics.width), optics.pitch, side)

@@ -219,12 +219,12 @@ class Projection:
     def weights(self) -> npt.NDArray[np.float32]:
         """With which each panel pixel counts in the sum of the unshifted image, (h, w); what a wide
         blur does at the image's border aside."""
-        pad, made = self._pad, np.zeros(self._padded.shape)
+        pad, image = self._pad, np.zeros(self._padded.shape)
         _collect(
             self._inverse.ravel(), self.tables, self._regions, self._phases, self._count, pad,
-            self.camera, made,
+            self.camera, image,
         )  # fmt: skip
-        return made[pad:-pad, pad:-pad].astype(np.float32)
+        return image[pad:-pad, pad:-pad].astype(np.float32)
 
     def __call__(
         self,

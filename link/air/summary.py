@@ -195,7 +195,7 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
     local = np.eye(3)
     local[:2, :2] = affine
     local[:2, 2] = 0.5 - affine @ np.full(2, (side - 1) / 2)
-    seen = Projection(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
+    projection = Projection(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
     shares = np.zeros((4, 9))
     for row in range(2 * reach + 1):
         for column in range(2 * reach + 1):
@@ -203,7 +203,7 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
             plane[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell] = 1
             dy, dx = (min(max(n - reach, -1), 1) for n in (row, column))
             place = (3 * dy + dx) % 9
-            shares[:, place] += seen(plane).ravel()
+            shares[:, place] += projection(plane).ravel()
     shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
     return tuple(tuple(float(x) for x in pixel) for pixel in shares)
 
@@ -213,10 +213,10 @@ def link_summary(
 ) -> LinkSummary:
     """Of a link as it is in full. cell, ticks: of the mode. bits: that are decided in the run. A
     tick in which symbols meet decides nothing, and three decide no worse than more."""
-    made = levels(scene.optics, scene.air)
+    light = levels(scene.optics, scene.air)
     gain = camera.electrons_per_lux * float(camera.clock.period)
     shape = camera.chip.height, camera.chip.width
-    on, off = made.on * gain, made.off * gain
+    on, off = light.on * gain, light.off * gain
     return LinkSummary(
         darkest=off, brightest=on, threshold=camera.threshold, window=1, cycles=cycles,
         spread=camera.spread, planes=1 / ticks, on=on, off=off,

@@ -20,10 +20,10 @@ SUN_SOLID_ANGLE: Final = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER /
 """Steradian."""
 
 
-def _defocus(optics: Optics, made: Lengths) -> float:
+def _defocus(optics: Optics, distances: Lengths) -> float:
     """Radius of the image of a point infinitely far, camera pixels."""
     f = optics.focal_length
-    return f / optics.f_number * (made.image - f) / f / 2 / optics.camera_pitch
+    return f / optics.f_number * (distances.image - f) / f / 2 / optics.camera_pitch
 
 
 def sun_lux(optics: Optics, air: AirSetting) -> float:
@@ -38,15 +38,15 @@ def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int])
     whole holds the light it must."""
     from scipy.special import erfc
 
-    made = lengths(optics, air.distance)
+    distances = lengths(optics, air.distance)
     out = np.zeros(shape, np.float32)
-    away = math.atan(aim.offset[0] / made.camera) + math.radians(air.sun_angle)
+    away = math.atan(aim.offset[0] / distances.camera) + math.radians(air.sun_angle)
     if air.sun <= 0 or abs(away) >= math.pi / 2:
         return out
-    x = (shape[1] - 1) / 2 + made.camera * math.tan(away)
+    x = (shape[1] - 1) / 2 + distances.camera * math.tan(away)
     y = (shape[0] - 1) / 2 + aim.offset[1]
-    radius = made.camera * math.tan(math.radians(SUN_DIAMETER / 2))
-    blur = max(_defocus(optics, made), 0.3)
+    radius = distances.camera * math.tan(math.radians(SUN_DIAMETER / 2))
+    blur = max(_defocus(optics, distances), 0.3)
     reach = radius + blur + 1
     if not (-reach < x < shape[1] + reach and -reach < y < shape[0] + reach):
         return out

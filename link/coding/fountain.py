@@ -74,12 +74,12 @@ def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
     lost at one time is shared among them."""
     from raptorq import Encoder
 
-    own, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
-    repair = -(-max(count - own, 0) // blocks)
-    made = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
+    needed, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
+    repair = -(-max(count - needed, 0) // blocks)
+    encoded = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
     if blocks > 1:  # by symbol, then by block
-        made.sort(key=lambda packet: (packet[1:4], packet[0]))
-    return [bytes(packet) for packet in made[:count]]
+        encoded.sort(key=lambda packet: (packet[1:4], packet[0]))
+    return [bytes(packet) for packet in encoded[:count]]
 
 
 class Gathering:

@@ -68,9 +68,9 @@ class Inbox:
         seen. Returns how many right frames it brought (0 while its block lacks groups)."""
         if group < 0:
             raise ValueError(f"group must be 0 or more, not {group}")
-        for name, given in (("values", values), ("quality", quality)):
-            if given.shape != (self.layout.cells,):
-                raise ValueError(f"{name} must be ({self.layout.cells},), not {given.shape}")
+        for name, array in (("values", values), ("quality", quality)):
+            if array.shape != (self.layout.cells,):
+                raise ValueError(f"{name} must be ({self.layout.cells},), not {array.shape}")
         if self.over:
             return 0
         block, within = divmod(group, self._blocks.groups)

@@ -22,12 +22,12 @@ def safe_name(name: str) -> str:
     become "_"; what is left of "", "." and ".." is "file".
     """
     last = re.split(r"[/\\]", name)[-1]
-    kept = "".join(c if c.isprintable() else "_" for c in last)
-    kept = _UNWANTED.sub("_", kept).rstrip(" .").lstrip()
-    if not kept or _DEVICES.match(kept):
-        kept = _NAMELESS + kept
-    stem, dot, ending = kept.rpartition(".")
+    safe = "".join(c if c.isprintable() else "_" for c in last)
+    safe = _UNWANTED.sub("_", safe).rstrip(" .").lstrip()
+    if not safe or _DEVICES.match(safe):
+        safe = _NAMELESS + safe
+    stem, dot, ending = safe.rpartition(".")
     if not dot or not stem or len(ending.encode()) > NAME_BYTES // 4:
-        stem, dot, ending = kept, "", ""
+        stem, dot, ending = safe, "", ""
     room = NAME_BYTES - len((dot + ending).encode())
     return (stem.encode()[:room].decode(errors="ignore") + dot + ending).rstrip(" .")

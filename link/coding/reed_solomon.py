@@ -53,11 +53,11 @@ class ReedSolomon:
 
     def encode(self, data: npt.ArrayLike) -> _Bytes:
         """(words, 255 - parity) to (words, 255) uint8: data, then parity."""
-        given = np.ascontiguousarray(data, np.uint8)
-        if given.ndim != 2 or given.shape[1] != self.data_bytes:
-            raise ValueError(f"data must be (words, {self.data_bytes}), not {given.shape}")
-        words = np.empty((len(given), WORD_BYTES), np.uint8)
-        encode_words(given, self._table, words)
+        message = np.ascontiguousarray(data, np.uint8)
+        if message.ndim != 2 or message.shape[1] != self.data_bytes:
+            raise ValueError(f"data must be (words, {self.data_bytes}), not {message.shape}")
+        words = np.empty((len(message), WORD_BYTES), np.uint8)
+        encode_words(message, self._table, words)
         return words
 
     def repair(

@@ -105,39 +105,39 @@ def _search(locator, length, steps, terms, places):  # type: ignore[no-untyped-d
     for i in range(length + 1):
         terms[i] = locator[i]
         steps[i] = EXP[(_N - i) % _N]
-    found = 0
+    roots = 0
     for place in range(_N):
         value = terms[0]
         for i in range(1, length + 1):
             value ^= terms[i]
             terms[i] = PRODUCT[steps[i], terms[i]]
         if value == 0:
-            if found == length:
+            if roots == length:
                 return -1
-            places[found] = place
-            found += 1
-    return found if found == length else -1
+            places[roots] = place
+            roots += 1
+    return roots if roots == length else -1
 
 
 @njit(cache=True, nogil=True)
-def _correct(word, syndromes, locator, places, found, first, evaluator):  # type: ignore[no-untyped-def]
+def _correct(word, syndromes, locator, places, roots, first, evaluator):  # type: ignore[no-untyped-def]
     """Forney's values, added to the word; the number of bytes that changed comes back, -1 where the
     locator has a root twice."""
-    for i in range(found):
+    for i in range(roots):
         value = np.uint8(0)
         for j in range(i + 1):
             value ^= PRODUCT[syndromes[j], locator[i - j]]
         evaluator[i] = value
     changed = 0
-    for n in range(found):
+    for n in range(roots):
         place = places[n]
         inverse = PRODUCT[EXP[(_N - place) % _N]]
         square = PRODUCT[EXP[(2 * (_N - place)) % _N]]
         top = np.uint8(0)
-        for i in range(found - 1, -1, -1):
+        for i in range(roots - 1, -1, -1):
             top = inverse[top] ^ evaluator[i]
         below = np.uint8(0)  # the derivative: odd coefficients, in the square
-        for i in range(found - 1 if found % 2 == 0 else found, 0, -2):
+        for i in range(roots - 1 if roots % 2 == 0 else roots, 0, -2):
             below = square[below] ^ locator[i]
         if below == 0:
             return -1
@@ -179,12 +179,12 @@ def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[
         length = _locator(syndromes, erased, count, locator, other, spare)
         if 2 * length - count > parity:  # 2 e + x, with e = length - x
             continue
-        found = _search(locator, length, steps, spare, places)
-        if found < 0:
+        roots = _search(locator, length, steps, spare, places)
+        if roots < 0:
             continue
         for i in range(_N):
             mended[i] = words[w, i]
-        changed = _correct(mended, syndromes, locator, places, found, first, evaluator)
+        changed = _correct(mended, syndromes, locator, places, roots, first, evaluator)
         if changed < 0:
             continue
         _remainder(mended, table, work)

@@ -33,9 +33,9 @@ def confidence(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> f
 
     def slope(factor: float) -> float:
         """Of the log likelihood, which is concave, by the factor."""
-        told = (right / (1 + np.exp(np.clip(factor * right, -500, 500)))).sum()
+        gradient = (right / (1 + np.exp(np.clip(factor * right, -500, 500)))).sum()
         p, at = 1 / (1 + np.exp(-_AT)), 1 / (1 + np.exp(-_AT * factor))
-        return float(told + _PRIOR * _AT * (p - at))
+        return float(gradient + _PRIOR * _AT * (p - at))
 
     if slope(1.0) >= 0:
         return 1.0

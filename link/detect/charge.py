@@ -54,10 +54,10 @@ def charge_laws(
     bits = np.arange(2)
     # (shares, fractions, before, after); no symbol begins at fraction 1: the bit before counts
     lit = at[:, None, None] * bits[:, None] + (1 - at)[:, None, None] * bits
-    swing, beside = pixel.on - pixel.off, 1 - part
-    mean = pixel.off + swing * (part[:, None, None, None] * lit + beside[:, None, None, None] / 2)
+    swing, others = pixel.on - pixel.off, 1 - part
+    mean = pixel.off + swing * (part[:, None, None, None] * lit + others[:, None, None, None] / 2)
     electrons, step = mean * pixel.threshold, pixel.threshold / levels
-    other = pixel.noise**2 + (swing * beside * pixel.threshold / 2) ** 2
+    other = pixel.noise**2 + (swing * others * pixel.threshold / 2) ** 2
     spread = np.sqrt(electrons + other[:, None, None, None])
     steps = int(np.ceil((electrons + 8 * spread).max() / step)) + 2
     edge = (np.arange(steps + 1) - 0.5) * step

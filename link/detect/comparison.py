@@ -20,7 +20,8 @@ from link.mode import Mode
 from link.timing import Registration, Timing
 from sensor import EFFECTS, make_pixels
 from sensor.latched.pixel.fixed_point import to_fixed
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["Compared", "comparison"]
 
@@ -73,9 +74,9 @@ def _spikes(
     ticks = _FIRST + len(bits) * mode.ticks + 1
     dark = np.full(shape[0] * shape[1], off)
     spans = [Span(0, _FIRST, dark)]
-    for n, shown in enumerate(bits):
+    for n, symbol_bits in enumerate(bits):
         cells = np.zeros(layout.shape[0] * layout.shape[1], np.bool_)
-        cells[layout.data] = shown
+        cells[layout.data] = symbol_bits
         cells[layout.pilot.ravel()] = known[n % len(known)]
         lit = np.zeros(shape, np.bool_)
         wide = np.kron(cells.reshape(layout.shape), np.ones((mode.cell, mode.cell), np.bool_))

@@ -108,8 +108,8 @@ def count_patterns(  # type: ignore[no-untyped-def]
                         continue
                     s = np.int64(share[region, qy, qx, k])
                     for part in range(counts.shape[2]):
-                        seen = _pattern(words, py, px, bit + part * PART)
-                        counts[region, phase, part, s, pair, seen] += 1
+                        spikes = _pattern(words, py, px, bit + part * PART)
+                        counts[region, phase, part, s, pair, spikes] += 1
 
 
 @njit(cache=True)
@@ -187,18 +187,20 @@ def add_evidence(  # type: ignore[no-untyped-def]
                     if inside:
                         at = py * width + px
                         for part in range(parts):
-                            seen = _pattern_at(flat_words, size, count_words, at, bit + part * PART)
-                            told = (((law + part) * SHARES + s) * _PATTERNS + seen) * PAIRS
-                            on += flat_whole[told + 1]
-                            fell += flat_whole[told + 2]
-                            both += flat_whole[told + 3]
+                            spikes = _pattern_at(
+                                flat_words, size, count_words, at, bit + part * PART
+                            )
+                            row = (((law + part) * SHARES + s) * _PATTERNS + spikes) * PAIRS
+                            on += flat_whole[row + 1]
+                            fell += flat_whole[row + 2]
+                            both += flat_whole[row + 3]
                         continue
                     for j in range(ticks):
                         if bit + j + CONTEXT < 0 or bit + j + CONTEXT >= stop:
                             continue
-                        seen = _pattern(words, py, px, bit + j)
-                        before = seen & ((1 << CONTEXT) - 1)
-                        spike = (seen >> CONTEXT) & 1
+                        spikes = _pattern(words, py, px, bit + j)
+                        before = spikes & ((1 << CONTEXT) - 1)
+                        spike = (spikes >> CONTEXT) & 1
                         on += single[region, phase, j, s, before, spike, 1]
                         fell += single[region, phase, j, s, before, spike, 2]
                         both += single[region, phase, j, s, before, spike, 3]

@@ -18,7 +18,7 @@ from cosim.spikes.viform import WORD, Words
 from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
-from link.detect.geometry import PLACES, SHARES, Seen, see
+from link.detect.geometry import PLACES, SHARES, CellImages, cell_images
 from link.detect.pixel import PixelLaw, Rule
 from link.detect.trellis import likelihood, posterior, window
 from link.layout import PERIOD, Layout, pilots
@@ -91,7 +91,7 @@ class ForwardBackward:
         levels: int = LEVELS,
     ) -> None:
         self._layout, self._registration, self._timing = layout, registration, timing
-        self._seen = see(layout, registration)
+        self._cells = cell_images(layout, registration)
         self._pixel = pixel or PixelLaw()
         self._pairs = layout.mode.line == "manchester" if pairs is None else pairs
         self._levels = levels
@@ -115,19 +115,19 @@ class ForwardBackward:
         return self._registration.shift(float(middle))
 
     def _learn(
-        self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
+        self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
         """From the best pixels of cells spread over the panel."""
         if self._laws is not None:
             return
-        place, shift = seen.places, self._shift(first_symbol, len(known))
+        place, shift = cells.places, self._shift(first_symbol, len(known))
         picked: list[tuple[Any, ...]] = []
-        pixels = np.linspace(0, seen.x.size - 1, 8 * _TAUGHT).astype(np.intp)
+        pixels = np.linspace(0, cells.x.size - 1, 8 * _TAUGHT).astype(np.intp)
         for cell in pixels[np.argsort(np.arange(pixels.size) % 8, kind="stable")]:
-            u, v = seen.x[cell] + shift[0], seen.y[cell] + shift[1]
+            u, v = cells.x[cell] + shift[0], cells.y[cell] + shift[1]
             x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
             at = (
-                seen.region[cell], min(int((v - y + 0.5) * PLACES), PLACES - 1),
+                cells.region[cell], min(int((v - y + 0.5) * PLACES), PLACES - 1),
                 min(int((u - x + 0.5) * PLACES), PLACES - 1), 0,
             )  # fmt: skip
             row, column, s = y + place.dy[at], x + place.dx[at], int(place.share[at])
@@ -158,31 +158,31 @@ class ForwardBackward:
         def cost(light: npt.NDArray[np.float64], rule: Rule) -> float:
             off, swing = np.exp(light)
             laws = self._made(replace(self._pixel, reset=rule, off=off, on=off + swing))
-            given = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
-            return -float(sum(likelihood(*(*one, *given)) for one in picked))
+            tables = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
+            return -float(sum(likelihood(*(*one, *tables)) for one in picked))
 
         rules: tuple[Rule, ...] = ("hard", "residual")
         best, least = self._pixel, np.inf
         for rule in rules if self._pixel.reset is None else (self._pixel.reset,):
             bounds = [(np.log(1e-3), np.log(2.0)), (np.log(0.1), np.log(8.0))]
-            found = minimize(
+            fit = minimize(
                 cost, np.log([0.05, 1.2]), (rule,), "Nelder-Mead", bounds=bounds,
                 options={"xatol": 0.02, "fatol": 0.5, "maxfev": 50},
             )  # fmt: skip
-            if found.fun < least:
-                least, (off, swing) = found.fun, np.exp(found.x)
+            if fit.fun < least:
+                least, (off, swing) = fit.fun, np.exp(fit.x)
                 best = replace(self._pixel, reset=rule, off=float(off), on=float(off + swing))
         return best
 
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
-        self._learn(self._seen, words, start_tick, known, first_symbol)
+        self._learn(self._cells, words, start_tick, known, first_symbol)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
-        cells = np.flatnonzero(self._layout.pilot)
+        places = np.flatnonzero(self._layout.pilot)
         bits = pilots()[(first_symbol + np.arange(count)) % PERIOD]
-        known = np.repeat(bits[:, None], len(cells), axis=1)
-        seen = see(self._layout, self._registration, cells, columns_alike=True)
-        self._learn(seen, words, start_tick, known, first_symbol)
+        known = np.repeat(bits[:, None], len(places), axis=1)
+        cells = cell_images(self._layout, self._registration, places, columns_alike=True)
+        self._learn(cells, words, start_tick, known, first_symbol)
 
     def soft(
         self, words: Words, start_tick: int, first_symbol: int, count: int,
@@ -190,21 +190,22 @@ class ForwardBackward:
     ) -> Soft:  # fmt: skip
         if self._laws is None:
             raise ValueError("the detector must have learned from known symbols before")
-        seen, place, laws, time = self._seen, self._seen.places, self._laws, self._timing
+        cells, place, laws, time = self._cells, self._cells.places, self._laws, self._timing
         before = _BEFORE + (first_symbol - _BEFORE) % 2  # pairs begin at even symbols
         symbol, symbols = first_symbol - before, before + count + _AFTER
         edge = [time.start(n, [0, time.rows]) for n in (symbol, symbol + symbols)]
         begin = max(int(np.floor(edge[0].min())) - start_tick, 0)
         held = bits_held(words, start_tick, stop_tick)
         stop = min(int(np.ceil(edge[1].max())) - start_tick, held)
-        out = np.zeros((count, seen.x.size), np.float32)
+        out = np.zeros((count, cells.x.size), np.float32)
         if begin >= stop:
             return out
         _all_cells(
             words, begin, stop, symbol, symbols, before,
             np.array(self._shift(first_symbol, count)),
             (time.first, time.period, time.slope, float(time.rows), float(start_tick)),
-            seen.region, seen.x, seen.y, place.count, place.dx, place.dy, place.share, self._pairs,
+            cells.region, cells.x, cells.y, place.count, place.dx, place.dy, place.share,
+            self._pairs,
             laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard,
             np.float32(LIMIT), out,
         )  # fmt: skip

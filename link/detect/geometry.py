@@ -16,7 +16,7 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["LEAST", "PLACES", "SHARES", "Places", "Seen", "see"]
+__all__ = ["LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_images"]
 
 PLACES: Final = 8
 """Sub-pixel places along each axis."""
@@ -54,7 +54,7 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class CellImages:
     """Cells as the camera sees them without drift. x, y: of their centres, (cells,) float64.
     region: (cells,) int64. places: of their pixels. reach: how far those lie from the centre's, in
     pixels. regions: how many."""
@@ -103,8 +103,8 @@ def _region_places(
     a cell."""
     extent = 0.5 * np.max(np.abs(a) + np.abs(b)) + 3 * blur + 1
     reach = int(np.ceil(extent)) + 1
-    own = _coverage(a, b, blur, reach)
-    share = _coverage(a, _TALL * b, blur, reach) if tall else own
+    coverage = _coverage(a, b, blur, reach)
+    share = _coverage(a, _TALL * b, blur, reach) if tall else coverage
     out = []
     step, d = _FINE // PLACES, np.arange(-reach + 1, reach)
     for qy in range(PLACES):
@@ -112,7 +112,7 @@ def _region_places(
             # the pixel at d lies at d - f of the centre, f the middle of its place
             fy, fx = ((q * step + step // 2) - _FINE // 2 for q in (qy, qx))
             at = np.ix_((reach + d) * _FINE - fy, (reach + d) * _FINE - fx)
-            mine, known = own[at].ravel(), share[at].ravel()
+            mine, known = coverage[at].ravel(), share[at].ravel()
             near = (d[:, None] ** 2 + d[None, :] ** 2).ravel()
             best = np.lexsort((near, -np.round(mine, 6)))
             many = max(np.count_nonzero(mine >= LEAST), 1)  # one, where cells are far too small
@@ -121,13 +121,13 @@ def _region_places(
     return out, reach
 
 
-def see(
+def cell_images(
     layout: Layout,
     registration: Registration,
     cells: npt.NDArray[np.intp] | None = None,
     *,
     columns_alike: bool = False,
-) -> Seen:
+) -> CellImages:
     """cells: indices into the flattened (rows, columns), the data cells unless given.
     columns_alike: those above and below show the same (pilots), so that their light is its own."""
     (rows, columns), side = layout.shape, layout.mode.cell
@@ -136,7 +136,7 @@ def see(
     x, y = registration.camera((column + 0.5) * side - 0.5, (row + 0.5) * side - 0.5)
     down, right = _across(rows), _across(columns)
     region = (row * down // rows) * right + column * right // columns
-    found, reaches = [], []
+    places_of, reaches = [], []
     known: dict[bytes, tuple[list[npt.NDArray[np.float64]], int]] = {}
     for n in range(down * right):
         r, c = divmod(n, right)
@@ -153,19 +153,19 @@ def see(
             blur = min(registration.blur, float(np.hypot(*sides.T).max()) * _SAME)
             known[key] = _region_places(sides[0] * _SAME, sides[1] * _SAME, blur, columns_alike)
         places, reach = known[key]
-        found.append(places)
+        places_of.append(places)
         reaches.append(reach)
-    most = max(len(place) for places in found for place in places)
+    most = max(len(place) for places in places_of for place in places)
     shape = (down * right, PLACES, PLACES)
     count = np.zeros(shape, np.int64)
     dx, dy = np.zeros((*shape, most), np.int64), np.zeros((*shape, most), np.int64)
     share = np.zeros((*shape, most), np.uint8)
-    for n, places in enumerate(found):
+    for n, places in enumerate(places_of):
         for q, place in enumerate(places):
             at = (n, *divmod(q, PLACES))
             count[at] = many = len(place)
             dx[at][:many], dy[at][:many] = place[:, 0], place[:, 1]
             share[at][:many] = np.clip(place[:, 2] * SHARES, 0, SHARES - 1)
-    return Seen(
+    return CellImages(
         x, y, region.astype(np.int64), Places(count, dx, dy, share), max(reaches), down * right
     )

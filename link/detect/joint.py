@@ -18,7 +18,7 @@ from cosim.spikes.viform import Words
 from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
-from link.detect.geometry import SHARES, Seen, see
+from link.detect.geometry import SHARES, CellImages, cell_images
 from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
@@ -42,7 +42,7 @@ class Joint:
         self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
     ) -> None:
         self._layout, self._registration, self.timing = layout, registration, timing
-        self.seen = see(layout, registration)
+        self.cells = cell_images(layout, registration)
         self._ticks = layout.mode.ticks
         phase = float(timing.start(0, timing.rows / 2)) % 1
         self.late = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
@@ -52,7 +52,7 @@ class Joint:
         first = timing.first + self.late
         self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (
-            self.seen.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
+            self.cells.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
             1 << (PART + CONTEXT),
         )  # fmt: skip
         self._counts = np.zeros(shape, np.int32)
@@ -64,15 +64,15 @@ class Joint:
         return np.array([self._registration.shift(float(t)) for t in middle]).reshape(count, 2)
 
     def _learn(
-        self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
+        self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
         """known: with the symbol before the first one."""
-        order = np.argsort(seen.region, kind="stable")
-        ends = np.searchsorted(seen.region[order], np.arange(seen.regions), side="right")
-        place = seen.places
+        order = np.argsort(cells.region, kind="stable")
+        ends = np.searchsorted(cells.region[order], np.arange(cells.regions), side="right")
+        place = cells.places
         count_patterns(
             words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
-            self._time, self._ticks, order, ends, seen.x, seen.y, place.count, place.dx, place.dy,
+            self._time, self._ticks, order, ends, cells.x, cells.y, place.count, place.dx, place.dy,
             place.share, self._counts,
         )  # fmt: skip
         self._tables = None
@@ -86,33 +86,33 @@ class Joint:
         return self._tables
 
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
-        if known.ndim != 2 or known.shape[1] != self.seen.x.size:
-            raise ValueError(f"known must be of {self.seen.x.size} cells, not {known.shape}")
+        if known.ndim != 2 or known.shape[1] != self.cells.x.size:
+            raise ValueError(f"known must be of {self.cells.x.size} cells, not {known.shape}")
         if first_symbol == 0:  # before first light all are off
             known = np.concatenate([np.zeros((1, known.shape[1]), np.bool_), known])
             first_symbol = -1
-        self._learn(self.seen, words, start_tick, known, first_symbol + 1)
+        self._learn(self.cells, words, start_tick, known, first_symbol + 1)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
-        cells = np.flatnonzero(self._layout.pilot)
-        seen = see(self._layout, self._registration, cells, columns_alike=True)
+        places = np.flatnonzero(self._layout.pilot)
+        cells = cell_images(self._layout, self._registration, places, columns_alike=True)
         number = first_symbol + np.arange(-1, count)
         bits = pilots()[number % PERIOD] & (number >= 0)
-        known = np.repeat(bits[:, None], len(cells), axis=1)
-        self._learn(seen, words, start_tick, known, first_symbol)
+        known = np.repeat(bits[:, None], len(places), axis=1)
+        self._learn(cells, words, start_tick, known, first_symbol)
 
     def soft(
         self, words: Words, start_tick: int, first_symbol: int, count: int,
         stop_tick: int | None = None,
     ) -> Soft:  # fmt: skip
         laws = self.tables()
-        seen, place = self.seen, self.seen.places
-        out = np.zeros((count, seen.x.size), np.float32)
+        cells, place = self.cells, self.cells.places
+        out = np.zeros((count, cells.x.size), np.float32)
         first, symbols = first_symbol - AROUND, count + 2 * AROUND
         add_evidence(
             np.ascontiguousarray(words), start_tick, bits_held(words, start_tick, stop_tick),
             first, symbols, AROUND,
-            self.shifts(first, symbols), self._time, self._ticks, seen.region, seen.x, seen.y,
+            self.shifts(first, symbols), self._time, self._ticks, cells.region, cells.x, cells.y,
             place.count, place.dx, place.dy, place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip
         return out

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.spikes.viform import WORD, Words
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
 from link.detect.detector import LIMIT, Soft
-from link.detect.geometry import PLACES, Seen
+from link.detect.geometry import PLACES, CellImages
 from link.detect.joint import AROUND, Joint
 
 __all__ = ["soft_by_numpy"]
@@ -20,30 +20,30 @@ __all__ = ["soft_by_numpy"]
 def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
     """ln P(spikes | bits) of a symbol less that of both off, (cells, PAIRS). The words must hold
     the symbol, and the sensor every pixel."""
-    seen: Seen = detector.seen
+    cells: CellImages = detector.cells
     whole, _ = detector.tables()
-    time, place = detector.timing, seen.places
+    time, place = detector.timing, cells.places
     dx, dy = detector.shifts(symbol, 1)[0]
-    u, v = seen.x + dx, seen.y + dy
+    u, v = cells.x + dx, cells.y + dy
     x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
     qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
     qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
     begin = time.start(symbol, y) + detector.late
     tick = np.floor(begin).astype(np.intp)
     phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
-    out = np.zeros((seen.x.size, PAIRS), np.float32)
-    count = place.count[seen.region, qy, qx]
+    out = np.zeros((cells.x.size, PAIRS), np.float32)
+    count = place.count[cells.region, qy, qx]
     for part in range(whole.shape[2]):
         bit = tick - CONTEXT - start_tick + part * PART
         w, low = bit // WORD, (bit % WORD).astype(np.uint64)
         later = np.minimum(w + 1, len(words) - 1)
         for k in range(count.max()):
-            px, py = x + place.dx[seen.region, qy, qx, k], y + place.dy[seen.region, qy, qx, k]
+            px, py = x + place.dx[cells.region, qy, qx, k], y + place.dy[cells.region, qy, qx, k]
             both = words[w, py, px].astype(np.uint64)
             both |= words[later, py, px].astype(np.uint64) << np.uint64(WORD)
             pattern = (both >> low) & np.uint64((1 << (PART + CONTEXT)) - 1)
-            share = place.share[seen.region, qy, qx, k]
-            gain = whole[seen.region, phase, part, share, pattern.astype(np.intp)]
+            share = place.share[cells.region, qy, qx, k]
+            gain = whole[cells.region, phase, part, share, pattern.astype(np.intp)]
             out += np.where((k < count)[:, None], gain, np.float32(0))
     return out
 

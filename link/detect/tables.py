@@ -50,10 +50,10 @@ def spike_counts(counts: npt.NDArray[np.int32], ticks: int) -> Values:
     """From patterns to ticks: (regions, PHASES, ticks, SHARES, PAIRS, contexts, spikes)."""
     regions, phases, _, shares, pairs, patterns = counts.shape
     out = np.zeros((regions, phases, ticks, shares, pairs, _BEFORE, 2))
-    seen = np.arange(patterns)
+    pattern = np.arange(patterns)
     for j in range(ticks):
         part, at = divmod(j, PART)
-        before, spike = (seen >> at) & (_BEFORE - 1), (seen >> (at + CONTEXT)) & 1
+        before, spike = (pattern >> at) & (_BEFORE - 1), (pattern >> (at + CONTEXT)) & 1
         for b in range(_BEFORE):
             for s in range(2):
                 chosen = counts[:, :, part][..., (before == b) & (spike == s)]
@@ -102,10 +102,10 @@ def tables(counts: npt.NDArray[np.int32], ticks: int) -> Tables:
 
 def _by_pattern(single: npt.NDArray[np.float32], ticks: int) -> npt.NDArray[np.float32]:
     regions, phases, _, shares = single.shape[:4]
-    seen: npt.NDArray[Any] = np.arange(1 << (PART + CONTEXT))
-    out = np.zeros((regions, phases, parts_for(ticks), shares, seen.size, PAIRS), np.float32)
+    pattern: npt.NDArray[Any] = np.arange(1 << (PART + CONTEXT))
+    out = np.zeros((regions, phases, parts_for(ticks), shares, pattern.size, PAIRS), np.float32)
     for j in range(ticks):
         part, at = divmod(j, PART)
-        before, spike = (seen >> at) & (_BEFORE - 1), (seen >> (at + CONTEXT)) & 1
+        before, spike = (pattern >> at) & (_BEFORE - 1), (pattern >> (at + CONTEXT)) & 1
         out[:, :, part] += single[:, :, j][:, :, :, before, spike]
     return out

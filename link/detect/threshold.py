@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cosim.spikes.viform import WORD, Words
 from link.detect.counting import PHASES
 from link.detect.detector import Bits, Soft, bits_held
-from link.detect.geometry import PLACES, Seen, see
+from link.detect.geometry import PLACES, CellImages, cell_images
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
@@ -33,23 +33,28 @@ class Threshold:
         self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
     ) -> None:
         self._layout, self._registration, self._timing = layout, registration, timing
-        self._seen = see(layout, registration)
+        self._cells = cell_images(layout, registration)
         ticks = layout.mode.ticks
         self._fullest = _fullest(ticks)
         self._met = np.zeros((2, 2), np.int64)  # by bit and spike
 
     def _spikes(
-        self, seen: Seen, words: Words, start_tick: int, symbol: int, stop_tick: int | None = None
+        self,
+        cells: CellImages,
+        words: Words,
+        start_tick: int,
+        symbol: int,
+        stop_tick: int | None = None,
     ) -> npt.NDArray[np.intp]:
         """0 or 1 of each cell, -1 where the words or the sensor do not hold it."""
         middle = float(self._timing.start(symbol + 0.5, self._timing.rows / 2))
         dx, dy = self._registration.shift(middle)
-        u, v = seen.x + dx, seen.y + dy
+        u, v = cells.x + dx, cells.y + dy
         x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
         qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
         qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
-        x += seen.places.dx[seen.region, qy, qx, 0]
-        y += seen.places.dy[seen.region, qy, qx, 0]
+        x += cells.places.dx[cells.region, qy, qx, 0]
+        y += cells.places.dy[cells.region, qy, qx, 0]
         begin = self._timing.start(symbol, v)
         tick = np.floor(begin).astype(np.intp)
         phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
@@ -62,22 +67,22 @@ class Threshold:
         return np.where(held, spike.astype(np.intp), -1)
 
     def _learn(
-        self, seen: Seen, words: Words, start_tick: int, known: Bits, first_symbol: int
+        self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
         for n, bits in enumerate(known):
-            spike = self._spikes(seen, words, start_tick, first_symbol + n)
+            spike = self._spikes(cells, words, start_tick, first_symbol + n)
             there = spike >= 0
             np.add.at(self._met, (bits[there].astype(np.intp), spike[there]), 1)
 
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
-        self._learn(self._seen, words, start_tick, known, first_symbol)
+        self._learn(self._cells, words, start_tick, known, first_symbol)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
-        cells = np.flatnonzero(self._layout.pilot)
+        places = np.flatnonzero(self._layout.pilot)
         bits = pilots()[(first_symbol + np.arange(count)) % PERIOD]
-        known = np.repeat(bits[:, None], len(cells), axis=1)
-        seen = see(self._layout, self._registration, cells)
-        self._learn(seen, words, start_tick, known, first_symbol)
+        known = np.repeat(bits[:, None], len(places), axis=1)
+        cells = cell_images(self._layout, self._registration, places)
+        self._learn(cells, words, start_tick, known, first_symbol)
 
     def soft(
         self, words: Words, start_tick: int, first_symbol: int, count: int,
@@ -86,8 +91,8 @@ class Threshold:
         right, wrong = self._met[0, 0] + self._met[1, 1], self._met[0, 1] + self._met[1, 0]
         size = 1.0 if not right + wrong else abs(np.log((right + 1) / (wrong + 1)))
         value = np.array([-size, size, 0.0], np.float32)  # the last one by index -1
-        out = np.empty((count, self._seen.x.size), np.float32)
+        out = np.empty((count, self._cells.x.size), np.float32)
         for n in range(count):
-            spike = self._spikes(self._seen, words, start_tick, first_symbol + n, stop_tick)
+            spike = self._spikes(self._cells, words, start_tick, first_symbol + n, stop_tick)
             out[n] = value[spike]
         return out

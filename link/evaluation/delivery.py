@@ -29,7 +29,7 @@ def judge_delivery(setup: LinkSetup, received: Received) -> tuple[Verdict, bool]
         text = "the receiver took other bytes for the file: nothing is handed out"
         return Verdict(Cause.NOISY, text), False
     if setup.shortened:
-        text = f"{received.verdict.told}; {setup.shortened_message()}"
+        text = f"{received.verdict.text}; {setup.shortened_message()}"
         return Verdict(received.verdict.cause, text), False
     if not setup.sent.sent_whole and received.verdict.cause in (Cause.TRUNCATED, Cause.NOISY):
         text = (

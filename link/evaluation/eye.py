@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.spikes.viform import WORD, words_for
-from link.detect.geometry import PLACES, see
+from link.detect.geometry import PLACES, cell_images
 from link.layout import TRAINING, Layout
 from link.timing import Registration, Timing
 
@@ -65,16 +65,16 @@ def _weights(
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats, Floats]:  # fmt: skip
     """Camera rows, columns and weights of the pixels that see each cell, (cells, most) each, and
     the row of its centre, (cells,)."""
-    seen = see(layout, registration, cells)
+    images = cell_images(layout, registration, cells)
     dx, dy = registration.shift(tick)
-    u, v = seen.x + dx, seen.y + dy
+    u, v = images.x + dx, images.y + dy
     x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
     at = (
-        seen.region,
+        images.region,
         np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1),
         np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1),
     )
-    places = seen.places
+    places = images.places
     row, column = y[:, None] + places.dy[at], x[:, None] + places.dx[at]
     weight = places.share[at].astype(np.float64) + 0.5  # the middle of a share's class
     weight *= np.arange(row.shape[1]) < places.count[at][:, None]
@@ -124,24 +124,24 @@ def open_eye(
         row, column, weight, v = _weights(
             layout, registration, cells, (first + stop) / 2, stream.shape
         )
-        shown = _sums(stream, first, stop, row, column, weight, ticks)
+        traces = _sums(stream, first, stop, row, column, weight, ticks)
         low = max(TRAINING, int(np.ceil((first - timing.first) / period)) + 2)
         high = min(symbols, int((stop - timing.first) / period) - 2)
         for symbol in range(low, high):
             # number of the window in whose middle the symbol's lies, between two of them
             where = timing.start(symbol, v) + period / 2 - ticks / 2 - first
-            inside = where.min() >= period and where.max() + period <= shown.shape[1] - 1
+            inside = where.min() >= period and where.max() + period <= traces.shape[1] - 1
             if symbol in done or not inside:
                 continue
             done.add(symbol)
             at = where[:, None] + x
-            index = np.minimum(at.astype(np.intp), shown.shape[1] - 2)
-            before = np.take_along_axis(shown, index, axis=1)
-            after = np.take_along_axis(shown, index + 1, axis=1)
+            index = np.minimum(at.astype(np.intp), traces.shape[1] - 2)
+            before = np.take_along_axis(traces, index, axis=1)
+            after = np.take_along_axis(traces, index + 1, axis=1)
             values.append((before + (at - index) * (after - before)).astype(np.float32))
             whole = np.rint(where).astype(np.intp)
             nearest.append(whole - where)
-            at_middle.append(shown[np.arange(len(shown)), whole])
+            at_middle.append(traces[np.arange(len(traces)), whole])
             bits.append(sent(symbol, 1)[0, number])
     if not values:
         return None
@@ -154,7 +154,7 @@ def open_eye(
 
 
 def _measured(
-    x: Floats, values: npt.NDArray[np.float32], nearest: Floats, shown: Floats,
+    x: Floats, values: npt.NDArray[np.float32], nearest: Floats, traces: Floats,
     on: npt.NDArray[np.bool_],
 ) -> Eye:  # fmt: skip
     """values: of all traces at x, (traces, columns). nearest, shown: where the windows nearest to
@@ -165,7 +165,7 @@ def _measured(
         density[:, n] = np.bincount(level[:, n], minlength=_LEVELS)
     low = np.asarray(np.quantile(values[on], RARE, axis=0), np.float64)
     high = np.asarray(np.quantile(values[~on], 1 - RARE, axis=0), np.float64)
-    top, bottom = float(np.quantile(shown[on], RARE)), float(np.quantile(shown[~on], 1 - RARE))
+    top, bottom = float(np.quantile(traces[on], RARE)), float(np.quantile(traces[~on], 1 - RARE))
     left, right = (float(q) for q in np.quantile(nearest, (0.05, 0.95)))
     middle = int(np.argmin(np.abs(x - (left + right) / 2)))
     width = 0.0

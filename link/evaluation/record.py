@@ -127,13 +127,13 @@ class LinkEvaluation:
 
     @property
     def verdict_line(self) -> str:
-        return f"{self.verdict.cause.value}: {self.verdict.told}"
+        return f"{self.verdict.cause.value}: {self.verdict.text}"
 
     def verdict_document(self) -> dict[str, Any]:
         """What verdict.json says."""
         return {
             "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
-            "told": self.verdict.told, "delivered": self.delivered,
+            "told": self.verdict.text, "delivered": self.delivered,
             "file": self.setup.payload.name, "bytes": len(self.setup.payload.data),
             "mode": asdict(self.mode),
         }  # fmt: skip

@@ -10,6 +10,7 @@ from link.prediction.light import cell_scene
 from link.prediction.reach import CellScene
 from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
+from sensor import CameraSetting
 
 __all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
 
@@ -17,10 +18,12 @@ DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 2, "line": "8b10b", "
 """Parts of a mode that are assumed where the scenario leaves them to the pilots of a run."""
 
 
-def scenario_input(scenario: LinkScenario) -> tuple[CapacityInput, Mode, list[str]]:
+def scenario_input(
+    scenario: LinkScenario, camera: CameraSetting
+) -> tuple[CapacityInput, Mode, list[str]]:
     """The input of a scenario, its mode, and the parts of the mode that are `DEFAULT_MODE`. Raises
     InputError."""
-    setting = link_setting(scenario)
+    setting = link_setting(scenario, camera)
     modem, panel = scenario.link.modem, scenario.link.panel
     assumed = [name for name in DEFAULT_MODE if getattr(modem, name) == "auto"]
     parts = {

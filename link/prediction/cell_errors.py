@@ -116,12 +116,12 @@ def _set_against(rng: np.random.Generator, bits: Flags, around: int) -> Values:
     """Turns the eight cells beside over, more often than not to the other bit than the cell's own,
     in half of the draws, in place, since that is what makes errors; the draws' weights."""
     count = len(bits)
-    beside = bits[:, around - 1 : around + 2, around - 1 : around + 2].reshape(count, 9, -1)
-    beside = np.delete(beside, 4, axis=1)
+    neighbours = bits[:, around - 1 : around + 2, around - 1 : around + 2].reshape(count, 9, -1)
+    neighbours = np.delete(neighbours, 4, axis=1)
     chance = np.where(np.arange(count) % 2, _AGAINST, 0.5)[:, None]
     against = rng.random((count, 8)) < chance
     own = bits[:, around, around, -2]
-    turned = (beside[:, :, -2] != own[:, None]) != against
+    turned = (neighbours[:, :, -2] != own[:, None]) != against
     flip = np.zeros((count, 9), np.bool_)
     flip[:, [0, 1, 2, 3, 5, 6, 7, 8]] = turned
     part = bits[:, around - 1 : around + 2, around - 1 : around + 2]
@@ -205,7 +205,7 @@ def _draw(
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:
     """ln P(spike) as the detector learns it: (ticks, shares, before, own, contexts, spike)."""
-    seen = np.arange(1 << (_CONTEXT + ticks + 1))
+    patterns = np.arange(1 << (_CONTEXT + ticks + 1))
     met = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
     for each in drawn:
         for before in (False, True):
@@ -213,7 +213,7 @@ def _tables(drawn: list[_Drawn], ticks: int) -> Values:
                 these = (each.before == before) & (each.own == own)
                 law = np.einsum("n,nps->ps", each.weight[these], each.patterns[these])
                 for j in range(ticks):
-                    at = 2 * ((seen >> j) & 3) + ((seen >> (j + _CONTEXT)) & 1)
+                    at = 2 * ((patterns >> j) & 3) + ((patterns >> (j + _CONTEXT)) & 1)
                     for k, s in enumerate(each.share):
                         met[j, s, int(before), int(own)] += np.bincount(
                             at, law[k], 2 << _CONTEXT
@@ -227,10 +227,10 @@ def _tables(drawn: list[_Drawn], ticks: int) -> Values:
 
 def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
     """P(decided wrong) and the soft values' promise of every cell drawn."""
-    seen = np.arange(1 << (_CONTEXT + ticks + 1))
-    ratio = np.zeros((2, 2, each.share.size, seen.size))  # by before and after
+    patterns = np.arange(1 << (_CONTEXT + ticks + 1))
+    ratio = np.zeros((2, 2, each.share.size, patterns.size))  # by before and after
     for j in range(ticks + 1):
-        context, spike = (seen >> j) & 3, (seen >> (j + _CONTEXT)) & 1
+        context, spike = (patterns >> j) & 3, (patterns >> (j + _CONTEXT)) & 1
         for before in range(2):
             for after in range(2):
                 for k, s in enumerate(each.share):

@@ -30,10 +30,10 @@ def _blur(setting: LinkSetting) -> float:
     """Standard deviation of everything that blurs an edge, camera pixels: the lens, diffraction,
     defocus (a disc of radius q has q / 2 along an axis), vibration over the run."""
     optics = setting.optics
-    made = lengths(optics, setting.air.distance)
-    working = optics.f_number * made.extension
+    image = lengths(optics, setting.air.distance)
+    working = optics.f_number * image.extension
     airy = _AIRY * optics.wavelength_nm * 1e-9 * working / optics.camera_pitch
-    return math.hypot(optics.blur, airy, made.disc / 2, setting.aim.vibration)
+    return math.hypot(optics.blur, airy, image.disc / 2, setting.aim.vibration)
 
 
 def cell_scene(setting: LinkSetting) -> CellScene:

@@ -116,16 +116,16 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
         return 0.5
     shares = _shares(mode.cell * scene.pixel, scene.blur)
     ticks = np.concatenate([[1 - scene.phase], np.ones(mode.ticks - 1), [scene.phase]])
-    own = shares[:, None, :, None, None] * shares[None, :, None, :, None] * ticks
+    mine = shares[:, None, :, None, None] * shares[None, :, None, :, None] * ticks
     # Of the rest of a look's light, each neighbour brings a share; four of them bring most.
-    rest = 1 - own
+    rest = 1 - mine
     spread = scene.on * rest / 2 / 2
     run = min(longest_run(mode) * mode.ticks, 64)
     base = scene.background + scene.on * rest / 2
-    on = _fires(scene, base + scene.on * own, spread, 1)
+    on = _fires(scene, base + scene.on * mine, spread, 1)
     off = _fires(scene, base, spread, run)
     factor = np.sqrt(on * off) + np.sqrt((1 - on) * (1 - off))
-    factor = np.where(own > _WORTH, np.minimum(factor, 1.0), 1.0)
+    factor = np.where(mine > _WORTH, np.minimum(factor, 1.0), 1.0)
     product = np.exp(np.log(np.maximum(factor, 1e-30)).sum(axis=(2, 3, 4)))
     return float(0.5 * product.mean())
 
@@ -169,23 +169,23 @@ def reach(
     out = []
     for distance, through in zip(distances, air, strict=True):
         pixel = scene.pixel * (at - focal_length) / (distance - focal_length)
-        found = Reach(float(distance), 0.0, None, 0.5)
+        best = Reach(float(distance), 0.0, None, 0.5)
         there = replace(scene, pixel=pixel, on=scene.on * through)
-        kept: dict[tuple[int, int, str], float] = {}
+        errors: dict[tuple[int, int, str], float] = {}
         if pixel * Layout(mode).module < least_module(scene.blur):
-            out.append(replace(found, tags=False))
+            out.append(replace(best, tags=False))
             continue
         if pixel * mode.height <= sensor[0] and pixel * mode.width <= sensor[1]:
             for each in worth:
                 key = (each.cell, each.ticks, each.line)
                 if each.cell * pixel < LEAST_CELL:
                     continue
-                if key not in kept:
-                    kept[key] = predict_errors(there, each)
-                if _frame_loss(kept[key], each) < _LOST:
-                    found = Reach(float(distance), _coded(each, hz), each, kept[key])
+                if key not in errors:
+                    errors[key] = predict_errors(there, each)
+                if _frame_loss(errors[key], each) < _LOST:
+                    best = Reach(float(distance), _coded(each, hz), each, errors[key])
                     break
-        out.append(found)
+        out.append(best)
     return out
 
 

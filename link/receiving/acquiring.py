@@ -29,7 +29,7 @@ from link.receiving.synthesis import (
     known_pilots,
     match,
 )
-from link.receiving.tags import Found, art_of, find_tags, fit_homography, tag_places
+from link.receiving.tags import TagSearch, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
 
 __all__ = ["Acquired", "Evidence", "acquire"]
@@ -64,7 +64,7 @@ class Evidence:
     rates: npt.NDArray[np.float32]
     bright: float
     most: float
-    found: Found
+    search: TagSearch
     mode: Mode | None = None
     refined: Refined | None = None
     off: float | None = None
@@ -103,15 +103,15 @@ def _brightest(recording: Recording) -> tuple[int, int]:
     return recording.first + int(much[0]) * WORD, recording.first + (int(much[-1]) + 1) * WORD
 
 
-def look(recording: Recording) -> Evidence:
+def survey_recording(recording: Recording) -> Evidence:
     """The image and the tags in it."""
     rates = recording.rates(*_brightest(recording))
     most = float(np.quantile(rates, 0.999)) if rates.size else 0.0
     bright = float(np.mean(rates >= _BRIGHT)) if rates.size else 0.0
     if most <= 0 or bright > 0.98:
-        return Evidence(rates, bright, most, Found({}))
-    found = find_tags(rates)
-    return Evidence(rates, bright, most, found, found.mode)
+        return Evidence(rates, bright, most, TagSearch({}))
+    search = find_tags(rates)
+    return Evidence(rates, bright, most, search, search.mode)
 
 
 def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Floats:
@@ -129,8 +129,8 @@ def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Float
     for group in points:
         x, y = np.array(group).T
         u, v = (np.rint(a) for a in project(homography, x, y))
-        seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-        bits = recording.pixels(v[seen].astype(np.intp), u[seen].astype(np.intp))
+        in_view = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+        bits = recording.pixels(v[in_view].astype(np.intp), u[in_view].astype(np.intp))
         out.append(bits.mean(1) if bits.shape[1] else np.zeros(recording.ticks))
     return np.asarray(out[1] - out[0], np.float64)
 
@@ -169,12 +169,12 @@ def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> flo
 
 def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
     """What there is to see, and the transmission where there is one."""
-    evidence = look(recording)
+    evidence = survey_recording(recording)
     mode = evidence.mode
     if mode is None:
         return evidence, None
     layout = Layout(mode)
-    fitted = fit_homography(evidence.found, layout)
+    fitted = fit_homography(evidence.search, layout)
     if fitted is None:
         return replace(evidence, mode=None), None
     homography, off = fitted
@@ -209,11 +209,11 @@ def _time(
     registration = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
     rough = clocking.timing
     turn = PERIOD * rough.period
-    seen = max(clocking.lit[0] if clocking.broken else lit[0], recording.first)
+    in_view = max(clocking.lit[0] if clocking.broken else lit[0], recording.first)
     # the training that the recording may hold: that of the start nearest to first light
-    first = rough.first + round((seen - rough.first) / turn) * turn
+    first = rough.first + round((in_view - rough.first) / turn) * turn
     begun = replace(rough, first=first)
-    low = max(0, int(np.ceil((seen - first) / rough.period)) + 1 if seen - first > 2 else 0)
+    low = max(0, int(np.ceil((in_view - first) / rough.period)) + 1 if in_view - first > 2 else 0)
     high = min(
         TRAINING,
         int(
@@ -242,7 +242,7 @@ def _time(
                     refined = replace(refined, homography=better)
             return Acquired(layout, refined, pace, levels, lit, (low, high), evidence)
     # it does not: symbols are counted so that the first one seen is of a group
-    count = int(np.ceil((seen - rough.first) / rough.period))
+    count = int(np.ceil((in_view - rough.first) / rough.period))
     turns = (count - TRAINING) // PERIOD
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
@@ -259,10 +259,10 @@ def _phased(w: Witnesses, fit: Fit, levels: Levels) -> Pace:
     """With the phase that the pilots told, where it explains the spikes as well as that which was
     found."""
     timing = fit.timing
-    told = replace(timing, first=timing.first - fit.late)
-    better = nudge(w, told, levels)
+    guess = replace(timing, first=timing.first - fit.late)
+    better = nudge(w, guess, levels)
     if abs(fit.late) < _NEAR and abs(better) < _NEAR:
-        timing = replace(told, first=told.first + better)
+        timing = replace(guess, first=guess.first + better)
     else:
         timing = replace(timing, first=timing.first + nudge(w, timing, levels))
     ticks = w.bits.shape[1]

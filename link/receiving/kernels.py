@@ -23,7 +23,7 @@ def _share(tick, start, period):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _told(z, floor, sure, never):  # type: ignore[no-untyped-def]
+def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
     """ln of the chance of what lies z standard deviations on the right side."""
     if z > _FAR:
         return sure
@@ -64,7 +64,7 @@ def likelihood(  # type: ignore[no-untyped-def]
             fired = bits[i, k] != 0
             if k >= skip:
                 z = (charge - 1) / noise
-                total += _told(z if fired else -z, floor, sure, never)
+                total += _log_likelihood(z if fired else -z, floor, sure, never)
             if fired:
                 charge = _left(charge, rule)
             elif charge > 1:
@@ -105,7 +105,7 @@ def slopes(  # type: ignore[no-untyped-def]
             fired = bits[i, k] != 0
             if k >= skip:
                 z = (charge - 1) / noise
-                out[i] += _told(z if fired else -z, floor, sure, never)
+                out[i] += _log_likelihood(z if fired else -z, floor, sure, never)
                 if -_FAR < z < _FAR:
                     p = floor + (1 - 2 * floor) * 0.5 * math.erfc(-z * _ROOT)
                     rise = (1 - 2 * floor) * _DENSITY * math.exp(-z * z / 2) / noise

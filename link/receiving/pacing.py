@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from link.timing import Timing
 
-__all__ = ["Late", "Pace"]
+__all__ = ["Delay", "Pace"]
 
 Floats = npt.NDArray[np.float64]
 _MODEL: Final = 0.01
@@ -28,7 +28,7 @@ _LIMIT: Final = 3.0
 
 
 @dataclass(frozen=True)
-class Late:
+class Delay:
     """Ticks by which symbols are late, and the standard error of chance."""
 
     late: float
@@ -55,14 +55,14 @@ class Pace:
         """Parts per million by which the period may be off."""
         return _LIMIT * float(np.sqrt(self.unsure[1, 1])) * 1e6
 
-    def seen(self, tick: float, look: Late) -> Pace:
+    def measured(self, tick: float, delay: Delay) -> Pace:
         """After a look at a tick: what it says weighs by how sure it is."""
         passed = tick - self.at
         move = np.array([[1.0, passed], [0.0, 1.0]])
         unsure = move @ self.unsure @ move.T * 2.0 ** (abs(passed) / _HALF)
-        share = unsure[:, 0] / (unsure[0, 0] + look.error**2 + _MODEL**2)
+        share = unsure[:, 0] / (unsure[0, 0] + delay.error**2 + _MODEL**2)
         unsure = unsure - np.outer(share, unsure[0])
-        late, growth = share * look.late
+        late, growth = share * delay.late
         t = self.timing
         symbols = (tick - t.first) / t.period
         period = t.period * (1 + float(growth))

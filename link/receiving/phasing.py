@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.receiving.kernels import slopes
-from link.receiving.pacing import Late
+from link.receiving.pacing import Delay
 from link.receiving.synthesis import (
     FLOOR,
     NOISE,
@@ -29,7 +29,7 @@ from link.receiving.synthesis import (
 )
 from link.timing import Timing
 
-__all__ = ["Fit", "find_late", "fit_levels", "fit_timing", "nudge"]
+__all__ = ["Fit", "fit_levels", "fit_timing", "measure_delay", "nudge"]
 
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
@@ -124,14 +124,14 @@ def _climb(
     box, stride = _BOX * units, _STRIDE * units
     prior = 1 / held**2
 
-    def look(at: Floats) -> tuple[float, Floats, Floats]:
+    def derivatives(at: Floats) -> tuple[float, Floats, Floats]:
         nats, slope, bend = _look(w, timing, at, rule)
         share = w.independent
         nats = nats * share - float(at**2 @ prior) / 2
         return nats, slope * share - prior * at, bend * share + np.diag(prior)
 
     at = np.clip(start, *box)
-    nats, slope, bend = look(at)
+    nats, slope, bend = derivatives(at)
     damping, down, up, end = _DAMPING
     passes = 1
     while passes < _STEPS and damping < end:
@@ -146,7 +146,7 @@ def _climb(
         step = np.clip(at + np.clip(step, -stride, stride), *box) - at
         if abs(float(slope @ step)) < _TOP:
             break
-        tried = look(at + step)
+        tried = derivatives(at + step)
         passes += 1
         if tried[0] > nats:
             at, (nats, slope, bend), damping = at + step, tried, damping * down
@@ -210,13 +210,13 @@ def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
     return _levels(w, top, levels.reset)
 
 
-def find_late(w: Witnesses, timing: Timing, levels: Levels) -> Late:
+def measure_delay(w: Witnesses, timing: Timing, levels: Levels) -> Delay:
     """How late symbols are against a timing that is nearly right, by the nearest top. The error is
     large where light fills a threshold or does not, and many phases explain the same spikes."""
     free = np.array([True, False, False, False, False])
     start = np.array([0.0, levels.on, levels.background, 0.0, 0.0])
     top = _climb(w, timing, start, levels.reset, free)
-    return Late(float(top.at[0]), _error(top, free, 0))
+    return Delay(float(top.at[0]), _error(top, free, 0))
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:

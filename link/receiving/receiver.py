@@ -188,6 +188,6 @@ class Receiver:
 def _further(evidence: Evidence) -> int:
     """How far it went."""
     return (
-        len(evidence.found.tags) + (evidence.refined is not None) + (evidence.lit is not None)
+        len(evidence.search.tags) + (evidence.refined is not None) + (evidence.lit is not None)
         + (evidence.clocking is not None)
     )  # fmt: skip

@@ -94,8 +94,8 @@ class TagArt:
 
     def patches(self, homography: Floats, shape: tuple[int, int]) -> list[Patch]:
         """The tags that lie within an image of `shape`."""
-        found = (self._patch(corner, homography, shape) for corner in range(4))
-        return [patch for patch in found if patch is not None]
+        patches = (self._patch(corner, homography, shape) for corner in range(4))
+        return [patch for patch in patches if patch is not None]
 
     def _patch(self, corner: int, homography: Floats, shape: tuple[int, int]) -> Patch | None:
         (px, py), side = self.places[corner], self.layout.tag
@@ -141,7 +141,7 @@ def _curve(light: Floats, rate: Floats) -> Floats:
     return np.asarray(np.linalg.solve(left, hats.T @ rate), np.float64)
 
 
-def _shown(light: Floats, curve: Floats) -> Floats:
+def _expected(light: Floats, curve: Floats) -> Floats:
     """g of an image of light."""
     return np.asarray(np.interp(light, np.linspace(0, 1, len(curve)), curve))
 
@@ -158,11 +158,11 @@ def refine_homography(
     h = homography @ unit  # from panel coordinates within -1 and 1
     h = h / h[2, 2]
     blur: float
-    for given, steps in _ROUNDS:
+    for blur_given, steps in _ROUNDS:
         patches = tags.patches(h @ back, rates.shape)
         if len(patches) < 4:
             return None
-        blur = given if given is not None else _best_blur(patches, rates)
+        blur = blur_given if blur_given is not None else _best_blur(patches, rates)
         for _ in range(steps):
             step = _step(tags.patches(h @ back, rates.shape), rates, blur, h)
             if step is None:
@@ -179,7 +179,7 @@ def refine_homography(
     for patch in patches:
         light, rate = patch.blurred(blur)[patch.use], patch.of(rates)[patch.use]
         curve = _curve(light, rate)
-        square += float(np.sum((rate - _shown(light, curve)) ** 2))
+        square += float(np.sum((rate - _expected(light, curve)) ** 2))
         count += len(rate)
         curves.append(curve)
     white = float(np.mean([curve[-1] for curve in curves]))
@@ -194,7 +194,7 @@ def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
         total = 0.0
         for patch in patches:
             light, rate = patch.blurred(blur)[patch.use], patch.of(rates)[patch.use]
-            total += float(np.sum((rate - _shown(light, _curve(light, rate))) ** 2))
+            total += float(np.sum((rate - _expected(light, _curve(light, rate))) ** 2))
         left.append(total)
         if total > 1.5 * min(left):
             break
@@ -218,8 +218,8 @@ def _step(
     for patch in patches:
         light, rate = patch.blurred(blur), patch.of(rates)
         curve = _curve(light[patch.use], rate[patch.use])
-        shown = _shown(light, curve)
-        along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
+        expected = _expected(light, curve)
+        along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(expected))
         rows, columns = np.nonzero(patch.use)
         x, y = columns + float(patch.x), rows + float(patch.y)
         mx, my = project(inverse, x, y)
@@ -260,10 +260,10 @@ def shift_of(
         for patch in patches:
             light, use = patch.blurred(refined.blur), patch.use
             rate = patch.of(rates)[use]
-            shown = _shown(light, _curve(light[use], rate))
-            along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(shown))
+            expected = _expected(light, _curve(light[use], rate))
+            along_y, along_x = (np.asarray(a, np.float64) for a in np.gradient(expected))
             design = -np.stack([along_x[use], along_y[use]], 1)
-            rest = rate - shown[use]
+            rest = rate - expected[use]
             left += design.T @ design
             right += design.T @ rest
             square += float(rest @ rest)

@@ -17,8 +17,8 @@ from link.detect.catalogue import make_detector
 from link.layout import TRAINING, closing, training
 from link.line_codes import decode_line
 from link.receiving.acquiring import Acquired, lit_span
-from link.receiving.pacing import Late
-from link.receiving.phasing import find_late, nudge
+from link.receiving.pacing import Delay
+from link.receiving.phasing import measure_delay, nudge
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
 from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
@@ -167,13 +167,13 @@ class Session:
             if self.inbox.over:
                 recording.forget(recording.stop)
                 return
-            seen, right = (
+            arrived, right = (
                 a - b for a, b in zip((self.inbox.frames_seen, self.inbox.frames_right), before,
                                       strict=True)
             )  # fmt: skip
-            if seen == 0 or right >= _SOUND * seen:
+            if arrived == 0 or right >= _SOUND * arrived:
                 self._known = self._keep(first, soft > 0)
-                if seen:
+                if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
             else:
@@ -194,22 +194,22 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        made = make_detector(
+        detector = make_detector(
             self.detector_name, self.layout, registration, self.timing,
         )  # fmt: skip
         if self._known is not None:
             begin, known = self._known
-            made.learn(recording.words, recording.first, known, begin)
+            detector.learn(recording.words, recording.first, known, begin)
             if self._confidence is None and begin < TRAINING:
-                said = made.soft(recording.words, recording.first, begin, len(known))
-                self._confidence = confidence(said, known)
+                soft = detector.soft(recording.words, recording.first, begin, len(known))
+                self._confidence = confidence(soft, known)
         else:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
-            made.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
+            detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
-        return made
+        return detector
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
@@ -227,9 +227,9 @@ class Session:
                 recording, self.layout, registration, self.timing,
                 known_cells(self.layout, at, decided[some]), at,
             )  # fmt: skip
-            look = self._late(w) if w is not None else None
-            if look is not None:
-                self.pace = self.pace.seen(now, look)
+            delay = self._delay(w) if w is not None else None
+            if delay is not None:
+                self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
                 if abs(float(self.timing.start(*middle) - detector.timing.start(*middle))) > _LATE:
                     return self._detector(
@@ -240,14 +240,14 @@ class Session:
             self._learned = phase
         return detector
 
-    def _late(self, w: Witnesses) -> Late | None:
+    def _delay(self, w: Witnesses) -> Delay | None:
         """How late symbols are; None where the spikes do not say."""
-        look = find_late(w, self.timing, self.levels)
-        if look.error > _SHARP:  # many phases explain the spikes: is this one of them?
-            look = Late(nudge(w, self.timing, self.levels), _SHARP)
-            if look.late == 0:
+        delay = measure_delay(w, self.timing, self.levels)
+        if delay.error > _SHARP:  # many phases explain the spikes: is this one of them?
+            delay = Delay(nudge(w, self.timing, self.levels), _SHARP)
+            if delay.late == 0:
                 return None
-        return look if abs(look.late) < _FAR else None
+        return delay if abs(delay.late) < _FAR else None
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
         group = self.layout.group

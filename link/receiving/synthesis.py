@@ -132,8 +132,8 @@ def choose_witnesses(
         y = rng.uniform(edge, mode.height - edge - 1, 4 * count)
     u, v = (np.rint(a) for a in project(h, x, y))
     height, width = recording.shape
-    seen = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-    u, v = u[seen], v[seen]
+    in_view = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+    u, v = u[in_view], v[in_view]
     share, cell = _purity(layout, h, registration.blur, u, v)
     within = share > _PURE
     if pure and np.count_nonzero(within) >= _ENOUGH:

@@ -17,7 +17,8 @@ from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 
 __all__ = [
-    "LEAST_MODULE", "Found", "art_of", "find_tags", "fit_homography", "least_module", "tag_places",
+    "LEAST_MODULE", "TagSearch", "art_of", "find_tags", "fit_homography", "least_module",
+    "tag_places",
 ]  # fmt: skip
 
 Floats = npt.NDArray[np.float64]
@@ -42,7 +43,7 @@ _OFF: Final = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class TagSearch:
     """Tags seen: corner of the panel (0 to 3) to (id, camera corners (4, 2))."""
 
     tags: dict[int, tuple[int, Floats]]
@@ -66,10 +67,10 @@ def dictionary() -> Any:
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
-def find_tags(rates: npt.NDArray[np.float32]) -> Found:
+def find_tags(rates: npt.NDArray[np.float32]) -> TagSearch:
     """Tags in an image of spike rates, (height, width)."""
     white, brighter = (float(n) for n in np.quantile(rates, _WHITES))
-    best = _find(rates, white) if white > 0 else Found({})
+    best = _find(rates, white) if white > 0 else TagSearch({})
     if best.mode is None and brighter > _BRIGHTER * white:
         other = _find(rates, brighter)
         if len(other.tags) > len(best.tags) or other.mode is not None:
@@ -77,12 +78,12 @@ def find_tags(rates: npt.NDArray[np.float32]) -> Found:
     return best
 
 
-def _find(rates: npt.NDArray[np.float32], white: float) -> Found:
+def _find(rates: npt.NDArray[np.float32], white: float) -> TagSearch:
     """Tags in the image where `white` and all that is brighter is shown white."""
     import cv2
 
     grey = np.clip(rates * (255.0 / white), 0, 255).astype(np.uint8)
-    best = Found({})
+    best = TagSearch({})
     for factor in _ENLARGED:
         if factor > 1 and factor * max(grey.shape) > _LARGEST:
             break
@@ -90,15 +91,15 @@ def _find(rates: npt.NDArray[np.float32], white: float) -> Found:
             image = cv2.GaussianBlur(grey, (0, 0), blur) if blur else grey
             if factor > 1:
                 image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-            found = _detect(image, factor)
-            if len(found.tags) > len(best.tags):
-                best = found
+            search = _detect(image, factor)
+            if len(search.tags) > len(best.tags):
+                best = search
             if best.mode is not None:
                 return best
     return best
 
 
-def _detect(image: npt.NDArray[Any], factor: float) -> Found:
+def _detect(image: npt.NDArray[Any], factor: float) -> TagSearch:
     import cv2
 
     setting = cv2.aruco.DetectorParameters()
@@ -109,7 +110,7 @@ def _detect(image: npt.NDArray[Any], factor: float) -> Found:
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary(), setting).detectMarkers(image)
     tags: dict[int, tuple[int, Floats]] = {}
     if ids is None:
-        return Found(tags)
+        return TagSearch(tags)
     sizes: dict[int, float] = {}
     for corner, number in zip(corners, ids.ravel(), strict=True):
         # OpenCV counts the middle of a pixel as whole; enlarged by f it stands at f x + (f - 1) / 2
@@ -119,7 +120,7 @@ def _detect(image: npt.NDArray[Any], factor: float) -> Found:
         if size > sizes.get(which, 0.0):  # the larger one where two claim a corner
             sizes[which] = size
             tags[which] = (int(number), at)
-    return Found(tags)
+    return TagSearch(tags)
 
 
 def least_module(blur: float) -> float:
@@ -154,13 +155,13 @@ def art_of(tag: int) -> npt.NDArray[np.bool_]:
     return out
 
 
-def fit_homography(found: Found, layout: Layout) -> tuple[Floats, float] | None:
+def fit_homography(search: TagSearch, layout: Layout) -> tuple[Floats, float] | None:
     """Homography from panel to camera by the corners of four tags, and the largest distance of a
     corner from it, camera pixels; None where there is none or the panel is seen from behind."""
     import cv2
 
     panel = np.concatenate([tag_corners(layout, corner) for corner in range(4)])
-    camera = np.concatenate([found.tags[corner][1] for corner in range(4)])
+    camera = np.concatenate([search.tags[corner][1] for corner in range(4)])
     # corners of tags are better within a tag's size than the four middles are apart: all at once
     out, _ = cv2.findHomography(panel, camera, 0)
     if out is None or not np.isfinite(out).all() or abs(out[2, 2]) < 1e-12:

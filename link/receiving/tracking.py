@@ -32,10 +32,10 @@ def drift_by_tags(
     at = (0.0, 0.0)
     for w in range(low, high):
         rates = np.bitwise_count(recording.words[w]).astype(np.float32) / np.float32(WORD)
-        found = shift_of(rates, refined, tags, at)
-        if found is None:
+        moved = shift_of(rates, refined, tags, at)
+        if moved is None:
             continue
-        at, error = found
+        at, error = moved
         out.append((recording.first + (w + 0.5) * WORD, *at))
         errors.append(error)
     if len(out) < 2:

@@ -40,18 +40,18 @@ def _facts(link: LinkEvaluation) -> list[str]:
     mean = share[carries].mean()
     facts.append(f"A cell is wrong in {mean:.2g} of its symbols on average, the worst in "
                 f"{share.max():.2g}.")  # fmt: skip
-    beside = np.zeros_like(carries)
-    beside[:, 1:] |= ~carries[:, :-1]
-    beside[:, :-1] |= ~carries[:, 1:]
-    beside[1:] |= ~carries[:-1]
-    beside[:-1] |= ~carries[1:]
+    adjacent = np.zeros_like(carries)
+    adjacent[:, 1:] |= ~carries[:, :-1]
+    adjacent[:, :-1] |= ~carries[:, 1:]
+    adjacent[1:] |= ~carries[:-1]
+    adjacent[:-1] |= ~carries[1:]
     edge = np.zeros_like(carries)
     edge[[0, -1]] = True
     edge[:, [0, -1]] = True
     facts += _against_grid(link, carries)
     for name, mask in (
         ("at the panel's edge, where half of the neighbourhood is dark", edge),
-        ("beside tags and pilots", beside & ~edge),
+        ("beside tags and pilots", adjacent & ~edge),
     ):
         mine = mask & carries
         if mine.any():

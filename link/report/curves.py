@@ -72,9 +72,9 @@ def _curve(ax: Any, curve: dict[str, Any], colour: str) -> None:
         )  # fmt: skip
     judged = np.array(curve["judged"])
     for chosen, fill in ((judged, colour), (~judged, "white")):
-        seen = chosen & (measured > 0)
-        if seen.any():
+        drawn = chosen & (measured > 0)
+        if drawn.any():
             ax.errorbar(
-                x[seen], measured[seen], [(measured - low)[seen], (high - measured)[seen]],
+                x[drawn], measured[drawn], [(measured - low)[drawn], (high - measured)[drawn]],
                 fmt="o", markersize=4, color=colour, markerfacecolor=fill, elinewidth=1, capsize=2,
             )  # fmt: skip

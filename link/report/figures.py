@@ -67,8 +67,8 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
         most = max((rate for _, rate in rows if rate), default=1.0)
         for n, (_, rate) in enumerate(rows):
             ax.barh(n, rate or 0.0, color=BLUE if n else PALE, height=0.62)
-            told = "not known" if rate is None else bits(rate)
-            ax.text((rate or 0.0) + most * 0.01, n, told, va="center", fontsize=9, color=INK)
+            text = "not known" if rate is None else bits(rate)
+            ax.text((rate or 0.0) + most * 0.01, n, text, va="center", fontsize=9, color=INK)
         ax.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=9, color=INK)
         ax.invert_yaxis()
         ax.set_xlim(0, most * 1.16)
@@ -78,21 +78,21 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
 def lowest_rate(values: Sequence[float | None], bits: int) -> float:
     """Where an axis of bit error rates begins: below all that are above 0, `_LOWEST` at
     least, and below one error in `bits`."""
-    seen = [value for value in values if value] + [1 / max(bits, 1), 3e-8]
-    return max(min(seen) / 3, _LOWEST)
+    positive = [value for value in values if value] + [1 / max(bits, 1), 3e-8]
+    return max(min(positive) / 3, _LOWEST)
 
 
 def errors_figure(link: LinkEvaluation, path: Path) -> None:
     """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
     with figure_at(path, 8.2, 1.9) as (_, ax):
         theory, errors = link.theory, link.errors
-        shown = [
+        rows = [
             ("measured", errors.rate, theory.interval, MARK),
             ("the soft values' own promise", theory.soft, None, BLUE),
             ("theory (estimate)", theory.closed, theory.closed_interval, BLUE),
         ]
-        least = lowest_rate([value for _, value, *_ in shown], errors.bits)
-        for n, (_, value, interval, colour) in enumerate(shown):
+        least = lowest_rate([value for _, value, *_ in rows], errors.bits)
+        for n, (_, value, interval, colour) in enumerate(rows):
             if interval is not None:
                 low, high = (max(x, least) for x in interval)
                 ax.plot([low, high], [n, n], color=colour, linewidth=5, alpha=0.35)
@@ -103,15 +103,15 @@ def errors_figure(link: LinkEvaluation, path: Path) -> None:
                     max(value, least), n, "o" if value >= least else "<", color=colour,
                     markersize=6, clip_on=False,
                 )  # fmt: skip
-                told = "none" if value == 0 else f"{value:.2g}"
+                text = "none" if value == 0 else f"{value:.2g}"
                 ax.annotate(
-                    told, (max(value, least), n), (8, 6), textcoords="offset points", fontsize=8.5,
+                    text, (max(value, least), n), (8, 6), textcoords="offset points", fontsize=8.5,
                     color=INK,
                 )  # fmt: skip
         ax.set_xscale("log")
         ax.set_xlim(least, 1)
-        ax.set_yticks(range(len(shown)), [name for name, *_ in shown], fontsize=9, color=INK)
-        ax.set_ylim(len(shown) - 0.4, -0.6)
+        ax.set_yticks(range(len(rows)), [name for name, *_ in rows], fontsize=9, color=INK)
+        ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_xlabel("raw bit error rate, before line code and Reed-Solomon")
 
 
@@ -169,7 +169,7 @@ def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float
     """Where one cell and symbol length is the best: the distance of its name's middle, its highest
     rate, and the name, which stands right of the line that falls to it; those left out for whose
     names an axis from left to right has no room."""
-    found: list[tuple[float, float, str]] = []
+    stretches: list[tuple[float, float, str]] = []
     free = 0.0
     per_letter = 0.0068 * math.log(right / left)
     before = None
@@ -182,10 +182,10 @@ def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float
         text = f"{size[0]}x{size[0]}, {size[1]} ticks"
         half = len(text) * per_letter / 2
         middle = max(math.log(first * last) / 2, math.log(falls) + per_letter + half)
-        if middle - half >= free or not found:
-            found.append((math.exp(middle), max(r.rate for r in held), text))
+        if middle - half >= free or not stretches:
+            stretches.append((math.exp(middle), max(r.rate for r in held), text))
             free = middle + half
-    return found
+    return stretches
 
 
 def _some(x: float, _: int) -> str:

@@ -40,7 +40,7 @@ def _frames_of(result: Result, name: str) -> str:
 def _cards(link: LinkEvaluation, run: Run) -> str:
     error, spent = run.result.error, time.perf_counter() - run.began
     paired = link.check.paired
-    told = (
+    text = (
         "error against full physics: not measured" if paired is None
         else f"error against full physics, at most {paired.high:.2g} (99.9 %): {paired.kind}"
     )  # fmt: skip
@@ -51,7 +51,7 @@ def _cards(link: LinkEvaluation, run: Run) -> str:
         ("first", _rate(link.rates.goodput), "goodput: first light to last verified byte"),
         ("first", _count(link.errors.rate), "raw bit error rate"),
         ("", f"{lost} of {sent}", "frames lost"),
-        ("", _count(error.value), told),
+        ("", _count(error.value), text),
         ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
         ("", str(len(run.result.left_out)), "effects left out"),
     ])  # fmt: skip
@@ -179,7 +179,7 @@ def _reach(link: LinkEvaluation, figures: Path) -> str:
 def _verdict(link: LinkEvaluation) -> str:
     good = link.verdict.cause is Cause.NONE
     head = "Received whole" if good else f"Verdict: {link.verdict.cause.value}"
-    return f"<h2>{html.escape(head)}</h2><p>{html.escape(link.verdict.told)}</p>"
+    return f"<h2>{html.escape(head)}</h2><p>{html.escape(link.verdict.text)}</p>"
 
 
 def link_page(link: LinkEvaluation, run: Run) -> Page:

@@ -12,7 +12,7 @@ from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["NOT_KNOWN", "kept_section", "machine_section", "told_error"]
+__all__ = ["NOT_KNOWN", "error_text", "kept_section", "machine_section"]
 
 
 NOT_KNOWN = "not known"
@@ -32,7 +32,7 @@ def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
     ]  # fmt: skip
 
 
-def told_error(check: LinkCheck) -> str:
+def error_text(check: LinkCheck) -> str:
     """What the error and its interval mean, in words."""
     paired = check.paired
     if paired is None:
@@ -65,7 +65,7 @@ def told_error(check: LinkCheck) -> str:
 def kept_section(link: LinkEvaluation, result: Result) -> str:
     """What was left out with its bound, and what was kept."""
     kept = ", ".join(result.kept) or "nothing"
-    said = (
+    head = (
         "In the table, in such half-widths: the error foreseen of leaving an effect out, "
         "and the one measured without it alone, with its 99.9 % interval."
     )  # fmt: skip
@@ -77,10 +77,10 @@ def kept_section(link: LinkEvaluation, result: Result) -> str:
         if result.left_out else "<p>Nothing was left out.</p>"
     )  # fmt: skip
     if not result.left_out:
-        said = ""
+        head = ""
     return (
-        f"<h2>What was kept and what was left out</h2><p>{html.escape(told_error(link.check))}</p>"
-        f"<p>{html.escape(said)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
+        f"<h2>What was kept and what was left out</h2><p>{html.escape(error_text(link.check))}</p>"
+        f"<p>{html.escape(head)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
     )
 
 

@@ -91,10 +91,10 @@ class Transmission:
                 self._disparities.append(np.packbits(np.zeros(cells, np.bool_)))
             for n in range(len(self._disparities) - 1, group + 1):
                 state = np.unpackbits(self._disparities[n], count=cells).view(np.bool_)
-                shown = encode_line(line, self.outbox.values(n)[None], state)
+                symbols = encode_line(line, self.outbox.values(n)[None], state)
                 if n + 1 == len(self._disparities):
                     self._disparities.append(np.packbits(state))
-                self._group = n, shown
+                self._group = n, symbols
             if self._group is None or self._group[0] != group:
                 state = np.unpackbits(self._disparities[group], count=cells).view(np.bool_)
                 self._group = group, encode_line(line, self.outbox.values(group)[None], state)

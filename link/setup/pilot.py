@@ -50,9 +50,8 @@ def strip_of(setting: LinkSetting) -> LinkSetting:
     high = np.maximum(high, low + 2 * _MARGIN)  # out of view: something, which will not work
     wide, high_rows = (int(n) for n in high - low)
     chip = replace(setting.camera.chip, width=wide, height=high_rows)
-    camera = replace(
-        setting.camera, chip=chip, row_skew=setting.camera.row_skew * high_rows / height
-    )
+    camera = replace(setting.camera, chip=chip)
+    camera = camera.changed(row_skew=setting.camera.row_skew * high_rows / height)
     # The small sensor's middle is elsewhere than the whole one's.
     x = setting.aim.offset[0] + (width - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
     y = setting.aim.offset[1] + (height - 1) / 2 - (float(low[1]) + (high_rows - 1) / 2)
@@ -104,6 +103,6 @@ def film_pilot(
     count = groups * size.layout.group
     sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
     words, timing, air = _film(strip, sent, device)
-    made = make_detector(detector, sent.layout, air.truth, timing)
-    made.learn(words, 0, sent.bits(0, TRAINING), 0)
-    return Pilot(made.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))
+    learned = make_detector(detector, sent.layout, air.truth, timing)
+    learned.learn(words, 0, sent.bits(0, TRAINING), 0)
+    return Pilot(learned.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

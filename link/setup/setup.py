@@ -15,6 +15,7 @@ from link.sending import Transmission
 from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from link.setup.choosing import Choice
 from link.setup.modes import choose_mode, tag_warning
+from sensor import CameraSetting
 
 __all__ = ["LinkSetup", "set_up_link"]
 
@@ -122,13 +123,16 @@ def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int
     return symbols
 
 
-def set_up_link(scenario: LinkScenario, device: str | None, progress: Progress) -> LinkSetup:
+def set_up_link(
+    scenario: LinkScenario, camera: CameraSetting, device: str | None, progress: Progress
+) -> LinkSetup:
     """Checks a scenario and chooses its mode. Raises InputError.
 
     Args:
+        camera: that of [sensor], with every effect.
         device: part of an OpenCL device's name, "numba", or None for the default one.
     """
-    payload, setting = payload_of(scenario), link_setting(scenario)
+    payload, setting = payload_of(scenario), link_setting(scenario, camera)
     opened, seconds = choose_device(device), {}
     begin = time.perf_counter()
     mode, choice = choose_mode(scenario, setting, len(payload.data), opened, progress)

@@ -59,12 +59,12 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
         bit = 1 << (j - start)
         reached_now = [(bit, j + 1, _fires(fresh, alive, j))]
         reached_now += [
-            (seen | bit, j + 1, chance * (alive[last, j] - alive[last, j + 1]))
-            for seen, last, chance in reached
+            (pattern | bit, j + 1, chance * (alive[last, j] - alive[last, j + 1]))
+            for pattern, last, chance in reached
         ]
         reached += reached_now
-    for seen, last, chance in reached:
-        out[..., seen] = chance * alive[last, ticks]
+    for pattern, last, chance in reached:
+        out[..., pattern] = chance * alive[last, ticks]
     return out
 
 

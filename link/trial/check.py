@@ -74,7 +74,7 @@ class Paired:
         return off / self.unit, low / self.unit, high / self.unit
 
     @property
-    def _told(self) -> tuple[float, float, float]:
+    def _estimate(self) -> tuple[float, float, float]:
         if self.near is None:
             return self.counted
         each = self.rate / self.unit
@@ -84,17 +84,17 @@ class Paired:
     @property
     def value(self) -> float:
         """|Difference of the rates| in half-widths, of `kind`."""
-        return self._told[0]
+        return self._estimate[0]
 
     @property
     def low(self) -> float:
         """At 99.9 %, half-widths."""
-        return self._told[1]
+        return self._estimate[1]
 
     @property
     def high(self) -> float:
         """At 99.9 %, half-widths."""
-        return self._told[2]
+        return self._estimate[2]
 
     def met(self, rate: float, bits: int) -> Paired:
         """The same beside a bit error rate met over so many bits."""

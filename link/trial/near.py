@@ -70,8 +70,8 @@ def near(full: Lead, run: Lead, level: float) -> Near | None:
     count = max(round(SHARE * bits), FEWEST)
     if count > WIDEST * bits:
         return None
-    own = np.random.default_rng(_SEED).uniform(-_SPREAD, _SPREAD, full.shape).astype(np.float32)
-    one, two = full - own, run - own
+    offset = np.random.default_rng(_SEED).uniform(-_SPREAD, _SPREAD, full.shape).astype(np.float32)
+    one, two = full - offset, run - offset
     margin = float(np.partition(one.ravel(), count)[count])
     if margin <= _SPREAD:
         return None

@@ -90,18 +90,20 @@ class _Squares:
         return self.boxes[tile]
 
 
-class _Shown:
+class _PanelPixels:
     """What the panel shows, made once for all airs that follow each other closely."""
 
     def __init__(self, sent: Transmission) -> None:
         self._sent, self.ticks = sent, sent.ticks
-        self._kept: dict[int, npt.NDArray[np.bool_]] = {}
+        self._cache: dict[int, npt.NDArray[np.bool_]] = {}
 
     def pixels(self, symbol: int) -> npt.NDArray[np.bool_]:
-        if symbol not in self._kept:
-            self._kept = {n: made for n, made in self._kept.items() if n > symbol - _BLOCK}
-            self._kept[symbol] = self._sent.pixels(symbol)
-        return self._kept[symbol]
+        if symbol not in self._cache:
+            self._cache = {
+                n: detector for n, detector in self._cache.items() if n > symbol - _BLOCK
+            }
+            self._cache[symbol] = self._sent.pixels(symbol)
+        return self._cache[symbol]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +132,8 @@ class LinkPatches:
         tenth = min(max(min(chip.height, chip.width) // 10, SIDE[0]), SIDE[1])
         size = min(max(tenth, round(4 * side) + 2 * MARGIN), chip.height, chip.width)
         x, y = self._centres(layout)
-        seen = (x > 0) & (x < chip.width - 1) & (y > 0) & (y < chip.height - 1)
-        boxes = self._boxes(x[seen], y[seen], size, seed)
+        in_view = (x > 0) & (x < chip.width - 1) & (y > 0) & (y < chip.height - 1)
+        boxes = self._boxes(x[in_view], y[in_view], size, seed)
         inside = np.zeros(len(x), np.bool_)
         reach = side / 2 + MARGIN
         for y0, y1, x0, x1 in boxes:
@@ -175,7 +177,7 @@ class LinkPatches:
         for along in (dx, dy, dx + dy, dx - dy):
             chosen += [int(np.argmin(along)), int(np.argmax(along))]
         chosen += np.random.default_rng(seed).permutation(len(x))[:RANDOM].tolist()
-        made: list[tuple[int, int, int, int]] = []
+        boxes: list[tuple[int, int, int, int]] = []
         for n in chosen:
             # Drawn in towards the middle, so that a cell at the panel's end lies well within.
             left = round(float(x[n] - np.sign(dx[n]) * min(half * 0.6, abs(dx[n])))) - half
@@ -183,12 +185,12 @@ class LinkPatches:
             left, top = (
                 min(max(left, 0), chip.width - size), min(max(top, 0), chip.height - size),
             )  # fmt: skip
-            made.append((top, top + size, left, left + size))
-        return list(dict.fromkeys(made))
+            boxes.append((top, top + size, left, left + size))
+        return list(dict.fromkeys(boxes))
 
-    def _air(self, shown: _Shown, kept: frozenset[str] | None) -> Air:
+    def _air(self, source: _PanelPixels, kept: frozenset[str] | None) -> Air:
         assert self.plane is not None
-        return self._setting.make_air(shown, self._sent.planes, kept, self.plane.places)
+        return self._setting.make_air(source, self._sent.planes, kept, self.plane.places)
 
     def film(
         self, variants: Mapping[str, Variant], device: Device | None, progress: Progress
@@ -197,8 +199,8 @@ class LinkPatches:
         in view, or the transmission ends with its training."""
         if self.plane is None or not self.bits:
             raise ValueError("at least one data cell must be in view and sent")
-        shown, kinds = _Shown(self._sent), dict.fromkeys(v.air for v in variants.values())
-        airs = {kept: self._air(shown, kept) for kept in kinds}
+        source, kinds = _PanelPixels(self._sent), dict.fromkeys(v.air for v in variants.values())
+        airs = {kept: self._air(source, kept) for kept in kinds}
         cameras = {
             name: PatchCamera(v.camera, self.plane, v.tier, device, late=airs[v.air].late)
             for name, v in variants.items()
@@ -220,9 +222,9 @@ class LinkPatches:
                 spent[kept].append(time.perf_counter() - begin)
             for name, camera in cameras.items():
                 begin = time.perf_counter()
-                made = camera.step(lights[variants[name].air], start, block.cycles)
+                latched = camera.step(lights[variants[name].air], start, block.cycles)
                 spent[name].append(time.perf_counter() - begin)
-                words[name].append(made)
+                words[name].append(latched)
             progress.advance(block.stop)
         size = self.plane.numbers.size
         decided: dict[str, Decided] = {}
@@ -243,10 +245,12 @@ class LinkPatches:
         whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
         whole[:, self.plane.numbers.astype(np.intp)] = words
         timing = true_timing(self._setting, air.late, self._sent.ticks)
-        made = make_detector(self._detector, self._part, self._registration(air, timing), timing)
-        seen, sent = whole.reshape(-1, chip.height, chip.width), self._sent
-        made.learn(seen, 0, sent.bits(0, TRAINING)[:, self.cells], 0)
-        soft = made.soft(seen, 0, TRAINING, self.symbols)
+        detector = make_detector(
+            self._detector, self._part, self._registration(air, timing), timing
+        )
+        planes, sent = whole.reshape(-1, chip.height, chip.width), self._sent
+        detector.learn(planes, 0, sent.bits(0, TRAINING)[:, self.cells], 0)
+        soft = detector.soft(planes, 0, TRAINING, self.symbols)
         on = sent.bits(TRAINING, self.symbols)[:, self.cells]
         return np.where(on, soft, -soft), np.asarray((soft > 0) != on)
 

@@ -102,7 +102,7 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
     shot = q if any(e.name == "shot noise" for e in camera.effects) else 0.0
     noise = math.sqrt(shot + camera.threshold_noise**2) - math.sqrt(shot)
     swing = (scene.on - scene.off) / on
-    made = {
+    sizes = {
         # Without it a charge falls on the other side of a threshold up to so many deviations away.
         "shot noise": _DEVIATIONS * math.sqrt(q) / on,
         "threshold noise": _DEVIATIONS * noise / on,
@@ -113,7 +113,7 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
         "comparator overshoot": abs(camera.overshoot) / on,
         "leak": abs(camera.leak) * tick / on,
     }
-    changes = {name: Change(size) for name, size in made.items()}
+    changes = {name: Change(size) for name, size in sizes.items()}
     if camera.pattern is not None:
         own = camera.pattern
         anew = scene.cycles / (camera.chip.width * camera.chip.height)
@@ -213,9 +213,9 @@ def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> 
     )  # fmt: skip
     changes = camera_changes(camera, scene)
     lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
-    made = [_link_effect(effect, changes, lost) for effect in camera.kept]
+    sizes = [_link_effect(effect, changes, lost) for effect in camera.kept]
     return LinkSurvey(
         camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),
-        tuple(_known(e, scene) for e in made), _own(camera, scene),
+        tuple(_known(e, scene) for e in sizes), _own(camera, scene),
         ber_units(scene, camera.lumped_error),
     )  # fmt: skip

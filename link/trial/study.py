@@ -6,22 +6,33 @@ from typing import Any
 
 from cosim.run.progress import Progress
 from link.section import LinkScenario
-from link.setup.setup import set_up_link
+from link.setup.setup import LinkSetup, set_up_link
 from link.trial.forecast import link_forecast
 from link.trial.ladder import link_ladder
+from sensor import CameraSetting
 
 __all__ = ["LinkStudy"]
 
 
 class LinkStudy:
-    """See `Study`. device: part of an OpenCL device's name, "numba", or None for the default."""
+    """See `Study`.
 
-    def __init__(self, name: str, scenario: LinkScenario, device: str | None) -> None:
-        self._name, self._scenario, self._device = name, scenario, device
+    Args:
+        name: short name of the scenario.
+        camera: that of [sensor], with every effect.
+        device: part of an OpenCL device's name, "numba", or None for the default one.
+    """
+
+    def __init__(
+        self, name: str, scenario: LinkScenario, camera: CameraSetting, device: str | None
+    ) -> None:
+        self._name, self._scenario, self._camera, self._device = name, scenario, camera, device
+
+    def _set_up(self, progress: Progress) -> LinkSetup:
+        return set_up_link(self._scenario, self._camera, self._device, progress)
 
     def forecast(self, progress: Progress) -> dict[str, Any]:
-        setup = set_up_link(self._scenario, self._device, progress)
-        return link_forecast(self._name, setup, progress)
+        return link_forecast(self._name, self._set_up(progress), progress)
 
     def ladder(self, progress: Progress) -> dict[str, Any]:
-        return link_ladder(set_up_link(self._scenario, self._device, progress), progress)
+        return link_ladder(self._set_up(progress), progress)

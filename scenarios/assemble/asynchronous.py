@@ -76,7 +76,7 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
 
 
 def _setting(scenario: Scenario) -> CameraSetting:
-    """Chip, light and device as for any camera; the array as large as the scenario says."""
+    """Chip, light and device as for any camera; the array in the size of the scenario."""
     sensor = scenario.sensor
     section = sensor.asynchronous or AsynchronousSection()
     refuse_keys(

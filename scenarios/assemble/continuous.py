@@ -67,7 +67,7 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
 
 
 def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
-    """Chip, light and device as for any camera; the array as large as the scenario says. Raises
+    """Chip, light and device as for any camera; the array in the size of the scenario. Raises
     InputError for keys that have a meaning only for a pixel that spikes."""
     sensor = scenario.sensor
     refuse_keys(

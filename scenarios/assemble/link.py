@@ -8,6 +8,7 @@ from cosim.run.progress import Progress
 from link.machine import LinkMachine
 from link.section import LinkScenario
 from link.setup.setup import set_up_link
+from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.link_loop import open_loop
 
 __all__ = ["assemble_link"]
@@ -21,6 +22,7 @@ def assemble_link(
         loop = open_loop(scenario)
         if loop is not None:
             stack.callback(loop.close)
-        machine = LinkMachine(name, set_up_link(scenario, device, progress), loop)
+        setup = set_up_link(scenario, camera_setting(scenario), device, progress)
+        machine = LinkMachine(name, setup, loop)
         stack.pop_all()  # the machine closes the board from here on
     return machine

@@ -97,11 +97,11 @@ def _gl() -> Check:
 
 
 def _kernel() -> Check:
-    """Whether the chip's kernel can be built and agrees with plain numpy, in a child."""
+    """Whether the chip's kernel can be built and agrees with its compiled form, in a child."""
     command = [sys.executable, "-m", "scenarios.cli.kernel"]
     child = subprocess.run(command, capture_output=True, text=True)
     if child.stdout.strip() == "agree":
-        return Check("kernel", True, "built, and agrees with plain numpy on every bit")
+        return Check("kernel", True, "built, and agrees with the compiled form on every bit")
     last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
     last = re.sub(r"^cosim\.errors\.\w+: ", "", last)
     return Check(

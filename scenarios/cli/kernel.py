@@ -1,4 +1,4 @@
-"""Whether the chip's OpenCL kernel agrees with plain numpy on every bit: run as a child of
+"""Whether the chip's OpenCL kernel agrees with its compiled form on every bit: run as a child of
 `viform doctor`, since a driver may abort the process."""
 
 from __future__ import annotations
@@ -6,10 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.compute.opencl import open_device
-from sensor import EFFECTS
-from sensor.latched.pixel.kernel import KernelPixels
-from sensor.latched.pixel.model import ExactModel, Span
-from sensor.latched.pixel.plain import PlainPixels
+from sensor import EFFECTS, make_pixels
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["kernel_agrees"]
 
@@ -21,8 +20,8 @@ def kernel_agrees() -> bool:
     model = ExactModel(100.0, 1, tuple(EFFECTS.values()))
     numbers = np.arange(_PIXELS, dtype=np.uint32)
     spans = [Span(0, _CYCLES, np.arange(_PIXELS) * 2**40)]
-    plain, kernel = PlainPixels(model, numbers), KernelPixels(model, numbers, open_device())
-    return bool((plain.expose(spans, _CYCLES) == kernel.expose(spans, _CYCLES)).all())
+    compiled, kernel = (make_pixels(model, numbers, device) for device in (None, open_device()))
+    return bool((compiled.expose(spans, _CYCLES) == kernel.expose(spans, _CYCLES)).all())
 
 
 if __name__ == "__main__":

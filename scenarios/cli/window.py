@@ -47,7 +47,7 @@ def show_live(
     scene, lens = setup.stages(setup.source()).values()
     camera = SpikeCamera(setup.setting, setup.device)
     fit = fit_words(section.fit, setup.shape, panel.shape)
-    window, shown = opened(scenario.title, panel.shape), 0
+    window, pictures = opened(scenario.title, panel.shape), 0
     renderer = None
     try:
         renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)
@@ -60,10 +60,10 @@ def show_live(
             renderer.step(fit(spikes.words), block.cycles, views)
             if not window.show(for_display(renderer.take(0))):
                 break
-            shown += 1
+            pictures += 1
             progress.advance(block.stop)
     finally:
         if renderer is not None:
             renderer.close()
         window.close()
-    return shown
+    return pictures

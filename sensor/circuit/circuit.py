@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
-from sensor.circuit.lumped import Lumped, lump
-from sensor.latched.effects.threshold_noise import ELEMENTARY_CHARGE
+from sensor.device.ktc import ELEMENTARY_CHARGE
 
 __all__ = ["Circuit"]
 
@@ -80,11 +79,6 @@ class Circuit:
                 f"not {self.nonlinearity:g} a volt"
             )
         return 2 * linear / (1 + math.sqrt(inside))
-
-    def lumped(self, threshold: float, least: float, most: float) -> Lumped:
-        """What the exact tier can carry of it for light from `least` to `most` electrons a second,
-        with a bound on the relative error of the rate that remains (lumped.py)."""
-        return lump(self, threshold, least, most)
 
     def packed(self) -> npt.NDArray[np.float64]:
         """For the compiled loops, time in ps: leak, nonlinearity, electrons a volt, gain, pole,

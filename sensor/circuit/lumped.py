@@ -20,14 +20,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from cosim.clock import PS
-
-if TYPE_CHECKING:
-    from sensor.circuit.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 
 __all__ = ["Lumped", "lump"]
 
@@ -54,7 +52,11 @@ def lump(circuit: Circuit, threshold: float, least: float, most: float) -> Lumpe
     overshoot in electrons by x at most; where there are both, the linear circuit is lumped, the
     overshoot is corrected and the rest is in the bound.
     """
-    from sensor.circuit.phases import DELAY, RESET, within
+    from sensor.circuit.phases import (  # numba, which start-up need not wait for
+        DELAY,
+        RESET,
+        within,
+    )
 
     if not 0 < least <= most < math.inf:
         raise ValueError(f"light must be above 0 and finite, not {least:g} to {most:g} e/s")

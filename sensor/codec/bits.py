@@ -106,7 +106,7 @@ def read_golomb(data, order, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def leb_size(values):  # type: ignore[no-untyped-def]
-    """Bytes of the values in LEB128: seven bits a byte, the eighth says that more follow."""
+    """Bytes of the values in LEB128: seven bits a byte, the eighth is set if more follow."""
     total = values.size
     for i in range(values.size):
         v = np.int64(values[i]) >> 7

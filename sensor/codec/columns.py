@@ -48,7 +48,7 @@ def pack_column(values: Column, level: int | None) -> bytes:
 
 
 def _content_size(head: bytes) -> int | None:
-    """Bytes that a zstd frame says it holds, None where it does not (RFC 8878, 3.1.1)."""
+    """Content size in the header of a zstd frame; None if absent (RFC 8878, 3.1.1)."""
     if len(head) < 6 or head[:4] != b"\x28\xb5\x2f\xfd":
         return None
     single = head[4] >> 5 & 1

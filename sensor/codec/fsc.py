@@ -8,7 +8,7 @@ head    96 bytes: "VIFSC1\\r\\n"; code (1 byte: its place in CODES), refine (1),
 frames  for each chunk, for each band: bytes (4), CRC-32 of its number and its data (4), data:
         columns.py; which columns: follow.py and line.py
 
-`code` says whether the stream is the recorded one (line, repeat) or what is left of it
+`code` tells the recorded stream (line, repeat) from one that has lost detail
 (statistical, with the settings it was made with).
 """
 

@@ -1,4 +1,4 @@
-"""What the physics says of widths and of the code of them, in closed form.
+"""Laws of widths, and of a code of them, in closed form.
 
 A width X of steady light is Gamma(Q) with mean mu ticks (Huang 2022, section 5.1): relative
 standard deviation (RSD) 1/sqrt(Q); threshold noise of s electrons adds (s/Q)^2 to its square. The

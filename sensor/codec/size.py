@@ -116,7 +116,7 @@ def measure_sizes(stream: SpikeStream, threshold: float, noise: float) -> Sizes:
 
 
 def size_metrics(sizes: Sizes) -> dict[str, Metric]:
-    """What result.json says of them; size_first_spike is the smaller of the lossless two."""
+    """Metrics for result.json; size_first_spike is the smaller of the two lossless sizes."""
     return {
         "size_zstd": Metric(sizes.zstd, UNIT),
         "size_repeat": Metric(sizes.repeat, UNIT),

@@ -3,7 +3,7 @@
 Each pixel watches its photocurrent; when it has changed by more than a threshold since the last
 report, the pixel measures its intensity and puts the absolute value out. Nothing integrates to a
 threshold and nothing spikes. The source gives the principle and no circuit; docs/continuous.md
-says what is made of it here.
+specifies the model.
 """
 
 from __future__ import annotations
@@ -55,10 +55,14 @@ def _flat(plane: Plane) -> Floats:
 class ContinuousCamera:
     """The pixels of a continuous-photographing chip.
 
-    rows: the rows of the chip that are simulated, all unless given; a pixel's number, and so its
-    noise, is its place on the whole chip. Calls of `step` go on from one another; the first finds
-    the monitors settled at the light it begins with. Results do not depend on how the time is
-    split: state and noise are reckoned from the pieces of light and from the clock's ticks.
+    Calls of `step` continue one another; at the first, the monitors have settled at the light that
+    it begins with. Results do not depend on how the time is split: state and noise are computed
+    from the pieces of light and from the ticks of the clock.
+
+    Args:
+        setting: of the sensor.
+        rows: rows of the chip that are simulated, all if None. The number of a pixel, and so its
+            noise, is its place on the whole chip.
     """
 
     def __init__(self, setting: ContinuousSetting, rows: tuple[int, int] | None = None) -> None:

@@ -15,7 +15,7 @@ __all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
 
 QUIET = 6.0
 """Standard deviations of shot noise that the threshold holds at least where no floor is given. A
-change is told from a reference that is as noisy as the current itself, so their difference has
+change is measured from a reference that is as noisy as the current itself, so their difference has
 sqrt(2) times its deviation."""
 
 

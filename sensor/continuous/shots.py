@@ -12,6 +12,7 @@ from cosim import Clock, Intensities, Light, Plane, last_reports
 from cosim.light.source import Source
 from cosim.run.result import Metric
 from sensor.continuous.setting import ContinuousSetting
+from sensor.latched.effects import EFFECTS
 from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 
@@ -112,7 +113,7 @@ def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]
     names = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
     names += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
     names += ["converter", "report clock"]
-    return names + [e.name for e in camera.kept if e not in camera.effects]
+    return names + [e.name for e in camera.kept if e.name not in EFFECTS]
 
 
 def notes_of(setting: ContinuousSetting, white: float) -> list[str]:

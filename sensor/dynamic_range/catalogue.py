@@ -1,7 +1,7 @@
 """Sensors and converters to choose from when a budget names none of its own.
 
 What a document prints is said so; the rest is assumed, of the right order for such a part. Prices
-are nobody's: a budget that limits the price brings its own parts.
+are invented: a budget that limits the price brings its own parts.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from sensor.device.ktc import ktc_electrons
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
-from sensor.latched.effects import ktc_electrons
 
 __all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
 

@@ -86,7 +86,7 @@ def measure_chain(
     points = []
     for share in _ABOUT:
         signal = share * chain.least
-        _, variance, spread = taken(signal)  # the slope tells the mean far better
+        _, variance, spread = taken(signal)  # the slope gives the mean far more exactly
         snr = slope * signal / math.sqrt(variance)
         relative = spread / (4 * variance**2) + slope_variance / slope**2
         points.append((math.log(signal), math.log(snr), relative))

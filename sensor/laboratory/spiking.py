@@ -17,9 +17,9 @@ from cosim import Block, Clock, Light, Piece
 from cosim.plan.effects import Effect
 from sensor.device.chips import CHIPS
 from sensor.device.pattern import DevicePattern
-from sensor.device.silicon import SILICON
 from sensor.imagers import Exposed
 from sensor.latched.camera import SpikeCamera
+from sensor.latched.effects.catalogue import silicon_sizes
 from sensor.latched.setting import CameraSetting
 
 __all__ = ["SpikeCounter", "silicon_setting"]
@@ -80,16 +80,17 @@ def silicon_setting(chip: str, shape: tuple[int, int], threshold: float) -> Came
         threshold: of the charge, electrons.
     """
     part = replace(CHIPS[chip], height=shape[0], width=shape[1])
+    silicon = silicon_sizes()
     pattern = DevicePattern(
-        prnu=SILICON.prnu.value, dark=SILICON.dark_current.value, dsnu=SILICON.dsnu.value,
-        threshold_fpn=SILICON.threshold_fpn.value,
+        prnu=silicon["prnu"], dark=silicon["dark_current"], dsnu=silicon["dsnu"],
+        threshold_fpn=silicon["threshold_fpn"],
     )  # fmt: skip
     return CameraSetting(
         part, Clock(40_000), threshold, 1,
         pattern=pattern,
-        threshold_noise=SILICON.threshold_noise.value * threshold,
-        dead_time=SILICON.dead_time.value,
-        row_skew=SILICON.row_skew.value,
-        comparator_delay=SILICON.comparator_delay.value,
-        crosstalk=SILICON.crosstalk.value,
+        threshold_noise=silicon["threshold_noise"] * threshold,
+        dead_time=silicon["dead_time"],
+        row_skew=silicon["row_skew"],
+        comparator_delay=silicon["comparator_delay"],
+        crosstalk=silicon["crosstalk"],
     )  # fmt: skip

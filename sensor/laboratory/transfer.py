@@ -82,7 +82,7 @@ def measure_transfer(bench: Bench) -> PhotonTransfer:
     dark = bench.dark(bench.seconds)
     levels = tuple(take_levels(bench))
     noise = [float(s.variance.mean()) for s in levels]
-    # Not the last level: its neighbour tells that the variance has turned.
+    # Not the last level: only a neighbour beyond shows that the variance has turned.
     peak = int(np.argmax(noise[1:-1])) + 1
     end = bench.linear * levels[peak].photons
     used = [n for n, level in enumerate(levels) if level.photons <= end]

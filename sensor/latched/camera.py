@@ -11,7 +11,6 @@ from cosim.compute.opencl import Device
 from cosim.light.light import Light
 from cosim.spikes.viform import Viform
 from cosim.stage import Block
-from sensor.device.crosstalk import crosstalk_map
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, tier_pixels
 
@@ -43,7 +42,7 @@ class SpikeCamera:
         self.shape = (stop - first, chip.width)
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
-        self._crosstalk = crosstalk_map(setting.crosstalk) if setting.crosstalk > 0 else None
+        self._light_map = setting.light_map
         self._pixels = tier_pixels(
             tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, late
         )
@@ -53,8 +52,8 @@ class SpikeCamera:
         as many cycles around it as `CameraSetting.reach` and `late` say."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        if self._crosstalk is not None:
-            light = self._crosstalk(light)
+        if self._light_map is not None:
+            light = self._light_map(light)
         words = self._pixels.expose(light, block.start, block.cycles).reshape(-1, *self.shape)
         return Viform(words, block.cycles, self._clock, block.start)
 

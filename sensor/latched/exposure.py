@@ -20,7 +20,7 @@ from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
-from sensor.latched.pixel.model import Span
+from sensor.latched.pixel.span import Span
 
 __all__ = ["Exposure"]
 

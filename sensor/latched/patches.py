@@ -12,7 +12,6 @@ from cosim.compute.opencl import Device
 from cosim.light.light import Light, PlaneMap
 from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import words_for
-from sensor.device.crosstalk import crosstalk_map
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, tier_pixels
 
@@ -38,14 +37,13 @@ class PatchCamera:
             tier, setting, plane.shape, plane.numbers, plane.row, device, flags, late
         )
         self._inner = PlaneMap(plane.inner, None)
-        mix = crosstalk_map(setting.crosstalk) if setting.crosstalk > 0 else None
-        self._mix: Callable[[Light], Light] = mix if mix is not None else lambda light: light
+        self._light_map: Callable[[Light], Light] = setting.light_map or (lambda light: light)
         self.bits = np.zeros(plane.numbers.size, np.int64)
         """Latched spikes so far."""
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
         """Words of so many cycles. light: of `PatchPlane.cut`."""
-        words = self._pixels.expose(self._inner(self._mix(light)), start, cycles)
+        words = self._pixels.expose(self._inner(self._light_map(light)), start, cycles)
         assert len(words) == words_for(cycles)
         self.bits += np.bitwise_count(words).sum(axis=0, dtype=np.int64)
         return words

@@ -13,7 +13,12 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 
-__all__ = ["row_offsets"]
+__all__ = ["row_delays", "row_offsets"]
+
+
+def row_delays(clock: Clock, height: int, skew: float) -> npt.NDArray[np.float64]:
+    """Picoseconds after a latch edge at which each row of a chip is sampled, (height,)."""
+    return np.asarray(np.arange(height) * (skew * float(PS * clock.period) / height))
 
 
 def row_offsets(
@@ -31,6 +36,5 @@ def row_offsets(
         raise ValueError(
             f"comparator delay must be 0 to {float(clock.period):g} s, not {delay:g} s"
         )
-    period = float(PS * clock.period)
-    late = np.arange(*rows) * (skew * period / height) - delay * PS
+    late = row_delays(clock, height, skew)[slice(*rows)] - delay * PS
     return np.rint(late).astype(np.int64)

@@ -78,6 +78,7 @@ def survey_scene(
     if setting.pattern is not None:
         own = setting.pattern.dark * float(clock.period)
         brightest = brightest + own * (1 + 4 * setting.pattern.dsnu)
+    darkest, brightest = (setting.transferred(electrons) for electrons in (darkest, brightest))
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,

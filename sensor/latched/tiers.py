@@ -11,11 +11,10 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
-from sensor.latched.effects import thresholds
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
-from sensor.latched.sampling import row_offsets
+from sensor.latched.pixel.thresholds import thresholds
 from sensor.latched.setting import CameraSetting
 
 __all__ = ["Tier", "TierPixels", "make_pixels", "tier_pixels"]
@@ -100,15 +99,14 @@ def tier_pixels(
     flags: which work-items of the fast tier keep what (`sensor.fast`), all of it unless given.
     late: of the chip's rows, (height of the chip,) ps; see `SpikeCamera`. Cross-talk is the light's
     and not done here."""
-    offsets = None
-    if setting.row_skew > 0 or setting.comparator_delay > 0:
-        height, skew, delay = setting.chip.height, setting.row_skew, setting.comparator_delay
-        offsets = row_offsets(setting.clock, height, skew, delay, (0, height))[rows]
+    offsets = setting.sampling_offsets
+    if offsets is not None:
+        offsets = offsets[rows]
     if late is not None:
         if late.shape != (setting.chip.height,):
             raise ValueError(f"late must be ({setting.chip.height},), not {late.shape}")
         offsets = (0 if offsets is None else offsets) - late[rows].astype(np.int64)
-    pattern = _pattern(setting, numbers, tier)
+    pattern = setting.fixed_pattern(numbers, lumped=tier != "reference")
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
         return _Exact(setting, numbers, pattern, offsets, device)
@@ -128,15 +126,3 @@ def tier_pixels(
     return ReferencePixels(
         model, numbers, setting.clock, gain, pattern, each, setting.circuit, setting.overshoot
     )
-
-
-def _pattern(
-    setting: CameraSetting, numbers: npt.NDArray[np.uint32], tier: Tier
-) -> FixedPattern | None:
-    """Gains and dark currents of pixels; a lumped leak is a dark current below zero."""
-    pattern = None if setting.pattern is None else setting.pattern.at(numbers)
-    if tier == "reference" or not setting.leak:
-        return pattern
-    if pattern is None:
-        return FixedPattern(np.ones(numbers.size), np.full(numbers.size, setting.leak))
-    return FixedPattern(pattern.gain, pattern.dark + setting.leak)

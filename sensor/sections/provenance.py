@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from sensor import SILICON, CameraSetting
+from sensor.latched.effects.catalogue import all_keys
+from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
 __all__ = ["fault_rows", "optics_rows"]
@@ -32,11 +33,12 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
     silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))
     rows = []
-    for name, sized in SILICON.rows():
+    for name, key in all_keys():
         value = asked.get(name)
-        if value is None or not float(str(value).split()[0]):
+        if not key.reported or value is None or not float(str(value).split()[0]):
             continue
-        of_preset = section.preset == "silicon" and value == preset[name]
-        origin = f"{sized.provenance}: {sized.source}" if of_preset else "scenario"
+        assumed = key.silicon
+        of_preset = assumed and section.preset == "silicon" and value == preset[name]
+        origin = f"{assumed.provenance}: {assumed.source}" if assumed and of_preset else "scenario"
         rows.append([name.replace("_", " "), str(value), origin])
     return rows

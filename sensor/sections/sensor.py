@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import (
-    Capacitance,
     Charge,
-    Current,
     Frequency,
-    Noise,
     Quantity,
     Section,
-    Share,
-    Spread,
-    Temperature,
-    Time,
     Wavelength,
 )
-from sensor import CHIPS, SILICON
+from sensor.device.chips import CHIPS
+from sensor.latched.effects.catalogue import CATALOGUE, all_keys
+from sensor.latched.effects.effect import Key
 from sensor.sections.asynchronous import AsynchronousSection, ChannelSection
-from sensor.sections.circuit import CircuitSection
 from sensor.sections.continuous import ContinuousSection
 
 __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
-SPIKING = ("row_skew", "comparator_delay", "dead_time", "threshold_noise", "threshold_fpn")
+SPIKING = tuple(
+    name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.readouts
+)
 """Faults that only a pixel which spikes has."""
-ABSENT: dict[Any, tuple[str, ...]] = {
-    "asynchronous": ("row_skew", "threshold_noise"),
-    "continuous": SPIKING,
-}
-"""Faults of the preset that pixels of a readout do not have."""
 LEVELS = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
@@ -53,26 +45,30 @@ class LensSection(Section):
     psf: Literal["none", "airy"] = "none"
 
 
-class PatternSection(Section):
+def _extended(name: str, base: type[Section], keys: Iterable[tuple[str, Key]]) -> Any:
+    """A section with the fields of `base`, then those of the effects."""
+    ordered = sorted(keys, key=lambda item: not item[1].first)
+    fields: dict[str, Any] = {key: (entry.annotation, entry.field) for key, entry in ordered}
+    return create_model(name, __base__=base, **fields)
+
+
+class _DeviceSection(Section):
+    device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+_Pattern: Any = _extended(
+    "_Pattern", _DeviceSection, [item for e in CATALOGUE for item in e.pattern_keys.items()]
+)
+
+
+class PatternSection(_Pattern):
     """What differs from pixel to pixel of one device and stays. Nothing of it is published for the
     chips here: a size is the user's own, or assumed by the preset `silicon`."""
 
-    device_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    prnu: Spread = Field(default=0.0, description="spread of the light's gain, relative")
-    threshold_fpn: Spread = Field(default=0.0, description="spread of the threshold, relative")
-    dark_current: Current = Field(default=0.0, examples=["100 e/s"], description="mean, at 25 degC")
-    dsnu: Spread = Field(default=0.0, description="spread of the dark current, relative to it")
-    temperature: Temperature = Field(default=25.0, description="dark current doubles every 6.5 K")
-    hot_pixels: Share = Field(default=0.0, description="share of pixels")
-    hot_current: Current = Field(
-        default=0.0, examples=["100000 e/s"], description="that a hot pixel has on top"
-    )
-    dead_pixels: Share = Field(default=0.0, description="share of pixels that see no light")
-
     @model_validator(mode="after")
-    def _do_something(self) -> PatternSection:
+    def _has_an_effect(self) -> PatternSection:
         """A key that would change nothing, because what it needs is absent, is a mistake."""
-        for name, needs, why, example in _NEEDS:
+        for name, (needs, why, example) in _NEEDS.items():
             if getattr(self, name) > 0 and getattr(self, needs) == 0:
                 raise InputError(
                     f"sensor.pattern.{needs}",
@@ -82,16 +78,11 @@ class PatternSection(Section):
         return self
 
 
-_NEEDS = (
-    ("dsnu", "dark_current", "is a share of it", "100 e/s"),
-    ("hot_pixels", "hot_current", "are those that have it", "100000 e/s"),
-)
-"""Keys of [sensor.pattern], the current without which each does nothing, why, and a current."""
+_NEEDS = {name: key.needs for name, key in all_keys() if key.needs is not None}
+"""Keys of [sensor.pattern] that depend on another one."""
 
 
-class SensorSection(Section):
-    """The chip and how it is run."""
-
+class _ChipSection(Section):
     chip: Literal[tuple(CHIPS)] = "spiketwo"  # type: ignore[valid-type]  # the presets' names
     preset: Literal["ideal", "silicon"] = Field(
         default="ideal", description="silicon: every fault absent here gets the size assumed for it"
@@ -115,29 +106,23 @@ class SensorSection(Section):
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
     )
-    threshold_noise: Noise = Field(
-        default=0.0, examples=["5 e"], description="standard deviation, of each spike"
-    )
-    capacitance: Capacitance | None = Field(
-        default=None, description="its kTC noise is added to the threshold noise"
-    )
-    dead_time: Time = Field(
-        default=0.0, examples=["1 us"], description="after each spike; at most a cycle"
-    )
-    comparator_delay: Time = Field(
-        default=0.0, examples=["1 us"], description="from full to fired; at most a cycle"
-    )
-    row_skew: Share = Field(
-        default=0.0, description="share of a cycle in which the rows are sampled one after another"
-    )
-    crosstalk: Annotated[float, Field(ge=0, le=0.5)] = Field(
-        default=0.0, description="share of its light that a pixel loses to its neighbours"
-    )
+
+
+_KEYS = [item for effect in CATALOGUE for item in effect.keys.items()]
+_Pixel: Any = _extended("_Pixel", _ChipSection, [i for i in _KEYS if not i[1].section])
+
+
+class _LensedSection(_Pixel):
     lens: LensSection = LensSection()
     pattern: PatternSection | None = None
-    circuit: CircuitSection | None = Field(
-        default=None, description="capacitance, leak, comparator and reset of a synchronous pixel"
-    )
+
+
+_Sections: Any = _extended("_Sections", _LensedSection, [i for i in _KEYS if i[1].section])
+
+
+class SensorSection(_Sections):
+    """The chip and how it is run."""
+
     asynchronous: AsynchronousSection | None = None
     continuous: ContinuousSection | None = None
     channel: ChannelSection | None = Field(
@@ -150,31 +135,38 @@ class SensorSection(Section):
         """Fills in what the preset says of keys that are absent."""
         if not isinstance(data, dict) or data.get("preset") != "silicon":
             return data
-        fields = cls.model_fields | PatternSection.model_fields
-        sizes: dict[str, Any] = {}
-        for name, sized in SILICON.rows():
-            unit = next((m for m in fields[name].metadata if isinstance(m, Quantity)), None)
-            sizes[name] = sized.value if unit is None else unit.write(sized.value)
-        try:  # the preset's noise is a share of the threshold; a wrong one is refused on its own
-            charge = Quantity("charge").read(data.get("threshold"))
-            charge *= int(data.get("threshold_level", LEVELS)) / LEVELS
-            noise = SILICON.threshold_noise.value * charge
-            sizes["threshold_noise"] = Quantity("charge").write(noise)
-        except (ValueError, TypeError):
-            del sizes["threshold_noise"]
-        sizes = {
-            n: v for n, v in sizes.items() if n not in ABSENT.get(str(data.get("readout")), ())
-        }
+        sizes = _silicon_sizes(data)
         if data.get("circuit") is not None:  # whose reset takes its own time
             sizes.pop("dead_time", None)
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
-            for name, needs, *_ in _NEEDS:
-                if _is_none(pattern.get(needs)):  # taken out of the preset, so that it has no share
+            for name, needs in _NEEDS.items():
+                if _is_none(
+                    pattern.get(needs.key)
+                ):  # taken out of the preset, so that it has no share
                     sizes.pop(name, None)
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
         own = {n: v for n, v in sizes.items() if n in cls.model_fields}
         return own | data | {"pattern": pattern}
+
+
+def _silicon_sizes(data: dict[str, Any]) -> dict[str, Any]:
+    """Size that the preset assumes of every key that the section's readout has, as text."""
+    sizes: dict[str, Any] = {}
+    for name, key in all_keys():
+        if key.silicon is None or data.get("readout", "synchronous") not in key.readouts:
+            continue
+        size = key.silicon.value
+        if key.share_of_threshold:
+            try:  # a wrong threshold is refused on its own
+                charge = Quantity("charge").read(data.get("threshold"))
+                size *= charge * int(data.get("threshold_level", LEVELS)) / LEVELS
+            except (ValueError, TypeError):
+                continue
+        metadata = getattr(key.annotation, "__metadata__", ())
+        unit = next((m for m in metadata if isinstance(m, Quantity)), None)
+        sizes[name] = size if unit is None else unit.write(size)
+    return sizes
 
 
 def _is_none(value: Any) -> bool:

@@ -16,7 +16,8 @@ from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE, to_fixed
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import CLOCK, constant
 
 __all__ = ["BRIGHT", "Flash", "Sunlit", "flashes", "saturation"]

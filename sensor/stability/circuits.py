@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.circuit.train import spike_train
-from sensor.latched.effects.threshold_noise import ELEMENTARY_CHARGE
+from sensor.device.ktc import ELEMENTARY_CHARGE
 
 __all__ = ["CIRCUITS", "Train", "currents", "equilibrium", "grazing"]
 

@@ -25,7 +25,8 @@ from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels
 from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.latched.pixel.fixed_point import ONE
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import constant
 
 __all__ = ["DENORMALS", "Forms", "denormals", "flushing"]

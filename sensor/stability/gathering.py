@@ -17,7 +17,8 @@ from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE, Charge
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["CLOCK", "GATHERING", "Counts", "constant"]
 

@@ -20,7 +20,8 @@ from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE, Charge
 from sensor.latched.pixel.interval import threshold as quantile
-from sensor.latched.pixel.model import ExactModel, PixelState, Span
+from sensor.latched.pixel.model import ExactModel, PixelState
+from sensor.latched.pixel.span import Span
 from sensor.stability.cutting import SMALL
 from sensor.stability.gathering import CLOCK
 

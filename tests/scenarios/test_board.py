@@ -21,7 +21,7 @@ from rtl_model.geometry import Geometry
 from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
 from scenarios.assemble.camera.boards import BoardCamera
-from scenarios.assemble.camera.lensed import resized
+from scenarios.assemble.camera.lensed import camera_setting, resized
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
@@ -132,7 +132,7 @@ class FourPlanes:
 
 def test_a_links_planes_come_back_bit_for_bit() -> None:
     _, scenario = load("light-link", LINK)
-    sent = set_up_link(scenario, "numba", SilentProgress()).sent
+    sent = set_up_link(scenario, camera_setting(scenario), "numba", SilentProgress()).sent
     loop = open_loop(scenario)
     assert loop is not None
     with closing(loop):

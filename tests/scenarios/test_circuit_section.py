@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from cosim.config.units import KINDS, parse_quantity
-from sensor.sections.circuit import CircuitSection
+from sensor.circuit.section import CircuitSection
 
 
 def test_every_key_is_read_in_si_units() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,29 +17,21 @@ from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.camera.verifier import Planned, Verifier
 from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
+from sensor.latched.effects.dead_time import DEAD_TIME
+from sensor.latched.effects.fixed_pattern import PRNU
 
 LIES = {
-    "reset dead time": ("sensor.dead_time=2 us", "sensor.latched.setting.dead_time_effect"),
-    "PRNU": ("sensor.pattern.prnu=0.05", "sensor.latched.setting.pattern_effects"),
+    "reset dead time": ("sensor.dead_time=2 us", DEAD_TIME),
+    "PRNU": ("sensor.pattern.prnu=0.05", PRNU),
 }
-"""Effects with a key that turns them on and where they are made."""
+"""Effects, each with a key that turns it on."""
 
 
 def plant(monkeypatch: pytest.MonkeyPatch, name: str) -> str:
     """Makes the bound of an effect claim nothing; the key that turns the effect on."""
-    key, where = LIES[name]
-    module, _, function = where.rpartition(".")
-    true: Callable = getattr(__import__(module, fromlist=[function]), function)
-
-    def lie(effect):
-        none = Bound(np.float64(1e-9), "proof")
-        return replace(effect, bound=lambda scene: none) if effect.name == name else effect
-
-    def made(*sizes):
-        found = true(*sizes)
-        return tuple(map(lie, found)) if isinstance(found, tuple) else lie(found)
-
-    monkeypatch.setattr(where, made)
+    key, effect = LIES[name]
+    none = Bound(np.float64(1e-9), "proof")
+    monkeypatch.setattr(effect, "bound", lambda setting, scene: none, raising=False)
     return key
 
 

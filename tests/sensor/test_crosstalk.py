@@ -10,7 +10,7 @@ from cosim.compute.opencl import Device
 from cosim.spikes.viform import count_spikes
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.crosstalk import crosstalk_map, side_share
-from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, crosstalk_effect
+from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL
 
 
 def mapped(plane: np.ndarray, crosstalk: float) -> np.ndarray:
@@ -74,9 +74,13 @@ def test_the_bound_is_met_by_a_dark_pixel_among_bright_ones() -> None:
     field = np.full((3, 3), bright)
     field[1, 1] = dark
     error = mapped(field, crosstalk)[1, 1] / dark - 1
-    bound = crosstalk_effect(crosstalk).bound(Summary(dark, bright, 100.0, 41, 100))
+    setting = CameraSetting(
+        CHIPS["spikeone"], Clock(40_000), 100.0, 1, effects=(), crosstalk=crosstalk
+    )
+    (effect,) = setting.kept
+    bound = effect.bound(Summary(dark, bright, 100.0, 41, 100))
     # The light's own share; that the latch may clip a spike near a threshold a cycle comes on top,
     # and noise, which makes an estimate of it.
     assert error == pytest.approx(bound.value, rel=1e-5) and bound.kind == "proof"
-    noisy = crosstalk_effect(crosstalk).bound(Summary(dark, bright, 100.0, 41, 100, spread=0.1))
+    noisy = effect.bound(Summary(dark, bright, 100.0, 41, 100, spread=0.1))
     assert noisy.kind == "estimate" and noisy.value > bound.value

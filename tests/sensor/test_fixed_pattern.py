@@ -12,16 +12,17 @@ from scipy import stats
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device, open_device
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
+from sensor.device.ktc import ktc_electrons
 from sensor.device.pattern import DevicePattern, dark_current
 from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
-from sensor.latched.effects.shot_noise import thresholds
-from sensor.latched.effects.threshold_noise import ktc_electrons
 from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.kernel import KernelPixels
-from sensor.latched.pixel.model import ExactModel, Reset, Span
+from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.thresholds import thresholds
 
 CLOCK = Clock(40_000)
 N = 200_000

@@ -17,7 +17,8 @@ from cosim.plan.effects import Effect
 from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
-from sensor.latched.pixel.model import ExactModel, Reset, Span
+from sensor.latched.pixel.model import ExactModel, Reset
+from sensor.latched.pixel.span import Span
 
 IDEAL = (RESIDUAL, INITIAL_CHARGE)
 NOISY = (RESIDUAL, INITIAL_CHARGE, SHOT_NOISE)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
+from sensor.circuit.lumped import lump
 from sensor.circuit.train import spike_train
 
 CIRCUITS = {
@@ -31,7 +32,7 @@ def interval(circuit: Circuit, threshold: float, light: float) -> float:
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_the_rate_that_remains_off_is_within_the_bound(name: str) -> None:
     circuit, threshold, least, most = CIRCUITS[name], 5000.0, 3e7, 5e9
-    lumped = circuit.lumped(threshold, least, most)
+    lumped = lump(circuit, threshold, least, most)
     worst = 0.0
     for light in np.geomspace(least, most, 60):
         own = (threshold + lumped.shift) / (light + lumped.dark_current) + lumped.dead_time
@@ -46,7 +47,7 @@ def test_the_rate_that_remains_off_is_within_the_bound(name: str) -> None:
 
 
 def test_leak_alone_is_u_squared_over_twelve() -> None:
-    lumped = Circuit(1e-14, leak=1.0).lumped(1000.0, 1e5, 1e6)
+    lumped = lump(Circuit(1e-14, leak=1.0), 1000.0, 1e5, 1e6)
     assert lumped.bound == pytest.approx((1000 / 1e5) ** 2 / 12, rel=0.03)
     assert lumped.dark_current == -500.0
     assert (lumped.dead_time, lumped.shift) == (0.0, 0.0)
@@ -54,18 +55,18 @@ def test_leak_alone_is_u_squared_over_twelve() -> None:
 
 def test_light_that_the_leak_may_hold_has_no_bound() -> None:
     circuit = Circuit(1e-14, leak=1e-3)
-    assert circuit.lumped(1000.0, 0.9e6, 1e8).bound == math.inf
-    assert circuit.lumped(1000.0, 1.1e6, 1e8).bound < math.inf
+    assert lump(circuit, 1000.0, 0.9e6, 1e8).bound == math.inf
+    assert lump(circuit, 1000.0, 1.1e6, 1e8).bound < math.inf
     with pytest.raises(ValueError, match="light must be above 0"):
-        circuit.lumped(1000.0, 0.0, 1.0)
+        lump(circuit, 1000.0, 0.0, 1.0)
 
 
 def test_a_leak_on_a_capacitance_that_changes_is_in_the_bound() -> None:
     # Lumped with the linear circuit's leak: what the other one lasts lies within the bound.
     threshold, least, most = 5000.0, 3e7, 3e9
     circuit = Circuit(1e-14, 0.3, 1e-2, gain=1e3, bandwidth=1e9, trip=0.5)
-    lumped = circuit.lumped(threshold, least, most)
-    linear = replace(circuit, nonlinearity=0.0).lumped(threshold, least, most)
+    lumped = lump(circuit, threshold, least, most)
+    linear = lump(replace(circuit, nonlinearity=0.0), threshold, least, most)
     assert linear.bound < lumped.bound < 0.02 and lumped.shift > linear.shift
     for light in np.geomspace(least, most, 7):
         lasts = interval(circuit, threshold, light)

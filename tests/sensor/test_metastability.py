@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Summary
-from sensor.latched.effects import Metastability, metastability_effect
+from sensor.latched.effects.metastability import Metastability, metastability_effect
 
 N = 1_000_000
 PIXELS = (np.arange(N) % 1000).astype(np.uint32)

@@ -14,8 +14,9 @@ from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
 from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
-from sensor.latched.pixel.model import ExactModel, ExactPixels, Reset, Span
+from sensor.latched.pixel.model import ExactModel, ExactPixels, Reset
 from sensor.latched.pixel.plain import PlainPixels
+from sensor.latched.pixel.span import Span
 
 NOISELESS = (RESIDUAL,)
 ALL = tuple(EFFECTS.values())

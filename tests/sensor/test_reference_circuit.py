@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.circuit.solvers import solved_train
 from sensor.circuit.train import spike_train
 from sensor.latched.effects import EFFECTS, RESIDUAL

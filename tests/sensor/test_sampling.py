@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
 from sensor import CHIPS, CameraSetting, SpikeCamera
-from sensor.latched.effects import RESIDUAL, comparator_delay_effect, row_sampling_effect
+from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.sampling import row_offsets
@@ -133,7 +133,9 @@ def test_the_bound_holds_where_the_light_changes_most() -> None:
     # A window of 10 cycles at whose end the light jumps from `dark` to `bright`: shifted by half a
     # cycle it gains half a cycle of the difference.
     dark, bright, window = 10.0, 400.0, 10
-    for effect in (row_sampling_effect(0.5), comparator_delay_effect(0.5)):
+    for key, size in (("row_skew", 0.5), ("comparator_delay", 0.5 * 25e-6)):
+        setting = CameraSetting(CHIPS["spikeone"], CLOCK, 1000.0, 1, effects=(), **{key: size})
+        (effect,) = setting.kept
         bound = effect.bound(Summary(dark, bright, 1000.0, window, 100))
         gained = (bright - dark) * 0.5 / (dark * window)
         assert gained <= bound.value <= gained * (1 + 1e-12) and bound.kind == "proof"

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim import Summary
+from cosim import Clock, Summary
 from cosim.compute.opencl import open_device
+from sensor import CHIPS, CameraSetting
 from sensor.latched.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
-from sensor.latched.effects.initial_charge import initial_deficit
-from sensor.latched.effects.shot_noise import thresholds
 from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS, interval_table, threshold
 from sensor.latched.pixel.kernel import KernelPixels
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.thresholds import initial_deficit, thresholds
 
 ALPHA = 1e-6
 N = 400_000
@@ -148,7 +149,8 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
     # Each interval's share done, in units of its own threshold, is the rescaled fraction.
     spikes = after.spikes.astype(float) - before.spikes.astype(float)
     variance = spikes.var() * (q / (per_cycle * cycles)) ** 2
-    bound = SHOT_NOISE.bound(scene)
+    setting = CameraSetting(CHIPS["spiketwo"], Clock(40_000), q, 5, effects=(SHOT_NOISE,))
+    bound = SHOT_NOISE.bound(setting, scene)
     # The right size and no limit: a tile may be luckier or less lucky than the law's spread.
     assert bound.kind == "estimate"
     # At a fifth of a threshold a cycle two spikes share a cycle almost never.

@@ -8,7 +8,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.circuit.closed import comparator_delay, crossing_time, phi, relaxed
 from sensor.circuit.relax import relax
 from sensor.circuit.solvers import solved_train

@@ -59,7 +59,7 @@ def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
         )
     if evidence.refined is not None:
         return _no_symbols(recording, evidence)
-    if evidence.found.tags:
+    if evidence.search.tags:
         return few_tags_verdict(recording, evidence)
     return no_tag_verdict(recording, evidence)
 

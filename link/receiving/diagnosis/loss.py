@@ -74,7 +74,7 @@ def explain_loss(
         )
     light = brightness_verdict(refined.white, refined.black)
     if light is not None:
-        return Verdict(light.cause, f"{why}; {light.told}")
+        return Verdict(light.cause, f"{why}; {light.text}")
     scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
     cell = scale * layout.mode.cell
     if refined.blur > _BLURRED * max(cell, 1.0):

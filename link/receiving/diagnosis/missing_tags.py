@@ -37,7 +37,7 @@ most, of a panel out of focus."""
 
 def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
     """The cause if one to three tags were found, or four that are of no mode."""
-    in_view = sorted(evidence.found.tags)
+    in_view = sorted(evidence.search.tags)
     names = ("top left", "top right", "bottom right", "bottom left")
     if len(in_view) == 4:
         return Verdict(
@@ -76,7 +76,7 @@ def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDA
     """
     import cv2
 
-    tags = evidence.found.tags
+    tags = evidence.search.tags
     sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
     known = [side for side in sides if side]
     width, height = (side or (known[0] if known else 960) for side in sides)

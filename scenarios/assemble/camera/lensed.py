@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER, Lens
 from scenarios.assemble.schema.scenario import LinkScenario, Scenario
-from sensor import CHIPS, CameraSetting, DevicePattern, dark_current, ktc_electrons
-from sensor.circuit import Circuit, Lumped
-from sensor.sections.sensor import SensorSection
+from sensor.device.chips import CHIPS
+from sensor.latched.effects.effect import Operation
+from sensor.latched.setting import CameraSetting
+from sensor.sections.parameters import effect_parameters
 
 __all__ = [
     "LensedCamera",
@@ -24,10 +25,6 @@ __all__ = [
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest that a scenario may give; a pinhole."""
-FAINTEST = 1e-3
-"""Spikes a cycle down to which a circuit is lumped."""
-ZERO_CELSIUS = 273.15
-"""Kelvin at 0 degC."""
 
 
 @dataclass(frozen=True)
@@ -121,53 +118,10 @@ def resized(setting: CameraSetting, width: int | None, height: int | None) -> Ca
     return replace(setting, chip=chip)
 
 
-def _circuit(
-    section: SensorSection, threshold: float, clock: Clock
-) -> tuple[Circuit | None, Lumped | None]:
-    """The pixel's circuit, and its lumped form between FAINTEST and one spike a cycle."""
-    if section.circuit is None:
-        return None, None
-    if section.reset != "residual":
-        raise InputError(
-            "sensor.reset", "residual with sensor.circuit: its own switch resets the pixel",
-            section.reset, "leave one of them out",
-        )  # fmt: skip
-    if section.dead_time > 0:
-        raise InputError(
-            "sensor.dead_time", "0 with sensor.circuit, whose reset_time it is",
-            f"{section.dead_time:g} s", "leave one of them out",
-        )  # fmt: skip
-    circuit = section.circuit.circuit
-    most = threshold * clock.hz
-    try:
-        lumped = circuit.lumped(threshold, FAINTEST * most, most)
-    except ValueError as exc:
-        raise InputError(
-            "sensor.circuit", "one that the pixel can work with", str(exc), "change it"
-        ) from exc
-    period = float(clock.period)
-    if not (lumped.bound < 1 and lumped.dead_time <= period):
-        raise InputError(
-            "sensor.circuit", f"one that fires at {FAINTEST:g} to 1 spike a cycle and is ready "
-            f"again within a cycle, {period:g} s", "one that does not", "raise leak or bandwidth, "
-            "or lower trip or reset_time",
-        )  # fmt: skip
-    return circuit, lumped
-
-
 def camera_setting(scenario: Scenario | LinkScenario) -> CameraSetting:
     """The chip as the scenario runs it."""
     section, device = scenario.sensor, scenario.sensor.pattern
     clock = Clock.from_hz(section.clock)
-    for name, seconds in (
-        ("dead_time", section.dead_time),
-        ("comparator_delay", section.comparator_delay),
-    ):
-        if seconds > float(clock.period):
-            raise InputError(
-                f"sensor.{name}", f"at most a cycle, {float(clock.period):g} s", f"{seconds:g} s",
-                "shorten it",
-            )  # fmt: skip
     # The levels are taken to be those of a linear reference; what they are is not published.
     threshold = section.threshold * section.threshold_level / CHIPS[section.chip].threshold_levels
     if threshold < 1:
@@ -175,44 +129,14 @@ def camera_setting(scenario: Scenario | LinkScenario) -> CameraSetting:
             "sensor.threshold_level", "one at which the threshold is at least 1 e",
             f"{section.threshold_level} of {section.threshold:g} e", "raise it",
         )  # fmt: skip
-    ktc = 0.0
-    if section.capacitance is not None:
-        celsius = 25.0 if device is None else device.temperature
-        ktc = ktc_electrons(section.capacitance * 1e-15, celsius + ZERO_CELSIUS)
-    noise = math.hypot(section.threshold_noise, ktc)
-    if noise > threshold:
-        raise InputError(
-            "sensor.threshold_noise", f"at most the threshold, {threshold:g} e",
-            f"{noise:g} e" + (" with kTC" if ktc else ""), "lower it",
-        )  # fmt: skip
-    circuit, lumped = _circuit(section, threshold, clock)
-    pattern = None
-    if device is not None:
-        pattern = DevicePattern(
-            prnu=device.prnu,
-            dark=dark_current(device.dark_current, device.temperature),
-            dsnu=device.dsnu,
-            threshold_fpn=device.threshold_fpn,
-            hot=device.hot_pixels,
-            hot_current=device.hot_current,
-            dead=device.dead_pixels,
-            device_seed=device.device_seed,
-        )
     return CameraSetting(
         CHIPS[section.chip],
         clock,
         threshold,
         scenario.seed,
         section.wavelength,
-        pattern=pattern,
-        threshold_noise=noise,
         reset=section.reset,
-        dead_time=section.dead_time if lumped is None else lumped.dead_time,
-        row_skew=section.row_skew,
-        comparator_delay=section.comparator_delay,
-        crosstalk=section.crosstalk,
-        circuit=circuit,
-        overshoot=0.0 if lumped is None else lumped.shift,
-        leak=0.0 if lumped is None else lumped.dark_current,
-        lumped_error=0.0 if lumped is None else lumped.bound,
+        parameters=effect_parameters(
+            section, Operation(clock, threshold, 25.0 if device is None else device.temperature)
+        ),
     )

@@ -1,4 +1,7 @@
-"""`viform link ber`: error-rate curves, theory with Monte Carlo beside it."""
+"""`viform link ber`: error-rate curves, theory with Monte Carlo beside it.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`viform link capacity`: what a link's light and pixels could carry, and what its design does."""
+"""`viform link capacity`: what a link's light and pixels could carry, and what its design does.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +32,12 @@ def link_capacity(
     """
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
+    from scenarios.assemble.camera.lensed import camera_setting
     from scenarios.assemble.schema.loading import linked, load
 
     name, loaded = load(scenario, assignments, seed=seed)
     link = linked(loaded, "link capacity")
-    given, mode, assumed = scenario_input(link)
+    given, mode, assumed = scenario_input(link, camera_setting(link))
     document = capacity_document(given, mode, link.seed)
     document["assumed"] = assumed
     if json:

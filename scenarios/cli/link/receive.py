@@ -1,4 +1,7 @@
-"""`viform link receive`: a file out of a stream that filmed a panel."""
+"""`viform link receive`: a file out of a stream that filmed a panel.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +79,7 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
     r, mode, timing = received, received.mode, received.timing
     out: dict[str, Any] = {
         "stream": str(stream), "outcome": "received" if r.whole else "failed",
-        "cause": r.verdict.cause.name.lower(), "verdict": r.verdict.told, "ticks": r.ticks,
+        "cause": r.verdict.cause.name.lower(), "verdict": r.verdict.text, "ticks": r.ticks,
         "clock_hz": clock.hz,
         "file": None, "mode": None, "timing": None,
         "frames": {"seen": r.frames_seen, "right": r.frames_right, "needed": r.frames_needed},

@@ -1,4 +1,7 @@
-"""`viform link send`: a file as the planes that a panel shows, in a stream file."""
+"""`viform link send`: a file as the planes that a panel shows, in a stream file.
+
+The functions import what they need: the start of other commands must not wait for it.
+"""
 
 from __future__ import annotations
 

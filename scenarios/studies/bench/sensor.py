@@ -31,7 +31,8 @@ from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels
 from sensor.latched.pixel.fixed_point import to_fixed
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 
 __all__ = ["PARTS", "Row", "bench"]
 

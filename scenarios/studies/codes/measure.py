@@ -26,7 +26,8 @@ from sensor import EFFECTS, make_pixels, tfi, tfp
 from sensor.codec import Code, entropy_bounds, event_rate, recode
 from sensor.codec.size import REFINE, coded_size, zstd_size
 from sensor.latched.pixel.fixed_point import to_fixed
-from sensor.latched.pixel.model import ExactModel, Span
+from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.span import Span
 from sensor.reconstruct.fidelity import psnr, to_white
 
 __all__ = ["KS", "SizeRow", "SteadyRow", "bench_code", "steady"]

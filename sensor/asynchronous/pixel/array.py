@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from sensor.asynchronous.pixel.engine import advance
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
-__all__ = ["AsynchronousPixels", "EventPixels"]
+__all__ = ["AsynchronousPixels"]
 
 TILE: Final = 2048
 """Pixels that are run together; results do not depend on it."""
@@ -38,20 +38,19 @@ FEWER: Final = (
 Rates = npt.NDArray[np.float64]
 
 
-class EventPixels(Protocol):
-    """Pixels that speak for themselves. Light of a step reaches at least from start to stop (ps);
-    steps follow each other without gaps, and firings are those after start, up to stop."""
-
-    shape: tuple[int, int]
-
-    def step(self, light: Light, start: int, stop: int) -> Firings: ...
-
-
 class AsynchronousPixels:
-    """Pixels of an array of `shape` under a model. gain: photoelectrons a second for a unit of
-    light. most: firings of the whole run, beyond which it is refused rather than fill the memory.
-    numbers: (n,) of the pixels that are run, all unless given; a pixel's noise hangs on its number
-    alone."""
+    """Pixels of an array under a model. The noise of a pixel depends on its number alone.
+
+    Args:
+        model: rules of a pixel.
+        shape: of the array, (H, W).
+        gain: photoelectrons a second for a unit of light.
+        pattern: of the device, None for a perfect one.
+        start: instant at which the run begins, ps.
+        most: firings of the whole run beyond which it ends with InputError.
+        tile: pixels that are run together.
+        numbers: of the pixels that are run, (n,); all if None.
+    """
 
     def __init__(
         self,

@@ -53,7 +53,7 @@ def advance(  # type: ignore[no-untyped-def]
     State of a pixel: since, part: instant its interval began, ps and a fraction. charge: electrons
     gathered before this piece. goals: threshold of the interval under way, -1 while not drawn.
     width: ps after which the full pixel fires, -1 while it gathers. spikes: index of the interval.
-    sent, sent_level: what the last report said, 0 and -1 for nothing. countdown: unreported
+    sent, sent_level: width and level of the last report, 0 and -1 for none. countdown: unreported
     intervals before the next report, -1 while not drawn.
 
     Gives (the pixel it got to, events written, turns of the loop): it returns early when the

@@ -32,11 +32,17 @@ Numbers = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The first intervals of n pixels, (n, intervals) each; what did not end in time is not said.
+    """The first intervals of n pixels, as far as they have ended; arrays are (n, intervals).
 
-    exact: widths, ps. width: in ticks. instant: ps, rounded up. level: `EventModel.levels` for a
-    spike. sent: by the rule of changes. count: (n,) intervals that ended. progress: (n,) share of
-    its threshold that the interval then under way has gathered, at most 1.
+    Attributes:
+        exact: widths, ps.
+        width: in ticks.
+        instant: of the end, ps, rounded up.
+        level: `EventModel.levels` for a spike.
+        sent: whether the rule of changes sends it.
+        count: intervals that ended, (n,).
+        progress: share of its threshold that the interval then under way has gathered, at most 1,
+            (n,).
     """
 
     exact: Reals

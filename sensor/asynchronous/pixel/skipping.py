@@ -1,4 +1,4 @@
-"""Spikes that nobody sees, all at once: the law of a stretch of unreported intervals.
+"""Stretches of unreported spikes, drawn at once from the law of their sum.
 
 Under steady light the intervals of a pixel are independent and of one law, so with a reference to
 compare with, each is reported with one probability p and the number of unreported ones before it is

@@ -91,8 +91,8 @@ def summarise(
     pixels = np.bincount(tile_of, minlength=tiles).astype(np.float64)
     light = rate / model.threshold
     fires = light + device.dark / model.threshold
-    # A width is at least the shortest, so this is at most what the tile says.
-    says = fires / (1 + fires * ((model.shortest + model.delay) / PS))
+    # A width is at least the shortest, so this is at most the rate that the tile reports.
+    reported = fires / (1 + fires * ((model.shortest + model.delay) / PS))
     square, fourth = summed(fires**2), summed(fires**4)
     few = np.divide(square**2, fourth, out=np.ones(tiles), where=fourth > 0)
     brightest, darkest = np.zeros(tiles), np.full(tiles, np.inf)
@@ -103,7 +103,7 @@ def summarise(
     read = darkest * (model.longest / PS) < sure if model.longest else np.zeros(tiles, np.bool_)
     longest = min(model.longest or stop, stop)
     return EventScene(
-        model, device, tile_of, pixels, summed(says) / pixels, np.sqrt(square / pixels),
+        model, device, tile_of, pixels, summed(reported) / pixels, np.sqrt(square / pixels),
         few, brightest, read, PS / longest, stop / PS, steady,
     )  # fmt: skip
 

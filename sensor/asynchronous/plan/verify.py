@@ -25,8 +25,8 @@ from sensor.asynchronous.plan.effects import CONFIDENCE
 from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
 from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.device.pattern import DevicePattern
-from sensor.latched.effects import first_thresholds
 from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.thresholds import first_thresholds
 
 __all__ = [
     "KIND", "REPORTS", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
@@ -113,8 +113,8 @@ def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
-    """Until when a tile is compared, ps: to the end, or REPORTS spikes of its brightest pixel; who
-    has not fired by then tells as much by its share."""
+    """Instant up to which a tile is compared, ps: the end, or REPORTS spikes of its brightest
+    pixel. The share of a pixel that has not fired by then is as good an estimate."""
     brightest = float(plan.scene.brightest[tile])
     if brightest <= 0:
         return view.until

@@ -148,9 +148,9 @@ def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
 
 def mean_rate(model: EventModel, observed: Observed) -> float:
     """The plain way beside it: the mean of Q/width over pixels that fired and of
-    (level Q/N)/longest over those read, electrons a second; NaN where no pixel said anything."""
+    (level Q/N)/longest over those read, electrons a second; NaN without any report."""
     q = float(model.threshold)
     fired = q * PS / np.maximum(observed.widths * float(model.tick) - model.delay, 1.0)
     read = observed.levels * q * PS / model.levels / max(model.longest, 1)
-    said = np.concatenate([fired, read])
-    return float(said.mean()) if said.size else math.nan
+    rates = np.concatenate([fired, read])
+    return float(rates.mean()) if rates.size else math.nan

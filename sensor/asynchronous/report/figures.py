@@ -23,7 +23,7 @@ def view_figure(
     truth: Image, estimate: Image, silent: npt.NDArray[np.bool_], floor: float, path: Path
 ) -> None:
     """True and recovered illuminance side by side on one logarithmic scale, lux. silent: pixels
-    that said nothing, shown in grey. floor: lux that is black."""
+    without an event, drawn in grey. floor: lux that is black."""
     plt = pyplot()
     from matplotlib.colors import LogNorm
 

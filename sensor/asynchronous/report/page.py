@@ -78,7 +78,7 @@ def _cards(judged: EventRun) -> str:
 
 
 def _view(judged: EventRun) -> str:
-    """Illuminance of every pixel, as its last event tells it."""
+    """Illuminance of every pixel from its last event."""
     spec, views = judged.spec, judged.views
     per_lux = spec.setting.electrons_per_lux
     model, events = spec.model, views.events
@@ -159,7 +159,7 @@ def _traffic(judged: EventRun) -> str:
         )
         small += plot(figures / "widths.png", "widths of the brightest patch")
     section = spec.section.channel
-    said = "There is no shared channel: every event leaves as it fires."
+    text = "There is no shared channel: every event leaves as it fires."
     if section is not None and views.delay is not None and views.delay.size:
         service = round(1e12 / section.rate)
         delay_figure(views.delay, service, figures / "channel.png")
@@ -167,7 +167,7 @@ def _traffic(judged: EventRun) -> str:
         place = f"{section.buffer} buffer"
         if section.buffer == "fifo":
             place += f" of {section.depth}"
-        said = (
+        text = (
             f"All pixels share one channel of {section.rate:g} events a second, {place}, "
             f"arbitration {section.arbitration}; t is taken at the {section.timestamp}."
         )
@@ -182,7 +182,7 @@ def _traffic(judged: EventRun) -> str:
         for row in judged.run.result.latency
     ]  # fmt: skip
     return (
-        f"<h2>Events</h2><p>{html.escape(said)}</p>"
+        f"<h2>Events</h2><p>{html.escape(text)}</p>"
         + plot(figures / "events.png", "events over time")
         + f'<div class="grid by2" style="margin:10px 0">{small}</div>'
         + table(["what", "value"], rows)
@@ -222,10 +222,10 @@ def _kept(judged: EventRun) -> str:
     rows = []
     for effect, share in zip(plan.effects, plan.shares(), strict=True):
         row = found.get(effect.name)
-        told = ["", "", ""] if row is None else [
+        cells = ["", "", ""] if row is None else [
             f"{row['bound']:.2g}", effect.kind, f"{row['measured']:.2g}"
         ]  # fmt: skip
-        rows.append([effect.name, f"{share:.0%}", *told])
+        rows.append([effect.name, f"{share:.0%}", *cells])
     if "shared channel" in judged.run.result.kept:
         rows.append(["shared channel", "100%", "", "", ""])
     return (

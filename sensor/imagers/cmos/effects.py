@@ -137,8 +137,6 @@ def make_effects(s: CmosSetting) -> dict[str, Effect]:
             name=name,
             source=source,
             stream=stream,
-            define="",
-            fragment=str,
             bound=_bound(name, s),
             cost=lambda scene, ns=COSTS[name]: ns,  # type: ignore[misc]
         )

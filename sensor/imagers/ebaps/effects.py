@@ -126,6 +126,6 @@ def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Eff
         return lambda scene: COSTS[name]
 
     return {
-        name: Effect(name, source, stream, "", str, bound, costs(name))
+        name: Effect(name, source, stream, bound, costs(name))
         for name, source, stream, bound in rows
     }

@@ -140,7 +140,7 @@ def emccd_effects(terms: Terms) -> dict[str, Effect]:
             worst = np.max(np.stack([np.asarray(value(s), np.float64) for s in scenes]), axis=0)
             return Bound(worst * (_BETWEEN if len(gains) > 1 else 1.0), kind)
 
-        return Effect(name, source, stream, "", str, bound, lambda _: COSTS[name], group=name)
+        return Effect(name, source, stream, bound, lambda _: COSTS[name], group=name)
 
     def added(electrons: Callable[[_Scene], Any]) -> Callable[[_Scene], Values]:
         """Electrons that are no longer there: mean, and their share of the noise."""

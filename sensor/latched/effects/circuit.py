@@ -1,37 +1,119 @@
-"""What a pixel's circuit does to its rate, as effects: the lumped form of sensor/stiff."""
+"""What a pixel's circuit does to its rate: overshoot of the comparator, and leak.
+
+The reference tier integrates the circuit itself; the other tiers have its lumped form
+(sensor/circuit/lumped.py): dead time, electrons beyond each threshold, and a negative dark current.
+"""
 
 from __future__ import annotations
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
+
+from pydantic import Field
+
+from cosim.errors import InputError
+from cosim.plan.effects import Bound, Summary
+from sensor.circuit.lumped import lump
+from sensor.circuit.section import CircuitSection
 from sensor.latched.effects.costs import circuit_cost
-from sensor.latched.effects.windows import contrast, made, shifted
+from sensor.latched.effects.effect import ALL_READOUTS, Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.windows import bound_of, contrast, shifted
 
-__all__ = ["leak_effect", "overshoot_effect"]
+__all__ = ["LEAK", "OVERSHOOT"]
+
+FAINTEST: Final = 1e-3
+"""Spikes a cycle down to which a circuit is lumped."""
 
 
-def overshoot_effect(electrons: float) -> Effect:
-    """electrons: that an interval takes beyond its threshold. The rate is light / (Q + electrons):
-    leaving it out changes it by electrons / Q of what is left."""
+class _Overshoot(PixelEffect):
+    """It also turns the section [sensor.circuit] into the parameters of both effects."""
 
-    def bound(scene: Summary) -> Bound:
-        share = abs(electrons) / scene.threshold
-        shift = share * scene.brightest * scene.cycles / scene.threshold
-        return made(scene, share * contrast(scene) + shifted(scene, shift), True)
-
+    name = "comparator overshoot"
     source = "comparator of one pole on a ramp: late by trip / (gain x slope)"
-    return Effect(
-        "comparator overshoot", source, Stream.NONE, "", str, bound, circuit_cost, group="circuit"
-    )
+    group = "circuit"
+    parameters: ClassVar = {"circuit": None, "overshoot": 0.0, "lumped_error": 0.0}
+    keys: ClassVar = {
+        "circuit": Key(
+            CircuitSection | None,
+            Field(
+                default=None,
+                description="capacitance, leak, comparator and reset of a synchronous pixel",
+            ),
+            readouts=ALL_READOUTS,
+            reported=False,
+            section=True,
+        )
+    }
+
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        """The circuit, and its lumped form between FAINTEST and one spike a cycle."""
+        if section.circuit is None:
+            return {}
+        if section.reset != "residual":
+            raise InputError(
+                "sensor.reset", "residual with sensor.circuit: its own switch resets the pixel",
+                section.reset, "leave one of them out",
+            )  # fmt: skip
+        if section.dead_time > 0:
+            raise InputError(
+                "sensor.dead_time", "0 with sensor.circuit, whose reset_time it is",
+                f"{section.dead_time:g} s", "leave one of them out",
+            )  # fmt: skip
+        circuit, threshold = section.circuit.circuit, operation.threshold
+        most, period = threshold * operation.clock.hz, float(operation.clock.period)
+        try:
+            lumped = lump(circuit, threshold, FAINTEST * most, most)
+        except ValueError as exc:
+            raise InputError(
+                "sensor.circuit", "one that the pixel can work with", str(exc), "change it"
+            ) from exc
+        if not (lumped.bound < 1 and lumped.dead_time <= period):
+            raise InputError(
+                "sensor.circuit", f"one that fires at {FAINTEST:g} to 1 spike a cycle and is ready "
+                f"again within a cycle, {period:g} s", "one that does not", "raise leak or "
+                "bandwidth, or lower trip or reset_time",
+            )  # fmt: skip
+        return {
+            "circuit": circuit, "dead_time": lumped.dead_time, "overshoot": lumped.shift,
+            "leak": lumped.dark_current, "lumped_error": lumped.bound,
+        }  # fmt: skip
+
+    def acts(self, setting: Setting) -> bool:
+        return bool(setting.overshoot)
+
+    def removed(self, setting: Setting) -> Mapping[str, Any]:
+        return {"overshoot": 0.0}
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        # The rate is light / (Q + overshoot): leaving the overshoot out changes it by overshoot / Q
+        # of what is left.
+        share = abs(setting.overshoot) / scene.threshold
+        shift = share * scene.brightest * scene.cycles / scene.threshold
+        return bound_of(scene, share * contrast(scene) + shifted(scene, shift), True)
+
+    def cost(self, scene: Summary) -> Any:
+        return circuit_cost(scene)
+
+    def threshold_shift(self, setting: Setting) -> float:
+        return float(setting.overshoot)
 
 
-def leak_effect(electrons: float) -> Effect:
-    """electrons: a cycle, negative: what leaks on average from an interval's charge."""
-
-    def bound(scene: Summary) -> Bound:
-        lost = abs(electrons)
-        moved = shifted(scene, lost * scene.cycles / scene.threshold)
-        return made(scene, scene.relative(lost) + moved, True)
-
+class _Leak(PixelEffect):
+    name = "leak"
     source = "mean of Q V(t) / tau over an interval: threshold / (2 tau) (sensor/circuit/lumped.py)"
-    return Effect("leak", source, Stream.NONE, "", str, bound, circuit_cost, group="circuit")
+    group = "circuit"
+    parameters: ClassVar = {"leak": 0.0}
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        lost = abs(setting.leak * float(setting.clock.period))
+        moved = shifted(scene, lost * scene.cycles / scene.threshold)
+        return bound_of(scene, scene.relative(lost) + moved, True)
+
+    def cost(self, scene: Summary) -> Any:
+        return circuit_cost(scene)
+
+    def lumped_dark(self, setting: Setting) -> float:
+        return float(setting.leak)
+
+
+OVERSHOOT, LEAK = _Overshoot(), _Leak()

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from cosim.light.light import Light
+from cosim.plan.effects import Bound, Summary
+from sensor.device.crosstalk import crosstalk_map
+from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import crosstalk_cost
-from sensor.latched.effects.windows import made, shifted
+from sensor.latched.effects.effect import ALL_READOUTS, Key, PixelEffect, Setting
+from sensor.latched.effects.windows import bound_of, shifted
 
-__all__ = ["crosstalk_effect"]
+__all__ = ["CROSSTALK"]
 
 
-def crosstalk_effect(crosstalk: float) -> Effect:
-    """crosstalk: share of its light that a pixel loses to its neighbours."""
-
-    def bound(scene: Summary) -> Bound:
-        # A dark pixel among the brightest gets `crosstalk` of the difference.
-        gained = crosstalk * (scene.brightest - scene.darkest)
-        moved = shifted(scene, gained * scene.cycles / scene.threshold)
-        return made(scene, scene.relative(gained) + moved, True)
-
+class _Crosstalk(PixelEffect):
+    name = "optical cross-talk"
     source = "Estribeau and Magnan, Proc. SPIE 5251:315, 2004, as one step of a random walk"
-    return Effect("optical cross-talk", source, Stream.NONE, "", str, bound, crosstalk_cost)
+    parameters: ClassVar = {"crosstalk": 0.0}
+    keys: ClassVar = {
+        "crosstalk": Key(
+            Annotated[float, Field(ge=0, le=0.5)],
+            Field(
+                default=0.0, description="share of its light that a pixel loses to its neighbours"
+            ),
+            readouts=ALL_READOUTS,
+            silicon=Sized(0.01, "assumed", USUAL),
+        )
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        # A dark pixel among the brightest gets `crosstalk` of the difference.
+        gained = setting.crosstalk * (scene.brightest - scene.darkest)
+        moved = shifted(scene, gained * scene.cycles / scene.threshold)
+        return bound_of(scene, scene.relative(gained) + moved, True)
+
+    def cost(self, scene: Summary) -> Any:
+        return crosstalk_cost(scene)
+
+    def light_map(self, setting: Setting) -> Callable[[Light], Light]:
+        return crosstalk_map(setting.crosstalk)
+
+
+CROSSTALK = _Crosstalk()

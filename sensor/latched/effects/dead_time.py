@@ -2,32 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
 import numpy as np
+from pydantic import Field
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
+from cosim.config.quantity import Time
+from cosim.plan.effects import Bound, Summary
+from sensor.device.silicon import Sized
 from sensor.latched.effects.costs import dead_time_cost
-from sensor.latched.effects.windows import made, shifted
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.sampling import check_within_cycle
+from sensor.latched.effects.windows import bound_of, shifted
 
-__all__ = ["dead_time_effect"]
+__all__ = ["DEAD_TIME"]
 
 
-def dead_time_effect(cycles: float) -> Effect:
-    """cycles: dead time in cycles. The rate is 1 / (Q / light + dead time), so leaving it out adds
-    at most light x dead time / Q of it; a window counts whole spikes."""
+class _DeadTime(PixelEffect):
+    name = "reset dead time"
+    source = (
+        "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"
+    )
+    scope = "tile"
+    parameters: ClassVar = {"dead_time": 0.0}
+    keys: ClassVar = {
+        "dead_time": Key(
+            Time,
+            Field(default=0.0, examples=["1 us"], description="after each spike; at most a cycle"),
+            readouts=("synchronous", "asynchronous"),
+            silicon=Sized(50e-9, "assumed", "SCSim's reset delay, 0.2 % of a 25 us cycle"),
+            first=True,
+        )
+    }
 
-    def bound(scene: Summary) -> Bound:
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        check_within_cycle("dead_time", section.dead_time, operation.clock)
+        return {"dead_time": section.dead_time}
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        # The rate is 1 / (Q / light + dead time), so leaving the dead time out adds at most
+        # light x dead time / Q of it; a window counts whole spikes.
+        cycles = setting.dead_time * setting.clock.hz
         spikes = scene.brightest / scene.threshold
         # A window of n intervals on average may hold a spike more. Over a tile the mean of r^4 is
         # at most max(r)^3 mean(r), so relative to the mean the RMS of r^2 is max(r)^1.5 / its root.
         uneven = np.sqrt(scene.relative(scene.brightest))
         gained = (spikes + 1 / scene.window) * cycles * uneven
         moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
-        return made(scene, gained + moved, True)
+        return bound_of(scene, gained + moved, True)
 
-    source = (
-        "non-paralysable dead time (Knoll, Radiation Detection and Measurement, 4th ed., ch. 4)"
-    )
-    return Effect(
-        "reset dead time", source, Stream.NONE, "", str, bound, dead_time_cost, scope="tile"
-    )
+    def cost(self, scene: Summary) -> Any:
+        return dead_time_cost(scene)
+
+    def dead_time(self, setting: Setting) -> float:
+        return float(setting.dead_time)
+
+
+DEAD_TIME = _DeadTime()

@@ -1,81 +1,204 @@
-"""Fixed pattern as effects: what leaving each part of `sensor.pattern` out would change."""
+"""Fixed pattern as effects: PRNU, dark current and DSNU, threshold FPN, hot and dead pixels.
+
+They share one draw a pixel (sensor/device/pattern.py): the parameter `pattern` of a setting, a
+`DevicePattern`, holds the sizes of all four.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
-from sensor.device.pattern import DevicePattern
+from cosim.config.quantity import Current, Share, Spread, Temperature
+from cosim.plan.effects import Bound, Summary
+from sensor.device.pattern import DevicePattern, dark_current
+from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import pattern_cost
-from sensor.latched.effects.windows import contrast, made, shifted
+from sensor.latched.effects.effect import (
+    ALL_READOUTS,
+    Dependence,
+    Key,
+    Operation,
+    PixelEffect,
+    Setting,
+)
+from sensor.latched.effects.windows import bound_of, contrast, shifted
 
-__all__ = ["pattern_effects"]
+__all__ = ["DARK", "DEFECTS", "PRNU", "THRESHOLD_FPN"]
 
-
-_NODES = 201
-TILE_PIXELS = 256
+_NODES: Final = 201
+TILE_PIXELS: Final = 256
 """Of a tile of the plan: where any pixel may be broken, a tile has at least one."""
 
 
-def _effect(name: str, source: str, bound: Callable[[Summary], Bound]) -> Effect:
-    """An effect that acts on the charge of a cycle before it begins: no stream, no kernel code."""
-    return Effect(name, source, Stream.NONE, "", str, bound, pattern_cost, group="pattern")
-
-
 def _inverse_spread(fpn: float) -> float:
-    """RMS of 1 / max(1 + fpn z, 0.05) - 1 for normal z, as `DevicePattern.at` makes it."""
+    """RMS of 1 / max(1 + fpn z, 0.05) - 1 for normal z, as `DevicePattern.at` has it."""
     z = np.linspace(-6, 6, _NODES)
     weight = np.exp(-z * z / 2)
     return float(np.sqrt(np.average((1 / np.maximum(1 + fpn * z, 0.05) - 1) ** 2, weights=weight)))
 
 
-def pattern_effects(pattern: DevicePattern, period: float) -> tuple[Effect, ...]:
-    """The effects of a device whose size is not zero. period: seconds in a cycle.
+def _gain_bound(spread: float, scene: Summary) -> Bound:
+    """The spread of a gain is its own bound, but for how light and gain meet."""
+    shift = spread * scene.brightest * scene.cycles / scene.threshold
+    value = spread * contrast(scene) + shifted(scene, shift)
+    return bound_of(scene, value, False, spread < 0.04)
 
-    Bounds are relative to a tile's rate, RMS over its pixels: the spread of a gain is its own
-    bound, but for how light and gain meet; what does not scale with light counts most where it is
-    darkest.
+
+class _Pattern(PixelEffect):
+    """A part of the fixed pattern.
+
+    Attributes:
+        sizes: attributes of `DevicePattern` that are 0 without the effect.
     """
 
-    def gain(spread: float) -> Callable[[Summary], Bound]:
-        def bound(scene: Summary) -> Bound:
-            shift = spread * scene.brightest * scene.cycles / scene.threshold
-            return made(
-                scene, spread * contrast(scene) + shifted(scene, shift), False, spread < 0.04
-            )
+    group = "pattern"
+    parameters: ClassVar = {"pattern": None}
+    sizes: ClassVar[tuple[str, ...]]
 
-        return bound
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        device = section.pattern
+        if device is None:
+            return {}
+        pattern = DevicePattern(
+            prnu=device.prnu,
+            dark=dark_current(device.dark_current, device.temperature),
+            dsnu=device.dsnu,
+            threshold_fpn=device.threshold_fpn,
+            hot=device.hot_pixels,
+            hot_current=device.hot_current,
+            dead=device.dead_pixels,
+            device_seed=device.device_seed,
+        )
+        return {"pattern": pattern}
 
-    def dark(scene: Summary) -> Bound:
+    def size(self, pattern: DevicePattern) -> float:
+        """0 where the pattern has no such part."""
+        return float(getattr(pattern, self.sizes[0]))
+
+    def acts(self, setting: Setting) -> bool:
+        return setting.pattern is not None and self.size(setting.pattern) > 0
+
+    def removed(self, setting: Setting) -> Mapping[str, Any]:
+        if setting.pattern is None:
+            return {}
+        none: dict[str, Any] = dict.fromkeys(self.sizes, 0.0)
+        return {"pattern": replace(setting.pattern, **none)}
+
+    def cost(self, scene: Summary) -> Any:
+        return pattern_cost(scene)
+
+
+class _Prnu(_Pattern):
+    name = "PRNU"
+    source = "EMVA 1288 release 4.0"
+    sizes = ("prnu",)
+    pattern_keys: ClassVar = {
+        "prnu": Key(
+            Spread,
+            Field(default=0.0, description="spread of the light's gain, relative"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(0.058, "assumed", "SCSim's calibration"),
+            first=True,
+        )
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        return _gain_bound(setting.pattern.prnu, scene)
+
+
+class _Dark(_Pattern):
+    name = "dark current and DSNU"
+    source = "Huang 2022 section 4.4; EMVA 1288"
+    sizes = ("dark", "dsnu")
+    pattern_keys: ClassVar = {
+        "dark_current": Key(
+            Current,
+            Field(default=0.0, examples=["100 e/s"], description="mean, at 25 degC"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(100.0, "assumed", "Huang 2022 section 4.4: under 100 e/s in modern CMOS"),
+        ),
+        "dsnu": Key(
+            Spread,
+            Field(default=0.0, description="spread of the dark current, relative to it"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(0.3, "assumed", USUAL),
+            needs=Dependence("dark_current", "is a share of it", "100 e/s"),
+        ),
+        "temperature": Key(
+            Temperature,
+            Field(default=25.0, description="dark current doubles every 6.5 K"),
+            readouts=ALL_READOUTS,
+            reported=False,
+        ),
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        pattern, period = setting.pattern, float(setting.clock.period)
         charge = pattern.dark * period * math.hypot(1, pattern.dsnu)
         shift = charge * scene.cycles / scene.threshold
         proof = pattern.dsnu == 0 and pattern.threshold_fpn == 0
-        return made(scene, scene.relative(charge) + shifted(scene, shift), proof)
+        return bound_of(scene, scene.relative(charge) + shifted(scene, shift), proof)
 
-    def broken(scene: Summary) -> Bound:
+
+class _ThresholdFpn(_Pattern):
+    name = "threshold FPN"
+    source = "comparator and capacitance mismatch"
+    sizes = ("threshold_fpn",)
+    pattern_keys: ClassVar = {
+        "threshold_fpn": Key(
+            Spread,
+            Field(default=0.0, description="spread of the threshold, relative"),
+            readouts=("synchronous", "asynchronous"),
+            silicon=Sized(0.045, "assumed", "SCSim's calibration (its offset pattern)"),
+            first=True,
+        )
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        return _gain_bound(_inverse_spread(setting.pattern.threshold_fpn), scene)
+
+
+class _Defects(_Pattern):
+    name = "hot and dead pixels"
+    source = "EMVA 1288"
+    sizes = ("hot", "hot_current", "dead")
+    pattern_keys: ClassVar = {
+        "hot_pixels": Key(
+            Share,
+            Field(default=0.0, description="share of pixels"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(1e-4, "assumed", USUAL),
+            needs=Dependence("hot_current", "are those that have it", "100000 e/s"),
+        ),
+        "hot_current": Key(
+            Current,
+            Field(default=0.0, examples=["100000 e/s"], description="that a hot pixel has on top"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(1e5, "assumed", USUAL),
+        ),
+        "dead_pixels": Key(
+            Share,
+            Field(default=0.0, description="share of pixels that see no light"),
+            readouts=ALL_READOUTS,
+            silicon=Sized(1e-5, "assumed", USUAL),
+        ),
+    }
+
+    def size(self, pattern: DevicePattern) -> float:
+        return pattern.hot * pattern.hot_current + pattern.dead
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        pattern, period = setting.pattern, float(setting.clock.period)
         share = [max(s, 1 / TILE_PIXELS) if s else 0.0 for s in (pattern.hot, pattern.dead)]
         hot = math.sqrt(share[0]) * scene.relative(pattern.hot_current * period)
-        return made(scene, np.hypot(hot, math.sqrt(share[1]) * contrast(scene)), False, False)
+        value = np.hypot(hot, math.sqrt(share[1]) * contrast(scene))
+        return bound_of(scene, value, False, False)
 
-    fpn = _inverse_spread(pattern.threshold_fpn)
-    rows = (
-        (pattern.prnu, "PRNU", "EMVA 1288 release 4.0", gain(pattern.prnu)),
-        (pattern.dark, "dark current and DSNU", "Huang 2022 section 4.4; EMVA 1288", dark),
-        (
-            pattern.threshold_fpn,
-            "threshold FPN",
-            "comparator and capacitance mismatch",
-            gain(fpn),
-        ),
-        (
-            pattern.hot * pattern.hot_current + pattern.dead,
-            "hot and dead pixels",
-            "EMVA 1288",
-            broken,
-        ),
-    )
-    return tuple(_effect(name, source, bound) for size, name, source, bound in rows if size > 0)
+
+PRNU, DARK, THRESHOLD_FPN, DEFECTS = _Prnu(), _Dark(), _ThresholdFpn(), _Defects()

@@ -82,4 +82,4 @@ def metastability_effect(setting: Metastability, clock: Clock) -> Effect:
         return Bound(setting.share(clock), "estimate")
 
     source = "T_w f_c f_d exp(-t/tau): Veendrick 1980; Ginosar 2011"
-    return Effect("metastability", source, Stream.METASTABILITY, "", str, bound)
+    return Effect("metastability", source, Stream.METASTABILITY, bound)

@@ -1,38 +1,109 @@
-"""Row-by-row sampling and comparator delay: the same light, seen at another time."""
+"""Row-by-row sampling and comparator delay: the same light, sampled at another instant.
+
+The row selectors read a chip row by row (EP4340384, US12581222B2), so what row r latches in cycle k
+is the light up to edge k + 1 + skew r / H. A comparator that answers t_d late lets the latch see
+what the charge was t_d before. Both move the instant alone and no light is lost, so one offset a
+row describes them completely.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
 import numpy as np
+import numpy.typing as npt
+from pydantic import Field
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
+from cosim.clock import PS, Clock
+from cosim.config.quantity import Share, Time
+from cosim.errors import InputError
+from cosim.plan.effects import Bound, Summary
+from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import sampling_cost
-from sensor.latched.effects.windows import made, shifted
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.windows import bound_of, shifted
+from sensor.latched.sampling import row_delays
 
-__all__ = ["comparator_delay_effect", "row_sampling_effect"]
+__all__ = ["COMPARATOR_DELAY", "ROW_SAMPLING", "check_within_cycle"]
 
 
-def _shifted(cycles: float, scene: Summary) -> Bound:
+def check_within_cycle(key: str, seconds: float, clock: Clock) -> None:
+    """Raises InputError for a time that is longer than a cycle. key: of [sensor]."""
+    if seconds > float(clock.period):
+        raise InputError(
+            f"sensor.{key}", f"at most a cycle, {float(clock.period):g} s", f"{seconds:g} s",
+            "shorten it",
+        )  # fmt: skip
+
+
+def _moved(cycles: float, scene: Summary) -> Bound:
     """A window that is moved by a share of a cycle gains at one end and loses at the other, at most
     the whole range of light for that long; where the light never changes, nothing."""
     span = (scene.brightest - scene.darkest) * cycles * (np.asarray(scene.planes) > 0)
     moved = shifted(scene, span / scene.threshold)
-    return made(scene, scene.relative(span / scene.window) + moved, True)
+    return bound_of(scene, scene.relative(span / scene.window) + moved, True)
 
 
-def row_sampling_effect(skew: float) -> Effect:
-    """skew: share of a cycle from the first row to the last."""
+class _RowSampling(PixelEffect):
+    name = "row-by-row sampling"
     source = "row selectors of EP4340384 and US12581222B2; whether SpikeTwo has them is not known"
-    return Effect(
-        "row-by-row sampling", source, Stream.NONE, "", str, lambda s: _shifted(skew, s),
-        sampling_cost, group="sampling",
-    )  # fmt: skip
+    group = "sampling"
+    reach = (0, 1)
+    parameters: ClassVar = {"row_skew": 0.0}
+    keys: ClassVar = {
+        "row_skew": Key(
+            Share,
+            Field(
+                default=0.0,
+                description="share of a cycle in which the rows are sampled one after another",
+            ),
+            silicon=Sized(
+                1.0, "assumed", "EP4340384: rows are sampled one after another in the cycle"
+            ),
+        )
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        return _moved(setting.row_skew, scene)
+
+    def cost(self, scene: Summary) -> Any:
+        return sampling_cost(scene)
+
+    def sampling(self, setting: Setting) -> npt.NDArray[np.float64]:
+        return row_delays(setting.clock, setting.chip.height, setting.row_skew)
 
 
-def comparator_delay_effect(cycles: float) -> Effect:
-    """cycles: delay in cycles."""
+class _ComparatorDelay(PixelEffect):
+    name = "comparator delay"
     source = "a latch that samples a delayed comparator: an offset of the sampling instant"
-    return Effect(
-        "comparator delay", source, Stream.NONE, "", str, lambda s: _shifted(cycles, s),
-        sampling_cost, group="sampling",
-    )  # fmt: skip
+    group = "sampling"
+    reach = (1, 0)
+    parameters: ClassVar = {"comparator_delay": 0.0}
+    keys: ClassVar = {
+        "comparator_delay": Key(
+            Time,
+            Field(
+                default=0.0, examples=["1 us"], description="from full to fired; at most a cycle"
+            ),
+            readouts=("synchronous", "asynchronous"),
+            silicon=Sized(20e-9, "assumed", USUAL),
+            first=True,
+        )
+    }
+
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        check_within_cycle("comparator_delay", section.comparator_delay, operation.clock)
+        return {"comparator_delay": section.comparator_delay}
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        return _moved(setting.comparator_delay * setting.clock.hz, scene)
+
+    def cost(self, scene: Summary) -> Any:
+        return sampling_cost(scene)
+
+    def sampling(self, setting: Setting) -> float:
+        return float(-setting.comparator_delay * PS)
+
+
+ROW_SAMPLING, COMPARATOR_DELAY = _RowSampling(), _ComparatorDelay()

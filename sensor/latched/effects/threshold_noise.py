@@ -7,38 +7,77 @@ so it costs nothing beside it. sqrt(kTC) is 28.4 electrons at 5 fF and 300 K.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
 from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
+from cosim.config.quantity import Capacitance, Noise
+from cosim.errors import InputError
+from cosim.plan.effects import Bound, Summary
+from sensor.device.ktc import ktc_electrons
+from sensor.device.silicon import Sized
 from sensor.latched.effects.costs import noise_cost
-from sensor.latched.effects.windows import made, noisy, shifted
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.windows import bound_of, noisy, shifted
 
-__all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons", "threshold_noise_effect"]
+__all__ = ["THRESHOLD_NOISE"]
 
-BOLTZMANN = 1.380649e-23
-"""J/K, exact by definition of the SI (2019)."""
-ELEMENTARY_CHARGE = 1.602176634e-19
-"""C, exact by definition of the SI (2019)."""
-
-
-def ktc_electrons(farad: float, kelvin: float = 300.0) -> float:
-    """Reset noise of a capacitance in electrons: sqrt(k T C) / q."""
-    return math.sqrt(BOLTZMANN * kelvin * farad) / ELEMENTARY_CHARGE
+_ZERO_CELSIUS: Final = 273.15
+"""Kelvin at 0 degC."""
 
 
-def threshold_noise_effect(sigma: float) -> Effect:
-    """sigma: standard deviation in electrons."""
+class _ThresholdNoise(PixelEffect):
+    name = "threshold noise"
+    source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
+    stream = Stream.SHOT_NOISE
+    scope = "tile"
+    group = "noise"
+    parameters: ClassVar = {"threshold_noise": 0.0}
+    keys: ClassVar = {
+        "threshold_noise": Key(
+            Noise,
+            Field(default=0.0, examples=["5 e"], description="standard deviation, of each spike"),
+            silicon=Sized(
+                0.0058, "assumed", "SCSim's calibration; fits the interval variances of a recording"
+            ),
+            share_of_threshold=True,
+            first=True,
+        ),
+        "capacitance": Key(
+            Capacitance | None,
+            Field(default=None, description="its kTC noise is added to the threshold noise"),
+            reported=False,
+            first=True,
+        ),
+    }
 
-    def bound(scene: Summary) -> Bound:
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        ktc, threshold = 0.0, operation.threshold
+        if section.capacitance is not None:
+            ktc = ktc_electrons(section.capacitance * 1e-15, operation.celsius + _ZERO_CELSIUS)
+        noise = math.hypot(section.threshold_noise, ktc)
+        if noise > threshold:
+            raise InputError(
+                "sensor.threshold_noise", f"at most the threshold, {threshold:g} e",
+                f"{noise:g} e" + (" with kTC" if ktc else ""), "lower it",
+            )  # fmt: skip
+        return {"threshold_noise": noise}
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
         # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
         # Until then the spikes have walked away from their draws by the root of their number.
-        spread = sigma / scene.threshold
+        spread = setting.threshold_noise / scene.threshold
         walked = spread * np.sqrt(scene.brightest / scene.threshold * scene.cycles)
-        return made(scene, noisy(scene, spread) + shifted(scene, walked), False)
+        return bound_of(scene, noisy(scene, spread) + shifted(scene, walked), False)
 
-    source = "kTC: Johnson, Phys. Rev. 32:97, 1928; 0.5 to 1 % of Q fits a public recording"
-    return Effect(
-        "threshold noise", source, Stream.SHOT_NOISE, "", str, bound, noise_cost, "tile", "noise"
-    )
+    def cost(self, scene: Summary) -> Any:
+        return noise_cost(scene)
+
+    def threshold_noise(self, setting: Setting) -> float:
+        return float(setting.threshold_noise)
+
+
+THRESHOLD_NOISE = _ThresholdNoise()

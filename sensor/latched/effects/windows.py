@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Bound, Summary
 
-__all__ = ["clipped", "contrast", "lost", "made", "noisy", "saturated", "shifted"]
+__all__ = ["bound_of", "clipped", "contrast", "lost", "noisy", "saturated", "shifted"]
 
 Values = npt.NDArray[np.float64]
 _CLEAR = 8.0
@@ -106,11 +106,19 @@ def contrast(scene: Summary) -> Values:
     return np.minimum(worst, scene.relative(high))
 
 
-def made(scene: Summary, value: Any, proof: bool, held: bool = True) -> Bound:
-    """The bound: nothing where the pixels fire in every cycle, unless the effect may keep some from
-    it altogether (not `held`); near saturation a fraction may wrap
-    round, which is one spike of the window. proof: of a pixel without noise and dead time, whose
-    rate is smooth in its charge; with either it is an estimate."""
+def bound_of(scene: Summary, value: Any, proof: bool, held: bool = True) -> Bound:
+    """The bound of an effect that changes a window's rate by `value`.
+
+    Near saturation a fraction may wrap round, which adds one spike of the window.
+
+    Args:
+        scene: that is planned.
+        value: relative change of the rate, a number or one a tile.
+        proof: whether `value` is proven for a pixel without noise and dead time, whose rate is
+            smooth in its charge; with either the bound is an estimate.
+        held: whether pixels that fire in every cycle do so with and without the effect, so that
+            the bound is 0 there.
+    """
     value = np.asarray(value, np.float64)
     value = value + np.where(clipped(scene) & (value > 0), _share(1.0, scene), 0.0)
     if held:

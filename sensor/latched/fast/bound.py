@@ -24,7 +24,6 @@ import math
 from typing import Final
 
 from cosim.plan.effects import Bound
-from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.fast.units import units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
@@ -65,7 +64,8 @@ def rate_bound(
     top = units.top * 2.0**-units.bits
     if dead == 0 and low >= top and model.reset != "subtract":
         return Bound(2 / scale, "proof")
-    if scale == 0 or (high >= shortest and model.reset != "hard"):
+    # No rounding of a transfer is bounded here.
+    if model.transfers or scale == 0 or (high >= shortest and model.reset != "hard"):
         return Bound(math.inf, "proof")
     run = window if cycles is None else cycles
     # The exact tier rounds too: a slope for as many cycles, and the light that dead time costs.
@@ -93,7 +93,7 @@ def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) 
 
     Infinite without noise: all spikes of a pixel may then be ties.
     """
-    shot = model.threshold if SHOT_NOISE in model.effects else 0.0
+    shot = model.threshold if model.shot else 0.0
     spread = math.sqrt(shot + model.threshold_noise**2) / model.mean
     if low == 0 or spread == 0:
         return math.inf

@@ -206,7 +206,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     STATE
-    const float16 rate = LEVEL(plane);
+    const float16 rate = TRANSFERRED(LEVEL(plane));
     const int16 add = units_of(rate, one), lost = LOST(add);
 #ifdef START
     const int16 sure = 0;

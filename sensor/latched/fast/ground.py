@@ -106,6 +106,11 @@ class Ground:
         """Level at which light is held, in thresholds a cycle, an int32 in any case."""
         return np.float32(min(LARGEST / self.model.mean, 2.0**30))
 
+    @property
+    def ratio(self) -> float:
+        """Nominal thresholds in a threshold as charge is counted here, with its shift."""
+        return self.model.mean / self.model.threshold
+
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
         """Thresholds a cycle for a unit of light, and in the dark, of each padded pixel."""

@@ -24,6 +24,15 @@
 #define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
 #endif
 
+// A map of the light of a cycle, after its level; a fragment defines `transfer`.
+#ifdef TRANSFER
+#define TRANSFERRED(rate) held(lit(transfer(rate)), brightest)
+#define LINEAR 0
+#else
+#define TRANSFERRED(rate) (rate)
+#define LINEAR 1
+#endif
+
 inline float16 lit(const float16 rate)
 {
     return rate > 0.0f ? rate : (float16)(0.0f);
@@ -117,7 +126,7 @@ inline int some(const int16 v)
             step = levels[segment[5]] - base;                                              \
         __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
         const float16 room = LIMIT - base - (step > 0.0f ? step : (float16)(0.0f));               \
-        const int easy = others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));                 \
+        const int easy = LINEAR && others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));       \
         const float16 base_units = base * SCALE, step_units = step * SCALE;                       \
         while (c < end) {                                                                         \
             const uint stop = min(end, (c | 31) + 1);                                             \
@@ -136,6 +145,7 @@ inline int some(const int16 v)
                     for (uint j = 1; j < others; j++)                                             \
                         rate = rate + weight[j] * (levels[segment[5 + j]] - base);         \
                     rate = rate < 0.0f ? (float16)(0.0f) : rate;                                  \
+                    rate = TRANSFERRED(rate);                                                     \
                     ANY                                                                           \
                 }                                                                                 \
             if (!(c & 31)) {                                                                      \

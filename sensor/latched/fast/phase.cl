@@ -16,7 +16,7 @@ __kernel WIDE void steady(__global uint *charge, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     uint16 always, phase = vload16(g, charge);
-    const float16 rate = LEVEL(plane);
+    const float16 rate = TRANSFERRED(LEVEL(plane));
     const uint16 add = phase_of(rate, &always);
     uint c = 0;
     for (; c + 32 <= cycles; c += 32) {

@@ -16,14 +16,15 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.compute.opencl import Device
 from cosim.compute.philox import philox_cl
+from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.device.pattern import FixedPattern
-from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 from sensor.latched.fast.ground import LANES, Ground
 from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET
 from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.transfer import light_source
 
 __all__ = ["FastPixels"]
 
@@ -89,13 +90,16 @@ class FastPixels:
         def text(name: str) -> str:
             return (files("sensor.latched.fast") / name).read_text()
 
-        source = text("light.cl")
+        source, model = text("light.cl"), self._ground.model
         defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DCAP={CAP}", f"-DEMPTY=({EMPTY})"]
         if self._ground.gains is not None:
             defines.append("-DPATTERN")
+        if model.transfers:
+            source = light_source(model.transfers, self._ground.ratio) + source
+            defines.append("-DTRANSFER")
         if flags & NOISE:
             source += philox_cl() + text("draws.cl")
-            defines += ["-DNOISE", f"-DSTREAM={int(SHOT_NOISE.stream)}u"]
+            defines += ["-DNOISE", f"-DSTREAM={int(Stream.SHOT_NOISE)}u"]
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         if flags & RESET:

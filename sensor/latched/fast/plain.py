@@ -19,6 +19,7 @@ from sensor.latched.fast.course import Course
 from sensor.latched.fast.ground import LANES, Ground
 from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, drawn
 from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.transfer import transferred_light
 
 __all__ = ["PlainFast"]
 
@@ -140,7 +141,12 @@ class PlainFast:
         """Words (ceil(cycles / 32), H W) of cycles `start` to `start + cycles`."""
         course = self._ground.course(light, start, cycles)
         words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
+        model, most = self._ground.model, self._ground.brightest
         for c, rate in enumerate(self._rates(course, cycles)):
+            if model.transfers:
+                positive = np.maximum(rate, _F(0))
+                rate = transferred_light(model.transfers, positive, self._ground.ratio)
+                rate = np.minimum(np.maximum(rate, _F(0)), most)
             fired = self._phase(rate) | self._deficit(rate)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._ground.trimmed(word) for word in words])

@@ -28,7 +28,8 @@ def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     units, q = units_of(setting.model), setting.model.mean
     unit = 2.0**-units.bits
     spikes = np.asarray(scene.brightest, np.float64) / q
-    cycle = unit / 2 + 2.0**-23 * spikes + units.error * unit * spikes
+    roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a map has about four more
+    cycle = unit / 2 + roundings * spikes + units.error * unit * spikes
     guess = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
     twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, guess)
     return min(ESTIMATE_WEIGHT * _fast_proof(setting, scene), float(np.max(twice)))

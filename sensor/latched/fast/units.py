@@ -17,9 +17,10 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from cosim.compute.philox import philox4x32
-from sensor.latched.effects import INITIAL_CHARGE, SHOT_NOISE
+from cosim.compute.streams import Stream
 from sensor.latched.pixel.interval import KNOTS
 from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.thresholds import thresholds
 
 __all__ = [
     "BITS",
@@ -125,7 +126,7 @@ class Units:
 
 
 def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
-    return model._first_table() if INITIAL_CHARGE in model.effects else model.table()
+    return model.first_table() if model.random_start else model.table()
 
 
 def units_of(model: ExactModel) -> Units:
@@ -174,7 +175,7 @@ def drawn(
     """Threshold of spike k of each pixel: the word of the exact tier, looked up in units."""
     block = k >> np.uint64(2)
     high, low = block >> np.uint64(32), block & np.uint64(0xFFFFFFFF)
-    words = philox4x32((pixels, high, low, 0), (seed, SHOT_NOISE.stream))
+    words = philox4x32((pixels, high, low, 0), (seed, Stream.SHOT_NOISE))
     return quantile(units.table, np.choose((k & np.uint64(3)).astype(np.intp), words))
 
 
@@ -205,7 +206,7 @@ def _steady(
     model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32], flags: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.int32]:
     """Without noise; a phase where there are no flags at all."""
-    effects = tuple(e for e in model.effects if e is not SHOT_NOISE)
+    effects = tuple(e for e in model.effects if e.stream is not Stream.SHOT_NOISE)
     deficit = replace(model, effects=effects, threshold_noise=0.0).initial(pixels).deficit + 1
     phase = np.floor((1 - deficit / model.q) * 2.0**32).astype(np.int64).astype(np.uint32)
     quiet = np.ceil(deficit * (2.0**units.bits / model.q)) - 1  # a tie fires
@@ -216,8 +217,6 @@ def running(
     model: ExactModel, k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32]
 ) -> npt.NDArray[np.float64]:
     """Threshold of the running interval k of each pixel, in nominal thresholds."""
-    from sensor.latched.effects.shot_noise import thresholds
-
     table: Any = model.table()
     later = thresholds(table, k, pixels, model.seed)
     first = thresholds(_first_table(model), k, pixels, model.seed)

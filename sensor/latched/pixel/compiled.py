@@ -14,7 +14,9 @@ from cosim.spikes.viform import words_for
 from sensor.latched.pixel.draws import look_up
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import NO_TABLE
-from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
+from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.transfer import transferred
 
 __all__ = ["CompiledPixels"]
 
@@ -71,7 +73,7 @@ class CompiledPixels:
     def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)
         model, state = self._model, self._state
-        for span in spans:
+        for span in transferred(spans, model.transfers) if model.transfers else spans:
             ramp = span.slope is not None
             _expose(
                 state.deficit, state.spikes, self._pixels, span.charge,

@@ -5,11 +5,18 @@
 //   SHOT_NOISE   a fragment defines draw_batch, batch_word, threshold, next_threshold
 //   RAMP         increments change by `slope` a cycle
 //   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual
+//   TRANSFER     a fragment defines transfer, a map of the charge that a cycle brings
 //   DEAD_TIME    each spike costs `dead` / 2^16 of a cycle's light
 // Two kernels: `expose` for light that keeps its course for many cycles, `walk` for light that changes
 // at every one or few.
 // JUMP and DEEPEST come from the host (model.py). Words are laid out (word, pixel). A launch covers
 // cycles first .. first + n - 1 of its words.
+
+#ifdef TRANSFER
+#define TRANSFERRED(add) transfer(add)
+#else
+#define TRANSFERRED(add) (add)
+#endif
 
 #ifdef SHOT_NOISE
 #define NOISE_PARAMETERS , const uint16 pixel, __global const long *table, const uint seed
@@ -174,7 +181,7 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
         return;
     const uint end = first + n;
     long16 d = vload16(g, deficit);
-    long16 add = vload16(g, charge);
+    long16 add = TRANSFERRED(vload16(g, charge));
 #ifdef RAMP
     const long16 slope = vload16(g, slopes);
     add += slope * elapsed;
@@ -318,7 +325,8 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
             add += slope * span[4];
         }
         for (; c < end; c++, add += slope) {
-            d -= add;
+            const long16 now = TRANSFERRED(add);
+            d -= now;
             if (some(d)) {
                 long16 fired = d >> 63;
                 uint16 f = convert_uint16(as_ulong16(fired));
@@ -330,7 +338,7 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
                         draw_batch(drawn, k + 1, pixel, seed);
                         at = slot = convert_uint16(k + 1) & 3;
                     }
-                    d = START(d, fired, threshold(picked(drawn, at), table), add);
+                    d = START(d, fired, threshold(picked(drawn, at), table), now);
                     at -= f;
 #ifdef ONE_A_CYCLE
                     break;
@@ -340,7 +348,7 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
                     if (some(d < -room)) {
                         k += convert_ulong16(at - slot);
                         at = slot = WORDS;
-                        settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
+                        settle(&d, &k, q, room DEAD_ARGUMENTS(now) NOISE_ARGUMENTS);
                         break;
                     }
                     fired = d >> 63;
@@ -348,10 +356,10 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
 #endif
                 }
 #else
-                d = START(d, fired, (long16)(q), add);
+                d = START(d, fired, (long16)(q), now);
 #ifndef ONE_A_CYCLE
                 if (some(d))
-                    settle(&d, &k, q, room DEAD_ARGUMENTS(add) NOISE_ARGUMENTS);
+                    settle(&d, &k, q, room DEAD_ARGUMENTS(now) NOISE_ARGUMENTS);
 #endif
 #endif
 #ifdef RESET_SUBTRACT

@@ -10,11 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.compute.philox import philox_cl
+from cosim.compute.streams import Stream
 from cosim.spikes.viform import words_for
-from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
-from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
+from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.transfer import charge_source
 
 __all__ = ["KernelPixels"]
 
@@ -63,14 +66,18 @@ class KernelPixels:
         return self._kernels[name, ramp]
 
     def _build(self, name: str, ramp: bool) -> Any:
-        # A threshold drawn for each spike is one fragment, whatever the noise that it stands for.
-        source, noise = (files("sensor.latched.pixel") / "exact.cl").read_text(), SHOT_NOISE
+        folder = files("sensor.latched.pixel")
+        source = (folder / "exact.cl").read_text()
         defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
         defines.append(f"-DPLANES={_PLANES}")
         if self._model.noisy:
-            source = noise.fragment() + source
-            defines += [f"-D{noise.define}", f"-D{noise.define}_STREAM={noise.stream}u"]
+            # A threshold drawn for each spike is one fragment, whatever noise it stands for.
+            source = philox_cl() + (folder / "threshold.cl").read_text() + source
+            defines += ["-DSHOT_NOISE", f"-DSHOT_NOISE_STREAM={int(Stream.SHOT_NOISE)}u"]
             defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}"]
+        if self._model.transfers:
+            source = charge_source(self._model.transfers) + source
+            defines.append("-DTRANSFER")
         if ramp:
             defines.append("-DRAMP")
         if self._model.reset != "residual":
@@ -137,7 +144,9 @@ class KernelPixels:
         words = self._words[1]
         short: list[Span] = []
         for span in spans:
-            brief = span.cycles <= _SHORT
+            # `expose` takes a ramp's charge as linear over cycles, which no transfer leaves it.
+            curved = self._model.transfers and span.slope is not None
+            brief = span.cycles <= _SHORT or curved
             if short and (not brief or len(_arrays([*short, span])) > _PLANES):
                 self._walk(short, words)
                 short = []

@@ -13,12 +13,14 @@ from typing import Final, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim.plan.effects import Effect
-from sensor.latched.effects import INITIAL_CHARGE, SHOT_NOISE, first_thresholds, initial_deficit
+from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.thresholds import first_thresholds, initial_deficit
+from sensor.latched.pixel.transfer import Transfer
 
-__all__ = ["DEEPEST", "JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Reset", "Span"]
+__all__ = ["DEEPEST", "JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Reset"]
 
 Reset = Literal["residual", "hard", "subtract"]
 """`residual`: charge beyond the threshold stays. `hard`: back to zero at the readout of a spike.
@@ -31,22 +33,6 @@ DEEPEST: Final = -(1 << 61)
 """Least deficit under `subtract`: charge piles up to 2^21 electrons beyond a threshold."""
 
 
-@dataclass(frozen=True, eq=False)
-class Span:
-    """Charge that falls in cycles `first` to `first + cycles` of a block's words.
-
-    charge: Q24.40 of the cycle where this course of light began, (n,) int64 >= 0. slope: its
-    change a cycle, or None. elapsed: cycles between that one and `first`, so that the same arrays
-    serve every block and every split of the run.
-    """
-
-    first: int
-    cycles: int
-    charge: Charge
-    slope: Charge | None = None
-    elapsed: int = 0
-
-
 @dataclass(eq=False)
 class PixelState:
     """deficit: threshold - charge - 1 in Q24.40, (n,) int64. spikes: index of the interval that is
@@ -56,24 +42,38 @@ class PixelState:
     spikes: npt.NDArray[np.uint64]
 
 
+class Drawing(Protocol):
+    """An effect, as far as the model reads it: the stream of its draws."""
+
+    @property
+    def stream(self) -> Stream: ...
+
+
 @dataclass(frozen=True)
 class ExactModel:
     """The exact pixel's setting.
 
-    threshold: electrons, positive, below 2^21. seed: of the run, below 2^32. effects: those kept.
-    threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC, comparator).
-    reset: what becomes of the charge at a spike. dead_time: share of a cycle after each spike in
-    which light is lost, in [0, 1]. shift: electrons that every interval takes beyond its threshold,
-    less than half of it either way: a comparator that answers late, a reset that leaves charge.
+    Attributes:
+        threshold: electrons, positive, below 2^21.
+        seed: of the run, below 2^32.
+        effects: of those that every pixel has, the ones that are kept.
+        threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC,
+            comparator).
+        reset: what becomes of the charge at a spike.
+        dead_time: share of a cycle after each spike in which light is lost, in [0, 1].
+        shift: electrons that every interval takes beyond its threshold, less than half of it
+            either way: a comparator that answers late, a reset that leaves charge.
+        transfers: maps of the charge that a cycle brings, in their order.
     """
 
     threshold: float
     seed: int
-    effects: tuple[Effect, ...]
+    effects: tuple[Drawing, ...]
     threshold_noise: float = 0.0
     reset: Reset = "residual"
     dead_time: float = 0.0
     shift: float = 0.0
+    transfers: tuple[Transfer, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < LARGEST:
@@ -116,14 +116,23 @@ class ExactModel:
         return round(self.dead_time * 65536)
 
     @property
+    def shot(self) -> bool:
+        """Whether there is shot noise."""
+        return any(effect.stream is Stream.SHOT_NOISE for effect in self.effects)
+
+    @property
+    def random_start(self) -> bool:
+        """Whether the initial charge is random."""
+        return any(effect.stream is Stream.INITIAL_CHARGE for effect in self.effects)
+
+    @property
     def noisy(self) -> bool:
         """Whether each spike draws its threshold."""
-        return SHOT_NOISE in self.effects or self.threshold_noise > 0
+        return self.shot or self.threshold_noise > 0
 
     def table(self) -> Charge:
         """Quantiles that thresholds are drawn from."""
-        shot = SHOT_NOISE in self.effects
-        return self._shifted(interval_table(self.threshold, self.threshold_noise, shot))
+        return self._shifted(interval_table(self.threshold, self.threshold_noise, self.shot))
 
     def _shifted(self, table: Charge) -> Charge:
         if not self.shift:
@@ -132,25 +141,23 @@ class ExactModel:
         shifted.setflags(write=False)
         return shifted
 
-    def _first_table(self) -> Charge:
+    def first_table(self) -> Charge:
         """Quantiles of the interval that a run starts in: longer ones are met more often. Weighted
         by its length Gamma(Q) is Gamma(Q + 1); the mean grows by variance / mean in any case."""
-        shot = SHOT_NOISE in self.effects
-        longer = self.threshold + shot + self.threshold_noise**2 / self.threshold
-        return self._shifted(interval_table(longer, self.threshold_noise, shot))
+        longer = self.threshold + self.shot + self.threshold_noise**2 / self.threshold
+        return self._shifted(interval_table(longer, self.threshold_noise, self.shot))
 
     def first_thresholds(self, pixels: npt.NDArray[np.uint32]) -> Charge:
         """Thresholds, Q24.40, of the intervals that a run starts in, (n,)."""
         if not self.noisy:
             return np.full(pixels.shape, self.q, np.int64)
-        table = self._first_table() if INITIAL_CHARGE in self.effects else self.table()
+        table = self.first_table() if self.random_start else self.table()
         return first_thresholds(table, pixels, self.seed)
 
     def initial(self, pixels: npt.NDArray[np.uint32]) -> PixelState:
         """State of the pixels with these numbers before the first cycle."""
-        kept = INITIAL_CHARGE in self.effects
         first = self.first_thresholds(pixels)
-        if kept:  # the charge is a share of the threshold itself
+        if self.random_start:  # the charge is a share of the threshold itself
             beyond = round(self.shift * ONE)
             deficit = initial_deficit(np.maximum(first - beyond, 1), pixels, self.seed) + beyond
         else:

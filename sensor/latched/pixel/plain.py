@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, words_for
-from sensor.latched.effects.shot_noise import thresholds
-from sensor.latched.pixel.fixed_point import Charge
-from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState, Span
+from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
+from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
+from sensor.latched.pixel.span import Span
+from sensor.latched.pixel.thresholds import thresholds
 
 __all__ = ["PlainPixels"]
 
@@ -60,6 +61,8 @@ class PlainPixels:
                 charge = span.charge
                 if span.slope is not None:
                     charge = charge + span.slope * (span.elapsed + i)
+                for transfer in self._model.transfers:
+                    charge = np.minimum(transfer.charge(charge), LARGEST * ONE)
                 c = span.first + i
                 words[c // WORD] |= self._cycle(charge).astype(np.uint32) << np.uint32(c % WORD)
         return words

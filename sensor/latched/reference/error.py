@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.philox import philox4x32
-from sensor.latched.effects import SHOT_NOISE
+from cosim.compute.streams import Stream
 from sensor.latched.reference.law import law_error, law_of
 from sensor.latched.setting import CameraSetting
 
@@ -24,6 +24,6 @@ def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> 
         setting: of the camera.
         numbers: (n,) numbers of pixels, row by row.
     """
-    shot = SHOT_NOISE in setting.effects
-    words = philox4x32((numbers, 0, 0, 0), (setting.seed, SHOT_NOISE.stream))[0]
-    return law_error(law_of(setting.threshold, setting.threshold_noise, shot), words)
+    model = setting.model
+    words = philox4x32((numbers, 0, 0, 0), (setting.seed, Stream.SHOT_NOISE))[0]
+    return law_error(law_of(model.threshold, model.threshold_noise, model.shot), words)

@@ -10,12 +10,12 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
-from cosim.light.light import Light, Plane
+from cosim.light.light import Light, Piece, Plane
 from cosim.spikes.viform import words_for
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.device.pattern import FixedPattern
-from sensor.latched.effects import INITIAL_CHARGE, SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.transfer import transferred_light
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
@@ -75,7 +75,7 @@ class ReferencePixels:
                 )
             circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
         self._overshoot = overshoot
-        shot = SHOT_NOISE in model.effects
+        shot = model.shot
         self._law = law_of(model.threshold, model.threshold_noise, shot)
         self._levels: list[tuple[Plane, Values]] = []
         goal, charge = self._initial(shot)
@@ -90,19 +90,20 @@ class ReferencePixels:
         """Threshold of spike 0 and the charge a run starts with, as `ExactModel.initial` has them:
         longer intervals are met more often, and the charge is uniform below the threshold."""
         model, numbers, law = self._model, self._numbers, self._law
-        kept = INITIAL_CHARGE in model.effects
+        kept = model.random_start
         if kept and model.noisy:
             longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
             law = law_of(longer, model.threshold_noise, shot)
         goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
         if not kept:
             return goal, np.zeros(goal.size)
-        words = philox4x32((numbers, 0, 0, 0), (model.seed, INITIAL_CHARGE.stream))[0]
+        words = philox4x32((numbers, 0, 0, 0), (model.seed, Stream.INITIAL_CHARGE))[0]
         return goal, goal * (words / 2.0**32)
 
     def _level(self, plane: Plane) -> Values:
-        """Electrons a picosecond under a steady plane, (n,), each plane computed once. What the
-        exact tier holds at LARGEST a cycle is not held here: a flash keeps its charge."""
+        """Electrons a picosecond under a steady plane, (n,), before transfers, each plane computed
+        once. What the exact tier holds at LARGEST a cycle is not held here: a flash keeps its
+        charge."""
         for known, rates in self._levels:
             if known is plane:
                 return rates
@@ -130,6 +131,8 @@ class ReferencePixels:
                 f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
             )
         met = [p for p in light.pieces if p.stop > first and p.start < last] or [light.pieces[0]]
+        if self._model.transfers:
+            return self._transferred(met, first, last)
         begins = np.array([p.start for p in met], np.int64)
         ends = np.array([p.stop for p in met], np.int64)
         rates = np.empty((2, n, len(met)))
@@ -137,6 +140,40 @@ class ReferencePixels:
             rates[0, :, i] = self._level(piece.first)
             rates[1, :, i] = self._level(piece.last)
         return begins, ends, rates[0], rates[1]
+
+    def _transferred(
+        self, pieces: list[Piece], first: int, last: int
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Values, Values]:
+        """The same with the transfers applied to the rate. Light that changes is cut at the clock's
+        edges, and the mapped rate is linear between them; what that leaves out is of second order
+        in the change within a cycle."""
+        clock, model = self._clock, self._model
+        per_threshold = PS * float(clock.period) / model.threshold
+        begins, ends, starts, stops = [], [], [], []
+        for piece in pieces:
+            a, b = self._level(piece.first), self._level(piece.last)
+            cuts = [piece.start, piece.stop]
+            if not piece.constant:
+                low, high = max(first, piece.start), min(last, piece.stop)
+                cycles = range(clock.cycle_at(max(low, 0)), clock.cycle_at(max(high, 0)) + 2)
+                inside = {clock.edge(c) for c in cycles}
+                cuts = sorted({*cuts, *(e for e in inside if piece.start < e < piece.stop)})
+            length = piece.stop - piece.start
+            levels = [
+                transferred_light(
+                    model.transfers, (a + (b - a) * ((t - piece.start) / length)) * per_threshold, 1
+                ) / per_threshold
+                for t in cuts
+            ]  # fmt: skip
+            begins += cuts[:-1]
+            ends += cuts[1:]
+            starts += levels[:-1]
+            stops += levels[1:]
+        return (
+            np.array(begins, np.int64), np.array(ends, np.int64),
+            np.ascontiguousarray(np.stack(starts, axis=1)),
+            np.ascontiguousarray(np.stack(stops, axis=1)),
+        )  # fmt: skip
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Latched bits of cycles `start` to `start + cycles` of the clock: (ceil(cycles / 32), n)

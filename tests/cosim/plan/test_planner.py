@@ -16,7 +16,7 @@ from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, make_plan
 def effect(name, bound, cost=1.0, kind="proof", scope="plane", group=""):
     """An effect whose bound and cost are these numbers, or one a tile."""
     return Effect(
-        name, "a test", Stream.NONE, "", str, lambda scene: Bound(bound, kind),
+        name, "a test", Stream.NONE, lambda scene: Bound(bound, kind),
         lambda scene: cost, scope, group,
     )  # fmt: skip
 

@@ -65,7 +65,7 @@ def test_blocks_of_any_length_agree_with_the_golden_model(
     want, got = golden.state(), shaders.state()
     assert want.keys() == got.keys()
     if drive != "impulse":
-        for key in ("tau", "age", "seen"):
+        for key in ("tau", "age", "started"):
             assert got[key].dtype == want[key].dtype and (got[key] == want[key]).all(), key
     shaders.close()
 
@@ -157,7 +157,7 @@ def test_extremes_all_spikes_one_ever_none_and_very_old_ages(
     shown = panel(drive, shape=(1, 8))
     golden, shaders = GoldenRenderer(shown, 64, 0), Renderer(shown, 64, 0)
     state: dict[str, Any] = golden.state()
-    state["seen"][0, 4:] = True
+    state["started"][0, 4:] = True
     state["age"][0, 4:] = [FOREVER, FOREVER - 1, 2**31, 10**8]
     state["tau"][0, 4:] = [FOREVER, 3, 2**24, 2**30]
     for renderer in (golden, shaders):

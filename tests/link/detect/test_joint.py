@@ -10,7 +10,7 @@ import pytest
 from link.detect.catalogue import make_detector
 from link.detect.counting import CONTEXT, PAIRS, PHASES
 from link.detect.forward_backward import ForwardBackward
-from link.detect.geometry import PLACES, see
+from link.detect.geometry import PLACES, cell_images
 from link.detect.joint import Joint
 from link.detect.joint_numpy import soft_by_numpy
 from link.detect.pixel import PixelLaw
@@ -57,7 +57,7 @@ def _plain(scene: Scene, detector: Joint, cell: int, first: int, symbols: int) -
     sums over all sequences of bits."""
     ticks = scene.layout.mode.ticks
     _, single = tables(detector._counts, ticks)
-    seen = see(scene.layout, scene.registration)
+    seen = cell_images(scene.layout, scene.registration)
     said = np.zeros((symbols, PAIRS))
     for n in range(symbols):
         middle = float(scene.timing.start(first + n + 0.5, scene.timing.rows / 2))

@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import approx_fprime, minimize
 
 from link.receiving import phasing
-from link.receiving.pacing import Late, Pace
-from link.receiving.phasing import find_late, fit_timing
+from link.receiving.pacing import Delay, Pace
+from link.receiving.phasing import fit_timing, measure_delay
 from link.receiving.synthesis import NOISE, RULES, Levels, Witnesses, likelihood
 from link.timing import Timing
 
@@ -100,15 +100,17 @@ def test_the_top_is_that_of_a_long_simplex_from_any_start() -> None:
 @pytest.mark.parametrize("late", [-0.2, 0.0, 0.13])
 def test_a_look_says_how_late_symbols_are(late: float) -> None:
     w = witnesses("hard")
-    look = find_late(w, replace(TRUE, first=TRUE.first - late), Levels(ON, BACKGROUND, "hard", 0))
-    assert look.error < 0.005
-    assert abs(look.late - late) < 4.9 * look.error  # alpha 1e-6
+    delay = measure_delay(
+        w, replace(TRUE, first=TRUE.first - late), Levels(ON, BACKGROUND, "hard", 0)
+    )
+    assert delay.error < 0.005
+    assert abs(delay.late - late) < 4.9 * delay.error  # alpha 1e-6
 
 
 def test_a_look_at_spikes_that_say_nothing_is_unsure() -> None:
     w = witnesses("hard")
     dark = replace(w, light=0 * w.light)
-    assert find_late(dark, TRUE, Levels(ON, BACKGROUND, "hard", 0)) == Late(0.0, np.inf)
+    assert measure_delay(dark, TRUE, Levels(ON, BACKGROUND, "hard", 0)) == Delay(0.0, np.inf)
 
 
 def test_a_pace_is_the_line_through_all_looks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,8 +130,9 @@ def test_a_pace_is_the_line_through_all_looks(monkeypatch: pytest.MonkeyPatch) -
         design.append([1.0, tick - begin])
         seen.append(late)
         weight.append(1 / np.hypot(error, model))
-        pace = pace.seen(tick, Late(late + float(timing.start(n, 0) - pace.timing.start(n, 0)),
-                                    error))  # fmt: skip
+        pace = pace.measured(tick, Delay(
+            late + float(timing.start(n, 0) - pace.timing.start(n, 0)), error
+        ))  # fmt: skip
     a = np.array(design) * np.array(weight)[:, None]
     line, *_ = np.linalg.lstsq(a, np.array(seen) * weight, rcond=None)
     cover = np.linalg.inv(a.T @ a)
@@ -144,10 +147,10 @@ def test_a_pace_is_the_line_through_all_looks(monkeypatch: pytest.MonkeyPatch) -
 def test_looks_long_ago_count_less() -> None:
     pace = Pace.fitted(TRUE, 0.0, 80, 1e-4)
     for k in range(1, 400):
-        pace = pace.seen(128.0 * k, Late(0.0, 0.003))
+        pace = pace.measured(128.0 * k, Delay(0.0, 0.003))
     # a drift that begins now is taken over though much was seen before
     for k in range(400, 800):
         n = (128.0 * k - TRUE.first) / TRUE.period
         here = TRUE.start(n, 0) + 50e-6 * 128.0 * (k - 400)
-        pace = pace.seen(128.0 * k, Late(float(here - pace.timing.start(n, 0)), 0.003))
+        pace = pace.measured(128.0 * k, Delay(float(here - pace.timing.start(n, 0)), 0.003))
     assert pace.timing.period / TRUE.period - 1 == pytest.approx(50e-6, rel=0.1)

@@ -149,7 +149,7 @@ def test_each_fault_is_named() -> None:
         got = receive(toy, np.ascontiguousarray(given))
         assert got.verdict.cause is cause, got.verdict
         assert got.delivered is None
-        assert any(c.isdigit() for c in got.verdict.told)
+        assert any(c.isdigit() for c in got.verdict.text)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_tags_that_claim_cells_no_camera_could_see_are_refused_at_once() -> None
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert got.verdict.cause is Cause.TOO_SMALL and got.delivered is None and got.mode == mode
-    assert "4640 x 4640" in got.verdict.told and "0.1 camera pixels" in got.verdict.told
+    assert "4640 x 4640" in got.verdict.text and "0.1 camera pixels" in got.verdict.text
     assert most < 100e6
 
 
@@ -204,7 +204,7 @@ def test_cells_of_half_a_pixel_are_looked_for(cell: int, refused: bool) -> None:
     receiver.step(tags_alone(mode, 3, 320))  # 0.45 and 0.6 pixels to a cell's side
     got = receiver.finish()
     assert got.delivered is None
-    assert (got.verdict.cause is Cause.TOO_SMALL and "step nearer" in got.verdict.told) == refused
+    assert (got.verdict.cause is Cause.TOO_SMALL and "step nearer" in got.verdict.text) == refused
 
 
 @pytest.mark.slow
@@ -232,7 +232,7 @@ def _receive_shown(planes: np.ndarray) -> Received:
 def test_a_recording_that_begins_too_late_is_told_so() -> None:
     verdict = _receive_shown(_shown(DATA * 11)[110:]).verdict
     assert verdict.cause is Cause.TRUNCATED
-    assert "begins after first light" in verdict.told
+    assert "begins after first light" in verdict.text
 
 
 @pytest.mark.slow
@@ -245,8 +245,8 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
         given = np.delete(planes, slice(140, 145), axis=0)
     got = _receive_shown(given)
     assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
-    assert "what ended by tick 136 is right" in got.verdict.told
-    assert ("what began after tick 176 too" in got.verdict.told) == dark
+    assert "what ended by tick 136 is right" in got.verdict.text
+    assert ("what began after tick 176 too" in got.verdict.text) == dark
     assert got.delivered is None
 
 

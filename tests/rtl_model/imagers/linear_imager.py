@@ -27,7 +27,7 @@ FRAME = 10_000_000_000
 
 
 def _effect(name, stream, bound, cost):
-    return Effect(name, "closed form", stream, "", str, bound, lambda _: cost)
+    return Effect(name, "closed form", stream, bound, lambda _: cost)
 
 
 class LinearPixels:

@@ -166,7 +166,7 @@ def test_a_broken_promise_is_put_back(tmp_path):
         effect = imager.pixels.effects["PRNU"]
         bound = imager.pixels.effects["leak"].bound
         imager.pixels.effects["PRNU"] = type(effect)(
-            effect.name, "", effect.stream, "", str, bound, effect.cost
+            effect.name, "", effect.stream, bound, effect.cost
         )
         return imager
 

@@ -93,7 +93,7 @@ class GlobalShutterPixels:
         def bound(scene: Summary) -> Bound:
             return Bound(1 - np.sqrt(1 - share(scene)), "proof")
 
-        return Effect(name, "closed form", stream, "", str, bound, lambda scene: ns)
+        return Effect(name, "closed form", stream, bound, lambda scene: ns)
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         count, width = rows.lux_seconds.shape

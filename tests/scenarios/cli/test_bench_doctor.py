@@ -77,7 +77,7 @@ def test_doctor_finds_this_machine_fit(capsys: pytest.CaptureFixture[str]) -> No
     document = json.loads(capsys.readouterr().out)
     assert document["ok"] is True
     checks = {check["name"]: check for check in document["checks"]}
-    assert checks["kernel"]["found"] == "built, and agrees with plain numpy on every bit"
+    assert checks["kernel"]["found"] == "built, and agrees with the compiled form on every bit"
     assert all(check["ok"] for check in checks.values() if check["needed"])
 
 

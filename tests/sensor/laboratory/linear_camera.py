@@ -31,7 +31,7 @@ def _effect(name: str, stream: Stream, value: Callable[[ImagerSummary], float]) 
         assert isinstance(scene, ImagerSummary)
         return Bound(value(scene), "estimate")
 
-    return Effect(name, _SOURCE, stream, "", str, bound, lambda scene: _COST)
+    return Effect(name, _SOURCE, stream, bound, lambda scene: _COST)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ class SpikeAtTheStart(GoldenRenderer):
 
     def __init__(self, *given) -> None:  # type: ignore[no-untyped-def]
         super().__init__(*given)
-        self.seen[:] = True
+        self.started[:] = True
 
 
 class DarkPlanes(GoldenRenderer):

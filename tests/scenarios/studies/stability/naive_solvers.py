@@ -10,9 +10,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from cosim import PS
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 from sensor.circuit.train import spike_train
-from sensor.latched.effects.threshold_noise import ELEMENTARY_CHARGE
+from sensor.device.ktc import ELEMENTARY_CHARGE
 
 
 def plain_log(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]

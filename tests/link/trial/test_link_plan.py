@@ -24,6 +24,7 @@ from link.trial.check import LinkCheck, check_link, compare, goodput_change
 from link.trial.patches import LinkPatches, Variant
 from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
 from link.trial.study import LinkStudy
+from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 from sensor import DevicePattern
 
@@ -41,7 +42,8 @@ class Silent:
 
 def small(*more: str) -> LinkSetting:
     """A panel of 128 x 128 before SpikeOne."""
-    return link_setting(linked(load("light-link", [*SMALL, *more])[1], "test"))
+    scenario = linked(load("light-link", [*SMALL, *more])[1], "test")
+    return link_setting(scenario, camera_setting(scenario))
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +172,8 @@ def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
 @pytest.mark.parametrize(("structure", "out"), [("1e-14", True), ("1.5e-14", False)])
 def test_the_default_link_at_ten_metres_leaves_scintillation_out(structure: str, out: bool) -> None:
     given = ["link.distance=10 m", f"link.air.structure={structure}"]
-    setting = link_setting(linked(load("light-link", given)[1], "test"))
+    scenario = linked(load("light-link", given)[1], "test")
+    setting = link_setting(scenario, camera_setting(scenario))
     look = survey_link(setting, Mode(960, 960, 8, 2, "8b10b", 64), 3700, 7400)
     plan = look.plan(0.1, None)
     assert ("scintillation" in plan.left_out) == out
@@ -290,7 +293,7 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
                             "link.modem.line=8b10b", "link.modem.parity=32",
                             "sensor.crosstalk=0"])[1], "test",
     )  # fmt: skip
-    document = LinkStudy("small", given, None).forecast(Silent())
+    document = LinkStudy("small", given, camera_setting(given), None).forecast(Silent())
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
     assert "scintillation" in {row["effect"] for row in document["left_out"]}
     assert 0 < document["promised"] <= SHARE * document["tolerance"]
@@ -301,4 +304,4 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
     aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
     away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
     with pytest.raises(InputError, match="whose panel is in view"):
-        LinkStudy("away", away, None).ladder(Silent())
+        LinkStudy("away", away, camera_setting(away), None).ladder(Silent())

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from cosim.config.quantity import Capacitance, Duration, Quantity, Section, Time
-from sensor.circuit import Circuit
+from sensor.circuit.circuit import Circuit
 
 __all__ = ["CircuitSection"]
 

@@ -13,11 +13,16 @@ from link.prediction.light import cell_scene, cell_sight
 from link.prediction.reach import predict_errors
 from link.setting import link_setting
 from link.trial.patches import true_timing
+from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.schema.loading import load
 
 
+def _setting(scenario):
+    return link_setting(scenario, camera_setting(scenario))
+
+
 def _sight(*assignments):
-    setting = link_setting(load("light-link", [*assignments])[1])
+    setting = _setting(load("light-link", [*assignments])[1])
     late = np.zeros(setting.camera.chip.height, np.int64)
     return setting, cell_sight(setting, true_timing(setting, late, 2), 400)
 
@@ -52,7 +57,7 @@ def test_more_light_than_a_tick_needs_and_no_blur_make_no_errors_in_large_cells(
 def test_small_cells_err_as_often_as_in_a_film(ticks, missed):
     from link.setup.pilot import film_pilot, strip_of
 
-    setting = link_setting(load("light-link", ["link.distance=5 m"])[1])
+    setting = _setting(load("light-link", ["link.distance=5 m"])[1])
     strip = strip_of(setting)
     mode = Mode(128, 960, 4, ticks, "8b10b", 32)
     film = film_pilot(strip, mode, "joint", 7, None)

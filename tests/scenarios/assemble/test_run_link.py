@@ -24,6 +24,7 @@ from link.setting import link_setting
 from link.setup.modes import choose_mode, tag_warning
 from link.setup.setup import set_up_link
 from link.verdict import Cause, Verdict
+from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.cli.run import print_result
@@ -170,7 +171,8 @@ def test_bad_input_is_a_verdict_that_names_the_cause_and_hands_out_nothing(
     assert verdict["told"]
     if cause == "too_small":  # the run knew before
         assert "tags too small" in verdict["told"]
-        setting = link_setting(load("light-link", [*SMALL, assignment])[1])
+        scenario = load("light-link", [*SMALL, assignment])[1]
+        setting = link_setting(scenario, camera_setting(scenario))
         told = tag_warning(setting, Mode(384, 224, 2, 2, "8b10b", 32))
         assert told is not None and "has 0.98 camera pixels and is found from 1.6 on" in told
     # What was neither measured nor foreseen is null, and 0 only what was counted.
@@ -192,8 +194,9 @@ HOPELESS = ("link.aim.blur=4", "link.modem.parity=auto", "link.size=1000000")
 
 def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone():
     runs = [
-        set_up_link(load("light-link", [*SMALL, *HOPELESS, *more])[1], "numba", SilentProgress())
+        set_up_link(scenario, camera_setting(scenario), "numba", SilentProgress())
         for more in ([], ["link.modem.parity=128"], ["duration=40 ms"])
+        for _, scenario in [load("light-link", [*SMALL, *HOPELESS, *more])]
     ]
     cut, given, timed = runs
     assert cut.choice is not None and not cut.choice.holds
@@ -281,7 +284,10 @@ def test_four_megabytes_cross_two_metres_at_a_gigabit(tmp_path):
 def test_a_panel_out_of_view_is_not_filmed_for_long():
     """4 MB take less than 0.1 s of light, not the 3 s of the surest mode."""
     _, scenario = load("light-link", ["link.aim.offset_x=600"])
-    mode, choice = choose_mode(scenario, link_setting(scenario), 4_000_000, None, SilentProgress())
+    mode, choice = choose_mode(
+        scenario, link_setting(scenario, camera_setting(scenario)), 4_000_000, None,
+        SilentProgress(),
+    )  # fmt: skip
     assert choice is None
     rate = 8 * Layout(mode).group_bytes(1) / (Layout(mode).group * mode.ticks) * 40_000
     assert 8 * 4_000_000 / rate < 0.1

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from link.report.tables import told_error
+from link.report.tables import error_text
 from link.trial.check import ESTIMATED, KIND, LinkCheck, compare
 from link.trial.near import FEWEST, near
 
@@ -80,9 +80,9 @@ def test_the_report_says_which_figure_is_counted_and_which_is_estimated() -> Non
     run = full - np.float32(0.1)
     paired = compare(full <= 0, run <= 0, 10**8, (full, run))
     assert paired.near is not None
-    told = told_error(LinkCheck(paired, {}, 0.0, 3, 1.0))
+    told = error_text(LinkCheck(paired, {}, 0.0, 3, 1.0))
     assert "an estimate from 200 bits that are nearly wrong" in told
     assert f"{paired.near.more} more and {paired.near.fewer} fewer" in told
     assert f"between {paired.counted[1]:.2g} and {paired.counted[2]:.2g}" in told
-    alone = told_error(LinkCheck(compare(full <= 0, run <= 0, 10**8), {}, 0.0, 3, 1.0))
+    alone = error_text(LinkCheck(compare(full <= 0, run <= 0, 10**8), {}, 0.0, 3, 1.0))
     assert "estimate" not in alone and "So counted" in alone
