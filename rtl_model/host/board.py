@@ -1,4 +1,4 @@
-"""A board's registers by name. On our own board every write is checked by the counters it keeps."""
+"""A board's registers by name. Writes to our board are checked by its counters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,16 @@ _WORD = 0xFFFFFFFF
 
 
 class BoardInfo(NamedTuple):
-    """What a board of ours says of itself. `baud` is clock_hz over the clocks of a bit."""
+    """Size and build of our board, as its registers state them.
+
+    Attributes:
+        rows, columns, lanes: of the pixel array.
+        clock_hz: nominal clock, Hz.
+        version: of the register map.
+        build: CRC-32 of Verilog and parameters, 0 if unknown.
+        capture_words, sink_words: sizes of the memories, words.
+        baud: `clock_hz` divided by the clocks of a bit.
+    """
 
     rows: int
     columns: int
@@ -39,7 +48,7 @@ class BoardInfo(NamedTuple):
 
     @property
     def geometry(self) -> Geometry:
-        """The build that it is."""
+        """The parameters of the build."""
         return Geometry(
             self.rows, self.columns, self.lanes, self.clock_hz, self.baud, self.capture_words,
             self.sink_words,
@@ -47,15 +56,14 @@ class BoardInfo(NamedTuple):
 
     @property
     def build_matches(self) -> bool | None:
-        """Whether it is this program's Verilog, by the CRC-32 that it says; None where it says 0,
-        as a build does that was given none."""
+        """Whether the CRC-32 is that of this program's Verilog; None if the build has none."""
         from rtl_model.verilated import build_crc  # with the cycle model, which few hosts need
 
         return self.build == build_crc(self.geometry) if self.build else None
 
 
 class ImagerInfo(NamedTuple):
-    """What a conventional imager of ours says of itself."""
+    """Size and build of one of our conventional imagers, as its registers state them."""
 
     imager: str
     rows: int
@@ -67,8 +75,10 @@ class ImagerInfo(NamedTuple):
 
 
 def recognised(bone: Uartbone) -> CsrMap:
-    """Returns the map of what answers, told by its first register: an imager of ours, else our own
-    board's, whatever it is. LineFault NOT_OURS for an imager that this program does not know."""
+    """The register map of an imager of ours by its first register; else our board's.
+
+    Raises LineFault NOT_OURS for an unknown imager.
+    """
     if bone.read_twice(_HEAD["ctrl_magic"])[0] != IMAGER_MAGIC:
         return default_map()
     number = bone.read_twice(_HEAD["ctrl_imager"])[0]
@@ -81,10 +91,13 @@ def recognised(bone: Uartbone) -> CsrMap:
 
 
 class Board:
-    """Registers behind a bone.
+    """Registers of a board by name.
 
-    csr: the design's map; None is that of our own board.
-    verify: whether writes are checked by the counters; None: where the design is ours.
+    Attributes:
+        bone: the host's side of the protocol.
+        csr: register map of the design; our board's if the argument is None.
+        verify: whether writes are checked by the board's counters; by default if the design is
+            ours.
     """
 
     def __init__(
@@ -96,16 +109,21 @@ class Board:
         self._written: tuple[int, int] | None = None  # count and CRC-32 of words written
 
     def read(self, name: str) -> int:
-        """Returns a register as one reading gives it. Sent again after a fault only where reading
-        has no effect, which is known of our own registers alone."""
+        """Reads a register once.
+
+        After a fault the read is repeated only if it has no side effect, which is known for our own
+        registers only.
+        """
         register = self.csr.register(name)
         known = self.csr.table.get(name)
         harmless = known is not None and not known.read_effect
         return self._join(self._words(register, harmless))
 
     def read_twice(self, name: str) -> int:
-        """Returns a register that stands still, read until two readings in a row are the same.
-        InputError for one that changes by being read."""
+        """Reads a register until two consecutive readings agree.
+
+        Raises InputError for a register that changes when it is read.
+        """
         register = self.csr.register(name)
         known = self.csr.table.get(name)
         if known is not None and known.read_effect:
@@ -118,10 +136,10 @@ class Board:
         return self._join([self.bone.read_twice(register.address + stride * n)[0] for n in places])
 
     def write(self, name: str, value: int) -> None:
-        """Writes a register; on our own board it is checked that the word arrived (see
-        `verified_write`) and, where the register can be read, that it holds it.
+        """Writes a register; on our board checks its arrival and, if possible, reads it again.
 
-        InputError for a register that is only read or a value that does not fit.
+        Raises InputError for a read-only register or a value that is too large; LineFault as
+        `verified_write`.
         """
         register = self.csr.register(name)
         known = self.csr.table.get(name)
@@ -151,10 +169,15 @@ class Board:
         fixed: bool = False,
         readback: bool = False,
     ) -> None:
-        """Writes words and holds the board's count and CRC-32 of words written against them.
+        """Writes words and checks the board's count and CRC-32 of the written words.
 
-        readback: reads the words as well, which alone tells that the address was right.
-        LineFault SHORT, GARBLED, RESTARTED or MISPLACED; nothing is written twice.
+        Raises LineFault SHORT, GARBLED, RESTARTED or MISPLACED. Nothing is written twice.
+
+        Args:
+            address: of the first word, bytes.
+            values: words, 32 bits each.
+            fixed: whether all are written to the same address.
+            readback: whether the words are read again, which also checks the address.
         """
         values = [value & _WORD for value in values]
         if self._written is None:
@@ -180,16 +203,18 @@ class Board:
                 )
 
     def forget_counters(self) -> None:
-        """The count of written words is read anew before the next write that is checked; call it
-        after words were written past this board."""
+        """Reads the count of written words again before the next checked write.
+
+        Must be called after words were written without this object.
+        """
         self._written = None
 
     def identifier(self) -> str:
-        """Returns the design's identifier: characters up to the NUL, one a word. Characters that
-        are not printable ASCII stand as `?`."""
+        """The design's identifier, one character a word up to the NUL; `?` for characters that are
+        not printable ASCII."""
         base, text = self.csr.base("identifier_mem"), ""
         while len(text) < _IDENTIFIER_WORDS:
-            # Beyond the NUL our board counts an error of the bus, so there it goes word by word.
+            # Our board counts a bus error beyond the NUL, so it is read word by word.
             block = 1 if text and self.csr.table else _IDENTIFIER_BLOCK
             for value in self.bone.read_twice(base + 4 * len(text), block):
                 if value & 0xFF == 0:
@@ -198,8 +223,10 @@ class Board:
         return text
 
     def info(self) -> BoardInfo:
-        """Returns what the board is. LineFault NOT_OURS where another design, or another version
-        of ours, is loaded."""
+        """Size and build of our board.
+
+        Raises LineFault NOT_OURS if another design or another version is loaded.
+        """
         magic = self.read_twice("ctrl_magic") if "ctrl_magic" in self.csr.registers else 0
         if magic != MAGIC or not self.csr.ours:
             raise LineFault(
@@ -226,8 +253,10 @@ class Board:
         )
 
     def imager_info(self) -> ImagerInfo:
-        """Returns what the imager is whose map this board has. LineFault NOT_OURS where another
-        design, or another version of ours, is behind the line."""
+        """Size and build of the imager whose register map this board has.
+
+        Raises LineFault NOT_OURS if another design or another version answers.
+        """
         magic, version = self.read_twice("ctrl_magic"), self.read_twice("ctrl_version")
         name = by_number(self.read_twice("ctrl_imager")) if magic == IMAGER_MAGIC else None
         if name is None or name != self.csr.imager or version >> 16 != IMAGER_VERSION >> 16:
@@ -241,7 +270,7 @@ class Board:
         return ImagerInfo(name, rows, columns, clock_hz, version, build, baud)
 
     def _head(self) -> tuple[int, int, int, int]:
-        """Rows, columns, Hz of the clock, baud that the board takes itself to have."""
+        """Rows, columns, clock (Hz) and nominal baud."""
         size = self.read_twice("ctrl_geometry")
         clock_hz = self.read_twice("ctrl_clock_hz")
         bit = max(1, self.read_twice("uart_bit_clocks"))
@@ -265,8 +294,10 @@ class Board:
         return count, crc
 
     def _expect(self, after: tuple[int, int], before: tuple[int, int], sent: int) -> None:
-        """Holds the counters against what they must be: one reading that fits is proof, since a
-        garbled one does not."""
+        """Compares the counters with their expected values.
+
+        One matching reading is sufficient, because a changed one does not match.
+        """
         place = self.csr.register("uart_writes").address
         count, crc = first = self.bone.read(place, 2)
         if (count, crc) != after:

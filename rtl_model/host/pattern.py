@@ -1,4 +1,4 @@
-"""Upload of the pattern memory: the electrons that each pixel is given in a tick."""
+"""Upload of the pattern memory: the electrons of each pixel in a tick."""
 
 from __future__ import annotations
 
@@ -11,31 +11,35 @@ from rtl_model.host.faults import Cause, LineFault
 
 __all__ = ["upload"]
 
-_REPEATS = 3  # of a block: memory holds the same however often it is written
+_REPEATS = 3  # of a block: writing it again changes nothing
 _MENDABLE = (Cause.SHORT, Cause.GARBLED)
 
 
 def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
-    """Writes (rows, columns) electrons, 0 to 255, into the pattern memory; returns the number of
-    blocks that had to be sent again.
+    """Writes an image into the pattern memory; returns the number of repeated blocks.
 
-    Words are checked by the board's count and CRC-32 and, where `readback`, read again, which alone
-    tells that they stand where they must. InputError for an image of another size or range.
+    The words are checked by the board's count and CRC-32.
+
+    Args:
+        board: ours.
+        image: electrons in a tick, (rows, columns), 0 to 255. Raises InputError for another size or
+            range.
+        readback: whether the words are read again, which also checks their addresses.
     """
     info = board.info()
-    given = np.asarray(image)
-    if given.shape != (info.rows, info.columns):
+    pixels = np.asarray(image)
+    if pixels.shape != (info.rows, info.columns):
         raise InputError(
             "the pattern",
             f"{info.rows} x {info.columns} pixels, as the board",
-            " x ".join(map(str, given.shape)) or "a single value",
+            " x ".join(map(str, pixels.shape)) or "a single value",
             "scale it",
         )
-    if given.dtype.kind not in "uib" or given.min() < 0 or given.max() > 255:
+    if pixels.dtype.kind not in "uib" or pixels.min() < 0 or pixels.max() > 255:
         raise InputError("the pattern", "whole numbers, 0 to 255", "others", "scale and round it")
     wide = 32 * info.geometry.row_words
     padded = np.zeros((info.rows, wide), np.uint8)
-    padded[:, : info.columns] = given
+    padded[:, : info.columns] = pixels
     words = [int(word) for word in np.ascontiguousarray(padded).view("<u4").reshape(-1)]
     base = board.csr.base("pattern_mem")
     size = board.bone.words_at_once

@@ -1,4 +1,4 @@
-"""Pseudo-random words over the line, both ways, and how many bits of them are wrong."""
+"""Bit errors of the line, by pseudo-random words in both directions."""
 
 from __future__ import annotations
 
@@ -12,12 +12,20 @@ from rtl_model.prbs import ORDERS, Prbs
 
 __all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
 
-_FAULTS = 3  # of one run, before the line is said to be too bad to be measured
+_FAULTS = 3  # of one run, before the measurement is given up
 
 
 class PrbsReport(NamedTuple):
-    """Words asked for each way; bits wrong in those that came; words that did not come; answers
-    that broke off, after which the sequence was begun anew."""
+    """Bit errors of the line.
+
+    Attributes:
+        order: of the sequence.
+        words: sent in each direction.
+        bits_wrong_from_board, bits_wrong_to_board: wrong bits of the received words.
+        words_lost_to_board: words that did not arrive.
+        faults: interrupted answers, after each of which the sequence was restarted.
+        seconds: duration, s.
+    """
 
     order: int
     words: int
@@ -29,15 +37,20 @@ class PrbsReport(NamedTuple):
 
     @property
     def clean(self) -> bool:
-        """Whether every bit was right at once."""
+        """Whether every bit was right at the first attempt."""
         wrong = self.bits_wrong_from_board + self.bits_wrong_to_board
         return wrong == self.words_lost_to_board == self.faults == 0
 
 
 class Exchanged(NamedTuple):
-    """wrong: for each word from the board, its wrong bits as 1s. checked, errors: words that the
-    board held against its own sequence, and wrong bits in them. faults: answers that broke off,
-    after which the sequence was begun anew."""
+    """Words exchanged in both directions.
+
+    Attributes:
+        wrong: wrong bits of each word from the board, as 1s.
+        checked: words that the board has compared with its own sequence.
+        errors: wrong bits in these.
+        faults: interrupted answers, after each of which the sequence was restarted.
+    """
 
     wrong: list[int]
     checked: int
@@ -46,51 +59,64 @@ class Exchanged(NamedTuple):
 
 
 def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchanged:
-    """Reads `words` words of the board's sequence and sends it as many. faults: answers that may
-    break off before the LineFault of one is raised."""
+    """Reads words of the board's sequence and sends it as many.
+
+    Args:
+        board: ours.
+        order: of the sequence.
+        words: number of words in each direction.
+        faults: most interrupted answers; the LineFault of the next one is raised.
+    """
     bone = board.bone
     source = board.csr.register("prbs_source").address
     wrong: list[int] = []
-    broken = 0
+    interrupted = 0
     board.write("prbs_order", order)
-    own = Prbs(order)
+    sequence = Prbs(order)
     while len(wrong) < words:
         count = min(bone.words_at_once, words - len(wrong))
         try:
             values = bone.read(source, count, fixed=True)
         except LineFault as fault:
-            broken += 1
-            if broken > faults or fault.cause in FINAL:
+            interrupted += 1
+            if interrupted > faults or fault.cause in FINAL:
                 raise
-            board.write("prbs_order", order)  # where the sequence stands is not known: anew
-            own = Prbs(order)
+            board.write("prbs_order", order)  # the position in the sequence is unknown: restart
+            sequence = Prbs(order)
             continue
-        wrong += [value ^ own.word() for value in values]
+        wrong += [value ^ sequence.word() for value in values]
     board.write("prbs_order", order)
-    own = Prbs(order)
+    sequence = Prbs(order)
     bone.write(
-        board.csr.register("prbs_check").address, [own.word() for _ in range(words)], fixed=True
+        board.csr.register("prbs_check").address,
+        [sequence.word() for _ in range(words)],
+        fixed=True,
     )
     board.forget_counters()
     checked = board.read_twice("prbs_checked")
-    return Exchanged(wrong, checked, board.read_twice("prbs_errors"), broken)
+    return Exchanged(wrong, checked, board.read_twice("prbs_errors"), interrupted)
 
 
 def check(board: Board, order: int, words: int) -> PrbsReport:
-    """Counts wrong bits of `words` words each way.
+    """Counts wrong bits of words in both directions.
 
-    order: 7, 15, 23 or 31. LineFault where the line breaks off more than three times.
+    Raises LineFault if more than three answers are interrupted.
+
+    Args:
+        board: ours.
+        order: of the sequence, 7, 15, 23 or 31.
+        words: number of words in each direction.
     """
     if order not in ORDERS:
         raise InputError("the order of a PRBS", "7, 15, 23 or 31", str(order), "choose one")
     begun = board.bone.port.now()
-    made = exchange(board, order, words, faults=_FAULTS)
+    result = exchange(board, order, words, faults=_FAULTS)
     return PrbsReport(
         order=order,
         words=words,
-        bits_wrong_from_board=sum(word.bit_count() for word in made.wrong),
-        bits_wrong_to_board=made.errors,
-        words_lost_to_board=words - made.checked,
-        faults=made.faults,
+        bits_wrong_from_board=sum(word.bit_count() for word in result.wrong),
+        bits_wrong_to_board=result.errors,
+        words_lost_to_board=words - result.checked,
+        faults=result.faults,
         seconds=board.bone.port.now() - begun,
     )

@@ -1,9 +1,9 @@
 """A shared library from the Verilog: verilated, compiled together with a shim, and cached.
 
-A library is named by the hash of all that goes into it (sources, shim, geometry, trace, tools,
-flags), so that it is made once and never stale. It is built in a folder of its own and then
-renamed, and a lock lets a second process wait rather than build the same again. What has not been
-used for long is removed when another is built.
+The name of a library has a hash of its inputs (sources, shim, geometry, trace, tools, flags),
+so that it is built once and never outdated. It is built in a temporary folder and then renamed; a
+lock makes a second process wait instead of building the same library. Libraries that have not been
+used for long are removed when another is built.
 """
 
 from __future__ import annotations
@@ -31,25 +31,35 @@ from cosim.files.whole import whole
 from rtl_model.geometry import Geometry
 
 __all__ = [
-    "KEPT_BYTES", "KEPT_DAYS", "PACKAGES", "VERILOG", "BuildFailed", "Trace", "build_crc",
-    "fst_library", "library", "missing", "prune", "verilog_files",
+    "CACHE_BYTES",
+    "PACKAGES",
+    "UNUSED_DAYS",
+    "VERILOG",
+    "BuildFailed",
+    "Trace",
+    "build_crc",
+    "fst_library",
+    "library",
+    "missing",
+    "prune",
+    "verilog_files",
 ]  # fmt: skip
 
 VERILOG = Path(__file__).parents[1] / "verilog"
-"""Where the design's sources stand."""
+"""Folder of the design's sources."""
 
 PACKAGES = {"verilator": "verilator", "g++": "g++"}
-"""Programs that a build needs, and the system packages that bring them."""
+"""Programs that a build needs, and their system packages."""
 
 Trace = Literal["", "fst", "vcd"]
 """Format of the waveforms a library can write."""
 
-# What runs at every clock is optimised, what runs once is not: compiling is the longer wait.
+# Code that runs at every clock is optimised; code that runs once is not, which compiles faster.
 # -fno-gnu-unique and -Bsymbolic keep two libraries in one process from sharing their statics.
 _FLAGS = ("-std=c++17", "-fPIC", "-fno-gnu-unique", "-w")
 _LINK = ("-shared", "-pthread", "-Wl,-Bsymbolic")
 _VERILATE = ("--cc", "-O3", "--x-assign", "1", "--noassert", "--prefix", "Vtop", "-Wno-fatal")
-_TIME_LIMIT = 900  # seconds of one tool: hung, not slow
+_TIME_LIMIT = 900  # s, of one tool
 _VERILATORS = re.compile(
     r"^%Error[^:\n]*: (?P<file>[^:\n]+):(?P<line>\d+):(?:\d+:)? (?P<text>.*)", re.M
 )
@@ -57,36 +67,40 @@ _COMPILERS = re.compile(
     r"^(?P<file>[^:\n]+):(?P<line>\d+):(?:\d+:)? (?:fatal )?error: (?P<text>.*)", re.M
 )
 
-KEPT_DAYS = 30
-"""Libraries that nobody has used for longer are removed when another is built."""
-KEPT_BYTES = 1 << 30
-"""Of all libraries together: beyond it those that were used longest ago are removed."""
-_IN_USE_S = 3600.0  # one that was used so lately is kept whatever its size: it may be about to open
+UNUSED_DAYS = 30
+"""Libraries that have not been used for longer are removed when another is built."""
+CACHE_BYTES = 1 << 30
+"""Limit of all libraries together; beyond it the least recently used ones are removed."""
+_IN_USE_S = (
+    3600.0  # a library used more recently is never removed: a process may be about to load it
+)
 
 
 class BuildFailed(ViformError):
     """The Verilog or a shim does not compile: a fault of the sources.
 
-    tool: that refused them. first: its first error, `file:line: words`. kept: file with all that it
-    said, None where that could not be written.
+    Attributes:
+        tool: that has refused them.
+        first: its first error, `file:line: message`.
+        log: file with its whole output, None if it could not be written.
     """
 
-    def __init__(self, tool: str, first: str, kept: Path | None = None) -> None:
-        self.tool, self.first, self.kept = tool, first, kept
-        super().__init__(tool, first, kept)
+    def __init__(self, tool: str, first: str, log: Path | None = None) -> None:
+        self.tool, self.first, self.log = tool, first, log
+        super().__init__(tool, first, log)
 
     def __str__(self) -> str:
-        where = "" if self.kept is None else f" (all that it said: {self.kept})"
+        where = "" if self.log is None else f" (all that it said: {self.log})"
         return " ".join(f"{self.tool} failed: {self.first}{where}".split())
 
 
 def missing() -> list[str]:
-    """Returns the system packages that a build needs and this machine has not."""
+    """System packages that a build needs and that are not installed."""
     return [package for name, package in PACKAGES.items() if shutil.which(name) is None]
 
 
 def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
-    """Returns the CRC-32 of a build's parameters and Verilog: what its `ctrl_build` may say."""
+    """CRC-32 of a build's parameters and Verilog, for `ctrl_build`."""
     crc = zlib.crc32(repr(sorted(geometry.verilog.items())).encode())
     for path in verilog_files(VERILOG if sources is None else sources):
         crc = zlib.crc32(path.name.encode() + b"\0" + path.read_bytes(), crc)
@@ -233,17 +247,20 @@ def _runtime(trace: Trace) -> Path:
 
 
 def _used(made: Path) -> Path:
-    """Marks a file of the cache as used now."""
+    """Marks a file of the cache as just used."""
     with suppress(OSError):  # of another user's cache, or gone: then it is built anew next time
         os.utime(made)
     return made
 
 
 def prune(now: float | None = None) -> list[Path]:
-    """Removes what nobody has used for `KEPT_DAYS`, and beyond `KEPT_BYTES` what was used longest
-    ago; returns it. A process that has a library open keeps it: only its name goes.
+    """Removes libraries that were not used for `UNUSED_DAYS`, and beyond `CACHE_BYTES` the least
+    recently used ones; returns their files.
 
-    now: seconds since 1970; None is the clock's.
+    A process that has loaded a library can use it further.
+
+    Args:
+        now: s since 1970; the present time if None.
     """
     now = time.time() if now is None else now
     found = []
@@ -256,7 +273,7 @@ def prune(now: float | None = None) -> list[Path]:
     for used, size, path in sorted(found, reverse=True):
         total += size
         idle = now - used
-        if idle > KEPT_DAYS * 86_400 or (total > KEPT_BYTES and idle > _IN_USE_S):
+        if idle > UNUSED_DAYS * 86_400 or (total > CACHE_BYTES and idle > _IN_USE_S):
             with suppress(OSError):
                 if path.stat().st_mtime != used:  # by another process meanwhile
                     continue
@@ -275,7 +292,7 @@ def _runtime_flags(trace: Trace) -> list[str]:
 
 
 def _tool(command: Sequence[str], folder: Path) -> str:
-    """Runs a tool in `folder` and returns what it printed."""
+    """Runs a tool in `folder`; returns its standard output."""
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT, check=False
@@ -284,7 +301,7 @@ def _tool(command: Sequence[str], folder: Path) -> str:
         raise BuildFailed(command[0], f"it did not end within {_TIME_LIMIT} s") from exc
     if done.returncode:
         words = done.stdout + done.stderr
-        raise BuildFailed(command[0], _first_error(words), _keep(command, words))
+        raise BuildFailed(command[0], _first_error(words), _write_log(command, words))
     return done.stdout
 
 
@@ -299,8 +316,8 @@ def _first_error(words: str) -> str:
     return next((line for line in plain if "rror" in line), plain[0] if plain else "without a word")
 
 
-def _keep(command: Sequence[str], words: str) -> Path | None:
-    """Keeps what a tool said in the cache, in place of what was kept before."""
+def _write_log(command: Sequence[str], words: str) -> Path | None:
+    """Writes the output of a tool into the cache, replacing the previous one."""
     path = _cache() / f"failed-{command[0]}.log"
     try:
         with whole(path) as part:
@@ -339,7 +356,7 @@ def _cache() -> Path:
 
 @contextmanager
 def _locked(path: Path, *, unless: Path) -> Iterator[None]:
-    """Holds a lock among processes; none is needed where `unless` is there already."""
+    """Holds a lock among processes, unless the file `unless` exists."""
     if unless.is_file():
         yield
         return

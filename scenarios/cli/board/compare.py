@@ -112,7 +112,7 @@ def _lockstep(options: LockstepOptions, json: bool) -> None:
     except BuildFailed as fault:
         if options.sources is None:  # the project's own Verilog: a fault of the program
             raise
-        log = "" if fault.kept is None else f" (all that {fault.tool} said: {fault.kept})"
+        log = "" if fault.log is None else f" (all that {fault.tool} said: {fault.log})"
         raise InputError(
             f"--sources {options.sources}", "Verilog that compiles", f"refused: {fault.first}",
             f"mend that line{log}",

@@ -11,7 +11,7 @@ import pytest
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import BuildFailed, VerilatedSystem, build_crc, library
-from rtl_model.verilated.build import KEPT_BYTES, KEPT_DAYS, _first_error, missing, prune
+from rtl_model.verilated.build import CACHE_BYTES, UNUSED_DAYS, _first_error, missing, prune
 from rtl_model.verilated.system import trace_format
 
 TINY = """
@@ -89,7 +89,7 @@ def test_two_processes_build_at_once_and_a_change_is_built_anew(tmp_path, monkey
     with pytest.raises(BuildFailed, match=r"verilator failed: tiny\.v:1: .*syntax error") as fault:
         library("tiny", Geometry(), folder / "shim.cpp", sources=folder)
     assert "\n" not in str(fault.value)
-    assert "syntax error" in fault.value.kept.read_text()
+    assert "syntax error" in fault.value.log.read_text()
 
 
 def test_the_first_error_is_found():
@@ -112,11 +112,11 @@ def test_libraries_long_unused_are_removed(tmp_path, monkeypatch):
     folder.mkdir()
     now = 2_000_000_000.0
     ages = {"new.so": 0.0, "older.so": 86_400.0, "oldest.o": 5 * 86_400.0}
-    ages |= {"unused.so": (KEPT_DAYS + 1) * 86_400.0, "note.txt": 1e9}
+    ages |= {"unused.so": (UNUSED_DAYS + 1) * 86_400.0, "note.txt": 1e9}
     for name, age in ages.items():
         (folder / name).write_bytes(b"")
         (folder / name).with_suffix(".lock").write_bytes(b"")
-        os.truncate(folder / name, KEPT_BYTES // 2)  # a hole: no room is taken
+        os.truncate(folder / name, CACHE_BYTES // 2)  # a hole: no room is taken
         os.utime(folder / name, (now - age, now - age))
     with (folder / "unused.so").open("rb") as still_open:
         assert {path.name for path in prune(now)} == {"oldest.o", "unused.so"}
@@ -131,7 +131,7 @@ def test_a_library_that_is_used_while_others_are_removed_stays(tmp_path, monkeyp
     folder = tmp_path / "verilated"
     folder.mkdir()
     now = 2_000_000_000.0
-    for name, age in (("a.so", KEPT_DAYS + 1), ("b.so", KEPT_DAYS + 2)):
+    for name, age in (("a.so", UNUSED_DAYS + 1), ("b.so", UNUSED_DAYS + 2)):
         (folder / name).touch()
         os.utime(folder / name, (now - age * 86_400, now - age * 86_400))
     unlink = Path.unlink
