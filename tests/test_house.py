@@ -32,6 +32,39 @@ ONLY_IN = {
     "pyopencl": "cosim",
 }
 
+# package -> its rooms from the ground up; a room imports itself and those before it. A name stands
+# for a folder or a file of the package; rooms in one string stand side by side.
+ROOMS = {
+    "cosim": (
+        "clock errors", "stage archive frames config", "compute light spikes", "files plan", "run",
+        "report",
+    ),
+    "sensor": (
+        "device reconstruct imagers", "circuit", "latched", "sections dynamic_range",
+        "asynchronous continuous", "codec", "stability laboratory",
+    ),
+    "display": (
+        "drives", "panels", "observe", "effects quality references render", "probes setting window",
+        "section trial", "chain stability",
+    ),
+    "rtl_model": (
+        "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
+        "host", "virtual", "bringup gateware stand_in",
+    ),
+    "link": (
+        "line_codes timing verdict", "mode", "layout", "coding detect", "receiving sending theory",
+        "section", "air stability", "setting", "prediction", "setup", "trial", "evaluation",
+        "report", "machine",
+    ),
+    "scenarios": ("scenes report", "assemble", "run studies", "cli"),
+}  # fmt: skip
+
+LOOSE = {"scenarios": {"__init__.py", "run.py"}}
+"""Files that may stand in a package outside its rooms, where that is limited."""
+
+KINDS = {"Scenario", "LinkScenario", "ImagerScenario", "BoardScenario"}
+"""Classes of scenarios; only `scenarios/assemble` asks which one it has."""
+
 MAX_LINES = 400
 
 # A text file that ships must not know the machine it was written on, nor a package index.
@@ -97,6 +130,143 @@ def broken_rules(root: Path) -> list[str]:
     return found
 
 
+def modules(root: Path) -> dict[str, Path]:
+    """Returns dotted name -> file of every module of the packages; a package's is its __init__."""
+    found = {}
+    for package in MAY_IMPORT:
+        for path in sorted((root / package).rglob("*.py")):
+            name = ".".join(path.relative_to(root).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = path
+    return found
+
+
+def is_of_types(node: ast.AST) -> bool:
+    """Whether a statement is read by type checkers only."""
+    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+
+
+def uses(root: Path) -> dict[str, set[tuple[str, str | None]]]:
+    """Returns module -> (module, name or None) of ours that it imports when it runs."""
+    known = modules(root)
+    found: dict[str, set[tuple[str, str | None]]] = {}
+    for module, path in known.items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        typing = {id(inner) for n in ast.walk(tree) if is_of_types(n) for inner in ast.walk(n)}
+        found[module] = set()
+        for node in ast.walk(tree):
+            if id(node) in typing:
+                continue
+            if isinstance(node, ast.ImportFrom) and node.module in known:
+                for alias in node.names:
+                    whole = f"{node.module}.{alias.name}"
+                    pair = (whole, None) if whole in known else (node.module, alias.name)
+                    found[module].add(pair)
+            elif isinstance(node, ast.Import):
+                found[module] |= {(a.name, None) for a in node.names if a.name in known}
+    return found
+
+
+def circles(edges: dict[str, set[str]]) -> list[list[str]]:
+    """Returns the strongly connected components of more than one node (Tarjan 1972)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found = []
+
+    def visit(node: str) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in sorted(edges.get(node, ())):
+            if other not in index:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            at = stack.index(node)
+            component, stack[at:] = stack[at:], []
+            if len(component) > 1:
+                found.append(sorted(component))
+
+    for node in sorted(edges):
+        if node not in index:
+            visit(node)
+    return found
+
+
+def room_of(module: str) -> str:
+    """Returns the room of a module: package.room, or the package itself for its __init__."""
+    return ".".join(module.split(".")[:2])
+
+
+def crooked_rooms(root: Path) -> list[str]:
+    """Returns one line for each import that runs against the order of rooms, and each circle."""
+    edges = uses(root)
+    found = []
+    for package, order in ROOMS.items():
+        floor = {room: n for n, rooms in enumerate(order) for room in rooms.split()}
+        for module, others in edges.items():
+            if module.split(".")[0] != package or module == package:
+                continue
+            here = module.split(".")[1]
+            if here not in floor:
+                found.append(f"{module}: {here} must stand in ROOMS")
+                continue
+            for other, _ in sorted(others, key=str):
+                there = other.split(".")[1] if other.startswith(f"{package}.") else None
+                if there not in (None, here) and floor.get(there, 99) >= floor[here]:
+                    found.append(f"{module}: {package}/{here} must not import {package}/{there}")
+    plain = {m: {o for o, _ in others} - {m} for m, others in edges.items()}
+    found += [f"{' '.join(circle)}: must not import in a circle" for circle in circles(plain)]
+    rooms: dict[str, set[str]] = {}
+    for module, others in plain.items():
+        if "." in module:
+            here = room_of(module)
+            rooms.setdefault(here, set())
+            rooms[here] |= {
+                room_of(o) for o in others
+                if "." in o and o.split(".")[0] == module.split(".")[0]
+            } - {here}  # fmt: skip
+    found += [f"{' '.join(circle)}: rooms must not import in a circle" for circle in circles(rooms)]
+    return found
+
+
+def idle_exports(root: Path) -> list[str]:
+    """Returns names in an `__init__` that no module but itself imports from it."""
+    known = modules(root)
+    used = set()
+    for path in known.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and known.get(node.module or "") != path:
+                used |= {(node.module, alias.name) for alias in node.names}
+    found = []
+    for package, path in known.items():
+        if path.name != "__init__.py" or package == "scenarios.cli":  # the program's entry point
+            continue
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+                names = ast.literal_eval(node.value)
+                found += [
+                    f"{package}: nothing imports {name}"
+                    for name in names if (package, name) not in used
+                ]  # fmt: skip
+    return found
+
+
+def asked_kinds(root: Path) -> list[str]:
+    """Returns one line for each test of a scenario's kind outside `scenarios/assemble`."""
+    found = []
+    for module, path in modules(root).items():
+        if module.startswith("scenarios.assemble"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
+                names = {n.id for n in ast.walk(node.args[1]) if isinstance(n, ast.Name)}
+                if names & KINDS:
+                    found.append(f"{module}:{node.lineno}: asks of what kind a scenario is")
+    return found
+
+
 def undeclared(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Yields (line, message) for public names of an `__init__` that stand outside its `__all__`."""
     public: dict[str, int] = {}
@@ -151,6 +321,41 @@ def write_house(root: Path, **files: str) -> None:
 
 def test_the_house_holds():
     assert broken_rules(ROOT) == []
+
+
+def test_rooms_import_one_way_and_nothing_imports_in_a_circle():
+    assert crooked_rooms(ROOT) == []
+
+
+def test_no_file_stands_loose():
+    for package, allowed in LOOSE.items():
+        assert {path.name for path in (ROOT / package).glob("*.py")} == allowed
+
+
+def test_every_exported_name_is_imported():
+    assert idle_exports(ROOT) == []
+
+
+def test_only_the_assembly_asks_for_the_kind_of_a_scenario():
+    assert asked_kinds(ROOT) == []
+
+
+def test_a_planted_circle_export_or_question_is_found(tmp_path):
+    write_house(
+        tmp_path,
+        cosim__clock='"""A module."""\nfrom cosim.errors import E\n',
+        cosim__errors='"""A module."""\nfrom cosim.clock import C\n',
+        cosim____init__='"""A part."""\nfrom cosim.clock import C\n\n__all__ = ["C"]\n',
+        scenarios__run='"""A module."""\nif isinstance(x, (int, LinkScenario)):\n    pass\n',
+    )
+    assert crooked_rooms(tmp_path) == [
+        "cosim.clock: cosim/clock must not import cosim/errors",
+        "cosim.errors: cosim/errors must not import cosim/clock",
+        "cosim.clock cosim.errors: must not import in a circle",
+        "cosim.clock cosim.errors: rooms must not import in a circle",
+    ]
+    assert idle_exports(tmp_path) == ["cosim: nothing imports C"]
+    assert asked_kinds(tmp_path) == ["scenarios.run:2: asks of what kind a scenario is"]
 
 
 def test_every_package_of_the_table_is_here_and_ships():

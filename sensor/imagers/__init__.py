@@ -1,6 +1,6 @@
 """Pixels of conventional imagers: from light to digital numbers, row by row."""
 
-from sensor.imagers.draws import normal, poisson
+from sensor.imagers.draws import normal
 from sensor.imagers.pixel import Exposed, ImagerSummary, PixelModel
 from sensor.imagers.scenery import Course, LightScenery, Scenery, Still
 
@@ -13,5 +13,4 @@ __all__ = [
     "Scenery",
     "Still",
     "normal",
-    "poisson",
 ]

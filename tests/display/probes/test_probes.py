@@ -176,7 +176,7 @@ def test_an_emitter_adds_ln_2_of_its_time(probe):
 
 
 def test_dead_pixels_are_lost(device):
-    from sensor import DevicePattern
+    from sensor.device.pattern import DevicePattern
 
     dead = setting(pattern=DevicePattern(dead=0.25))
     lost = told(spike_latency(SpikeProbeCamera(dead, device), panel(), (1.5,), 3), "impulse").lost

@@ -26,7 +26,7 @@ from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
 from link.trial.study import LinkStudy
 from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.schema.loading import linked, load
-from sensor import DevicePattern
+from sensor.device.pattern import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)
 SMALL = ["sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128"]

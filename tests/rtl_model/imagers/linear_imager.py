@@ -15,7 +15,8 @@ from cosim.run.result import Latency, Metric
 from rtl_model.imagers.kind import ImagerKind
 from rtl_model.imagers.run.model import ExposureRange, ImagerModel
 from rtl_model.imagers.section import ImagerSection
-from sensor.imagers import Exposed, ImagerSummary, normal, poisson
+from sensor.imagers import Exposed, ImagerSummary, normal
+from sensor.imagers.draws import poisson
 
 ELECTRONS = 2000.0
 """Photoelectrons in one lux second."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Light, Piece, intensity_image
-from sensor import DevicePattern
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.setting import quiet_floor
+from sensor.device.pattern import DevicePattern
 from tests.sensor.continuous.scene import TAU, current, light, lux, run, setting
 
 SHAPE = (1, 4)

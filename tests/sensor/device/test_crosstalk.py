@@ -10,7 +10,8 @@ from cosim.compute.opencl import Device
 from cosim.spikes.viform import count_spikes
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.crosstalk import crosstalk_map, side_share
-from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL
+from sensor.latched.effects import RESIDUAL
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 
 
 def mapped(plane: np.ndarray, crosstalk: float) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from cosim.compute.streams import Stream
-from sensor.imagers import normal, poisson
-from sensor.imagers.draws import binomial, gamma, negative_binomial
+from sensor.imagers import normal
+from sensor.imagers.draws import binomial, gamma, negative_binomial, poisson
 
 N = 40_000
 NUMBERS = np.arange(N)

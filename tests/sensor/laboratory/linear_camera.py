@@ -17,7 +17,8 @@ import numpy.typing as npt
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Bound, Effect, Summary
-from sensor.imagers import Exposed, ImagerSummary, normal, poisson
+from sensor.imagers import Exposed, ImagerSummary, normal
+from sensor.imagers.draws import poisson
 
 __all__ = ["LinearPixels"]
 

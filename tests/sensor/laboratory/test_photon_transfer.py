@@ -12,8 +12,8 @@ from scipy.stats import norm
 
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
-from sensor.imagers import Exposed, poisson
-from sensor.imagers.draws import negative_binomial
+from sensor.imagers import Exposed
+from sensor.imagers.draws import negative_binomial, poisson
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.emva import Report, measure_camera
 from sensor.laboratory.estimate import Estimate

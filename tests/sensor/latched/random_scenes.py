@@ -9,7 +9,8 @@ import numpy as np
 from cosim import PS, Clock, Light, Piece, Summary
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
-from sensor import CHIPS, CameraSetting, DevicePattern
+from sensor import CHIPS, CameraSetting
+from sensor.device.pattern import DevicePattern
 from sensor.latched.patches import PatchCamera
 
 CLOCK = Clock.from_hz(40e3)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import open_device
-from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
+from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor.device.pattern import DevicePattern
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import LARGEST, ONE
 from sensor.latched.sampling import row_offsets

@@ -13,10 +13,11 @@ import pytest
 
 from cosim import PS, Clock, Light, Piece
 from cosim.compute.opencl import Device
-from sensor import DevicePattern
+from sensor.device.pattern import DevicePattern
 from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels, rate_bound
+from sensor.latched.fast import FastPixels
+from sensor.latched.fast.bound import rate_bound
 from sensor.latched.fast.units import first_charge, quantile, units_of
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold

@@ -14,7 +14,8 @@ from cosim.compute.opencl import Device, open_device
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.device.ktc import ktc_electrons
 from sensor.device.pattern import DevicePattern, dark_current
-from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects import RESIDUAL, SHOT_NOISE
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import interval_table

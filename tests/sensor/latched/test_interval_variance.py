@@ -14,7 +14,8 @@ from scipy import stats
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect
-from sensor.latched.effects import INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects import RESIDUAL, SHOT_NOISE
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, Reset

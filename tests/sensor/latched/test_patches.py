@@ -12,7 +12,8 @@ from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TileGrid
-from sensor import CHIPS, CameraSetting, DevicePattern, SpikeCamera
+from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor.device.pattern import DevicePattern
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 

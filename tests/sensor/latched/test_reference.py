@@ -11,7 +11,8 @@ import pytest
 
 from cosim import PS, Clock, Light, Piece
 from sensor.device.pattern import DevicePattern
-from sensor.latched.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import ONE

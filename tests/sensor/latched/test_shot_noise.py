@@ -14,7 +14,8 @@ from scipy import stats
 from cosim import Clock, Summary
 from cosim.compute.opencl import open_device
 from sensor import CHIPS, CameraSetting
-from sensor.latched.effects import EFFECTS, INITIAL_CHARGE, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS, interval_table, threshold
 from sensor.latched.pixel.kernel import KernelPixels

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cosim import Clock, InputError, Viform
-from sensor import interval_image, isi, tau_image, tfi, tfp
+from sensor import isi, tau_image, tfi, tfp
+from sensor.reconstruct import interval_image
 from sensor.reconstruct.intervals import spike_cycles
 
 CLOCK = Clock(40_000)

@@ -11,9 +11,9 @@ import pytest
 from scipy import stats
 
 from cosim import PS, Clock, InputError, Light, Piece
-from sensor import DevicePattern
 from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.pixel.array import AsynchronousPixels
+from sensor.device.pattern import DevicePattern
 
 GHZ = Clock(10**9)
 FOREVER = 2**62

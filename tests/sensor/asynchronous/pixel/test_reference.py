@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece
-from sensor import DevicePattern
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.reference import follow, quantile_error
 from sensor.asynchronous.plan.law import weak_error
+from sensor.device.pattern import DevicePattern
 
 GHZ = Clock(10**9)
 FOREVER = 2**62

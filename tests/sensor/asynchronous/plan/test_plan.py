@@ -12,7 +12,6 @@ import numpy.typing as npt
 import pytest
 
 from cosim import PS, Clock, InputError, Light, Piece
-from sensor import DevicePattern
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import ClosedPixels
@@ -20,6 +19,7 @@ from sensor.asynchronous.pixel.reference import follow
 from sensor.asynchronous.plan.effects import SIDE, summarise
 from sensor.asynchronous.plan.plan import EventPlan, make_plan
 from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.device.pattern import DevicePattern
 
 FOREVER = 2**62
 SHAPE = (48, 64)

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from cosim.compute.streams import Stream
-from sensor.imagers import poisson
+from sensor.imagers.draws import poisson
 from sensor.imagers.emccd import excess_noise_squared
 from sensor.imagers.emccd.multiplication import branch, fast_shape, multiply, stage_probability
 from tests.sensor.imagers.emccd.laws import LAWS, exact_law, fast_law, law_distance, yule_law
