@@ -18,11 +18,11 @@ from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
 from sensor import CameraSetting
-from sensor.sections.sensor import LensSection
+from sensor.sections.sensor import LensSection, SensorSection
 
 __all__ = [
-    "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "link_setting",
-    "payload_of",
+    "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "check_receiver",
+    "link_setting", "payload_of",
 ]  # fmt: skip
 
 LEAD, TAIL = 8, 4
@@ -155,6 +155,16 @@ def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
     return replace(optics, f_number=number)
 
 
+def check_receiver(sensor: SensorSection) -> None:
+    """Raises InputError for a camera that cannot receive a link."""
+    if sensor.readout != "synchronous":
+        raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
+    for name in ("source", "asynchronous", "continuous", "channel"):
+        if getattr(sensor, name) is not None:
+            raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
+    _refuse_lens(sensor.lens)
+
+
 def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
     """The link of a scenario. Raises InputError for what cannot be simulated.
 
@@ -162,12 +172,6 @@ def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
         camera: that of [sensor], with every effect.
     """
     section, sensor = scenario.link, scenario.sensor
-    if sensor.readout != "synchronous":
-        raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
-    for name in ("source", "asynchronous", "continuous", "channel"):
-        if getattr(sensor, name) is not None:
-            raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
-    _refuse_lens(sensor.lens)
     panel, aim, air = section.panel, section.aim, section.air
     distance = section.distance * _MICRO
     optics = _optics(scenario, camera)

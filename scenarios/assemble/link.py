@@ -7,11 +7,19 @@ from contextlib import ExitStack
 from cosim.run.progress import Progress
 from link.machine import LinkMachine
 from link.section import LinkScenario
+from link.setting import check_receiver
 from link.setup.setup import set_up_link
 from scenarios.assemble.camera.lensed import camera_setting
 from scenarios.assemble.link_loop import open_loop
+from sensor import CameraSetting
 
-__all__ = ["assemble_link"]
+__all__ = ["assemble_link", "link_camera"]
+
+
+def link_camera(scenario: LinkScenario) -> CameraSetting:
+    """The camera that receives a link. Raises InputError for one that cannot."""
+    check_receiver(scenario.sensor)
+    return camera_setting(scenario)
 
 
 def assemble_link(
@@ -22,7 +30,7 @@ def assemble_link(
         loop = open_loop(scenario)
         if loop is not None:
             stack.callback(loop.close)
-        setup = set_up_link(scenario, camera_setting(scenario), device, progress)
+        setup = set_up_link(scenario, link_camera(scenario), device, progress)
         machine = LinkMachine(name, setup, loop)
         stack.pop_all()  # the machine closes the board from here on
     return machine

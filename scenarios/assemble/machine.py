@@ -68,9 +68,9 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     `command` has nothing to say of."""
     if isinstance(scenario, LinkScenario):
         from link.trial.study import LinkStudy
-        from scenarios.assemble.camera.lensed import camera_setting
+        from scenarios.assemble.link import link_camera
 
-        return LinkStudy(name, scenario, camera_setting(scenario), device)
+        return LinkStudy(name, scenario, link_camera(scenario), device)
     if isinstance(scenario, ImagerScenario):
         from scenarios.assemble.imager import assemble_imager_study
 

@@ -1,7 +1,6 @@
 """Images from a spike stream at any instant."""
 
 from sensor.reconstruct.intervals import (
-    interval_image,
     interval_rate,
     isi,
     tau_image,
@@ -15,7 +14,6 @@ METHODS = ("tfp", "tfi", "tau")
 
 __all__ = [
     "METHODS",
-    "interval_image",
     "interval_rate",
     "isi",
     "tau_image",

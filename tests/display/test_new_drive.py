@@ -24,6 +24,7 @@ from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.render.golden import GoldenRenderer
 from display.trial.pixels import PanelPixels
+from scenarios.assemble.schema import scenario
 from scenarios.assemble.schema.scenario import export
 from scenarios.cli.entry import _main
 
@@ -127,6 +128,7 @@ def _half(views: Any, which: int) -> Any:
 
 
 def test_the_schema_names_it():
+    scenario._export.cache_clear()  # another test may have exported it before
     fields = export()["$defs"]["DisplaySection"]["properties"]
     assert fields["drive"]["enum"] == ["impulse", "hold", "causal", "fading"]
 

@@ -32,12 +32,12 @@ def link_capacity(
     """
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
-    from scenarios.assemble.camera.lensed import camera_setting
+    from scenarios.assemble.link import link_camera
     from scenarios.assemble.schema.loading import linked, load
 
     name, loaded = load(scenario, assignments, seed=seed)
     link = linked(loaded, "link capacity")
-    given, mode, assumed = scenario_input(link, camera_setting(link))
+    given, mode, assumed = scenario_input(link, link_camera(link))
     document = capacity_document(given, mode, link.seed)
     document["assumed"] = assumed
     if json:

@@ -10,8 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from cosim import Clock, InputError, Viform
 from sensor import isi, tau_image, tfi, tfp
-from sensor.reconstruct import interval_image
-from sensor.reconstruct.intervals import spike_cycles
+from sensor.reconstruct.intervals import interval_image, spike_cycles
 
 CLOCK = Clock(40_000)
 streams = hnp.arrays(
