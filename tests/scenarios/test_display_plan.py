@@ -140,7 +140,7 @@ def test_the_check_is_of_radiance_and_its_promises_hold(glass):
     truth = check.displays.images(TRUTH)
     # White is 1, and the star is neither black nor white all over.
     assert 0.05 < truth.mean() < 1
-    told = check.told()
+    told = check.result_error()
     assert told.kind.startswith("radiance as an eye integrates it, measured on ")
     # With everything kept the display is the golden one, and the exact tier's error is left.
     exact = made.check(made.plan(0.0))

@@ -189,7 +189,7 @@ class LatchedMachine:
             outcome="failed" if faults else outcome,
             simulated_s=setup.cycles / setup.setting.clock.hz,
             renderer=None if self.display is None else self.display.panel_stage.renderer.name,
-            error=Error(None, NO_ERROR, None) if verifier is None else verifier.told(),
+            error=Error(None, NO_ERROR, None) if verifier is None else verifier.result_error(),
             kept=[] if verifier is None else list(self.plan.plan.everywhere),
             left_out=[] if verifier is None else verifier.left_out(),
             metrics={

@@ -1,8 +1,8 @@
-"""The verifier: what a plan promised, measured on a few patches with the same random counters.
+"""The verifier: the bounds of a plan, measured on a few patches with the same random counters.
 
-It stands in the chain between lens and chip and films the patches with several cameras at once: the
-reference with every effect; the camera as planned; and, in the exact tier, everything but one
-effect for each that was left out, beside everything.
+It is a stage between lens and chip. It exposes the patches with several cameras at once: the
+reference with every effect, the camera as planned, and in the exact tier one camera with every
+effect and one without each effect that is left out.
 """
 
 from __future__ import annotations
@@ -38,20 +38,25 @@ __all__ = ["ARITHMETIC", "Planned", "Verifier"]
 
 
 ARITHMETIC: Final = "32-bit arithmetic"
-"""What the fast tier adds of its own, as an effect that may be put right."""
+"""The arithmetic of the fast tier, as an effect that may be reinstated: by the exact tier."""
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """The camera as planned: tier, setting, and flags of the fast tier's work-items on the whole
-    plane, (height, groups)."""
+    """The camera as planned.
+
+    Attributes:
+        tier, setting: of the camera.
+        flags: of the fast tier's work-items on the whole plane, (height, groups) uint8; None in
+            another tier.
+    """
 
     tier: Tier
     setting: CameraSetting
     flags: npt.NDArray[np.uint8] | None
 
     def on(self, plane: PatchPlane, grid: TileGrid, device: Device | None) -> PatchCamera:
-        """The same on patches, which are tiles of this grid."""
+        """The same camera on patches, which are tiles of this grid."""
         flags = None
         if self.flags is not None:
             rows = plane.row.reshape(len(plane.tiles), -1)
@@ -62,7 +67,7 @@ class Planned:
 
 
 def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
-    """tile: None where the whole error exceeds the tolerance, which is `promised` then."""
+    """tile: None if the whole error exceeds the tolerance, which is `promised` then."""
     remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
     message = (
         f"the whole error was up to {measured:.2g} where {promised:.2g} was asked for: the run is "
@@ -116,16 +121,16 @@ class Verifier(DisplayTrial):
     def step(self, light: Light, block: Block) -> Light:
         out = super().step(light, block)
         if self._display is not None and block.stop == self._display.cycles and self._stop_early:
-            found = self._broken_by_display()  # its images are whole
-            if found:
-                raise BrokenPromise(found)
+            findings = self._broken_by_display()  # its images are complete
+            if findings:
+                raise BrokenPromise(findings)
         return out
 
     def reached(self, cycle: int) -> None:
         done = [span for span in self.spans if span[1] == cycle]
-        found = self._broken(done) if done and self._stop_early else []
-        if found:
-            raise BrokenPromise(found)
+        findings = self._broken(done) if done and self._stop_early else []
+        if findings:
+            raise BrokenPromise(findings)
 
     def _changed(self, name: str, spans: Sequence[Span]) -> Values:
         """Upper limit of what leaving this out changed, (windows, patches)."""
@@ -133,7 +138,7 @@ class Verifier(DisplayTrial):
         return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
 
     def _broken(self, spans: Sequence[Span]) -> list[Finding]:
-        found = []
+        findings = []
         tiles = np.array(self.plane.tiles)
         for name in self._left:
             high = self._changed(name, spans)
@@ -142,24 +147,24 @@ class Verifier(DisplayTrial):
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
                 tile = int(at[1])
-                found.append(
+                findings.append(
                     _finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
                 )
-        return found
+        return findings
 
     def _broken_by_display(self) -> list[Finding]:
-        """The same of what the display left out, from whole images."""
-        found = []
+        """Broken bounds of effects that the display left out, from complete images."""
+        findings = []
         tiles = np.array(self.plane.tiles)
         for name, high in self._display_changes().items():
             promised = np.broadcast_to(self._plan.promise[name][tiles], high.shape)
             over = np.where(high > promised, high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
-                found.append(
+                findings.append(
                     _finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]]))
                 )
-        return found
+        return findings
 
     def _display_changes(self) -> dict[str, Values]:
         """Upper limit of what each effect that the display left out changed, (images, patches)."""
@@ -181,13 +186,13 @@ class Verifier(DisplayTrial):
             return self.displays.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
-    def told(self) -> Error:
-        """The error as the result has it."""
-        found, patches = self.error(), len(self.plane.tiles)
+    def result_error(self) -> Error:
+        """The error as `result.json` has it."""
+        findings, patches = self.error(), len(self.plane.tiles)
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
         if self._display is not None:
             kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
-        return Error(found.value, kind, (found.low, found.high))
+        return Error(findings.value, kind, (findings.low, findings.high))
 
     def measured(self) -> dict[str, float]:
         """Upper limit of what each left-out effect changed, where it was left out."""
