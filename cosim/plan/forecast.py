@@ -64,7 +64,6 @@ def forecast_document(
         "tier": tier,
         "device": device,
         "tiles": {},
-        "display": None,
         **others,
         "kept": kept,
         "left_out": [

@@ -72,5 +72,5 @@ def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, 
     return forecast_document(
         name, planned.plan, tier=planned.tier, device=setup.device_name, own=planned.own,
         speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles,
-        error_of=KIND, mode=asdict(setup.mode),
+        display=None, error_of=KIND, mode=asdict(setup.mode),
     )  # fmt: skip

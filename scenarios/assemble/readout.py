@@ -74,7 +74,11 @@ def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
 
 
 def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles of sensor.clock whose images are made; five evenly spaced ones unless given."""
+    """Cycles of sensor.clock whose images are reconstructed: `image.at`, else five evenly spaced.
+
+    Raises:
+        InputError: a cycle of `image.at` beyond the end.
+    """
     at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
     beyond = [n for n in at if n >= cycles]
     if beyond:

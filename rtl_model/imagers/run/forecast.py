@@ -15,7 +15,7 @@ DEVICE: Final = "numba on this processor"
 def forecast(run: PlannedRun) -> dict[str, Any]:
     """The document of `viform plan --json`. Nothing is simulated."""
     plan, exposures, (rows, columns) = run.plan, run.exposures, run.model.shape
-    document = forecast_document(
+    return forecast_document(
         run.spec.name, plan, tier="exact", device=DEVICE, own=0.0,
         speeds=Speeds(plan.cost_ns, plan.full_ns, plan.full_ns, None),
         pixel_cycles=rows * columns * exposures.frames,
@@ -27,5 +27,3 @@ def forecast(run: PlannedRun) -> dict[str, Any]:
             "photoelectrons": [float(run.summary.darkest), float(run.summary.brightest)],
         },
     )  # fmt: skip
-    del document["display"]  # an imager drives none
-    return document

@@ -14,6 +14,7 @@ from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.camera.lensed import LensedCamera, lensed_camera
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
+from scenarios.assemble.readout import choose_instants
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
@@ -129,7 +130,11 @@ def set_up_camera(
 
 
 def _instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles whose images are made and judged; five evenly spaced ones by default."""
+    """Cycles whose images are reconstructed and judged.
+
+    Raises:
+        InputError: an even window, or one longer than the run.
+    """
     window = scenario.image.window
     if window % 2 == 0:
         raise InputError("image.window", "odd", str(window), f"set {window + 1}")
@@ -138,10 +143,4 @@ def _instants(scenario: Scenario, cycles: int) -> list[int]:
             "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
             "lengthen it or shorten image.window",
         )  # fmt: skip
-    at = scenario.image.at or tuple(cycles * (2 * i + 1) // 10 for i in range(5))
-    beyond = [n for n in at if n >= cycles]
-    if beyond:
-        raise InputError(
-            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
-        )
-    return list(at)
+    return choose_instants(scenario, cycles)
