@@ -99,7 +99,7 @@ class VirtualBoard:
             )
         if imager is not None and (level != "model" or self.faults.of_design):
             raise InputError(
-                "a virtual imager", "of level model, with faults of the line only",
+                "a virtual imager", "of level model, with faults of its line only",
                 f"of level {level}" if level != "model" else "with a fault of a design",
                 "leave out --level, and faults such as stuck and foreign",
             )  # fmt: skip
