@@ -38,7 +38,7 @@ from tests.sensor.latched.fast.numpy_fast import NumpyFast
 
 CLOCK = Clock(40_000)
 PERIOD = CLOCK.edge(1)
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 
 
 class LightGain(PixelEffect):
