@@ -111,13 +111,12 @@ def tier_pixels(
     if tier == "exact":
         return _Exact(setting, numbers, pattern, offsets, device)
     if tier == "fast":
-        from sensor.latched.fast import FastPixels
+        from sensor.latched.fast import FastPixels, PixelArray
 
         if device is None:
             raise ValueError("the fast tier needs an OpenCL device")
-        return FastPixels(
-            model, shape, numbers, device, setting.clock, gain, pattern, offsets, flags
-        )
+        array = PixelArray(model, shape, numbers, setting.clock, gain, pattern, offsets, flags)
+        return FastPixels(array, device)
     from sensor.latched.reference import ReferencePixels
 
     each = None if offsets is None else np.repeat(offsets, shape[1])
