@@ -54,7 +54,7 @@ class FastPixels:
     that the model has unless given.
 
     Results depend neither on how a run is split into calls nor on where rows and groups sit; they
-    are those of `NumpyFast` (tests/sensor/latched/numpy_fast.py) to the last bit.
+    are those of `NumpyFast` (tests/sensor/latched/fast/numpy_fast.py) to the last bit.
     """
 
     def __init__(

@@ -34,11 +34,11 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.pixel.transfer import Transfer
 from sensor.latched.tiers import Tier, tier_pixels
-from tests.sensor.latched.numpy_fast import NumpyFast
+from tests.sensor.latched.fast.numpy_fast import NumpyFast
 
 CLOCK = Clock(40_000)
 PERIOD = CLOCK.edge(1)
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 
 
 class LightGain(PixelEffect):

@@ -24,7 +24,7 @@ from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.sampling import row_offsets
-from tests.sensor.latched.numpy_fast import NumpyFast
+from tests.sensor.latched.fast.numpy_fast import NumpyFast
 from tests.sensor.latched.piecewise import level, light_between
 
 CLOCK = Clock(40_000)
