@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Clock
 from display.chain.panel_stage import PanelStage
 from display.chain.pursuit import Pursuit
 from display.chain.tap import LightTap
 from display.observe.observers import eye_time
-from display.observe.slow_motion import SlowMotion
+from display.observe.slow_motion import SlowMotion, exposure_cycles, slow_motion
 from display.observe.temporal import STAGES
 from display.observe.views import Observer
 from display.panels.fit import fit_words
@@ -27,17 +26,10 @@ from display.render.factory import make_renderer
 from display.section import DisplaySection
 from display.setting import DisplaySetting
 
-__all__ = ["SPIKE", "DisplayChain", "make_display_chain", "short_run_notes"]
+__all__ = ["SPIKE", "DisplayChain", "make_display_chain"]
 
 SPIKE = "spike"
 """Name of the spike-continuous display among the displays."""
-MOTION = 1.0
-"""Pixels that light may move on a pursuing eye's retina within a span of planes. With 0.5 the
-PSNR of the scenario `glass` is the same to 0.1 dB."""
-FRAMES = 160
-"""Frames of the slow motion, at most."""
-TILE = 400
-"""Pixels of the longer side of a display's picture in the slow motion, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +46,7 @@ class DisplayChain:
         panel_stage: renders the stream.
         references: reference displays and the true light, after the scene.
         tap: records the light of `points`.
+        notes: what the user must know before the run.
     """
 
     section: DisplaySection
@@ -65,6 +58,7 @@ class DisplayChain:
     panel_stage: PanelStage
     references: ReferenceStage
     tap: LightTap
+    notes: list[str]
 
     @property
     def panel(self) -> SpikePanel:
@@ -118,37 +112,6 @@ class DisplayChain:
         self.panel_stage.close()
 
 
-def _motion(clock: Clock, cycles: int, every: int, shape: tuple[int, int]) -> SlowMotion:
-    """The slow motion of a run, `every` cycles to an exposure. The cycles that do not fill an
-    exposure are left out at the start, where a panel is dark in any case."""
-    first = cycles % every
-    exposure = (clock.edge(cycles) - clock.edge(first)) // (cycles // every)
-    return SlowMotion(
-        shape, clock.edge(first), clock.edge(cycles), exposure, -(-max(shape) // TILE)
-    )
-
-
-def short_run_notes(luminance: float, seconds: float) -> list[str]:
-    """A note if the run is shorter than the eye's response (two standard deviations on either
-    side)."""
-    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
-    if seconds >= whole:
-        return []
-    return [
-        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye takes together: what eyes "
-        "see is the light there was"
-    ]
-
-
-def _with_spans(setting: DisplaySetting, velocity: float, every: int) -> DisplaySetting:
-    """The setting with spans short enough for the pursuing eye (`MOTION`), and for the slow
-    motion, with `every` planes to an exposure."""
-    batch, step = setting.batch, abs(velocity) / setting.panel.clock.hz
-    while batch > 1 and (batch * step > MOTION or 2 * batch > every):
-        batch //= 2
-    return replace(setting, batch=batch)
-
-
 def make_display_chain(
     section: DisplaySection,
     scene: tuple[int, int],
@@ -175,27 +138,44 @@ def make_display_chain(
     """
     clock, panel = planned.panel.clock, planned.panel.shape
     at, end = [clock.middle(n) for n in instants], clock.edge(cycles)
-
-    def observers(velocity: float) -> dict[str, Observer]:
-        names = ("eye", "pursuit", section.observer)
-        every_one = section.observers(at, end, velocity)
-        return {name: observer for name, observer in every_one.items() if name in names}
-
     # A panel that shows the whole picture in other pixels has it move at another speed.
     ratio = panel[1] / scene[1] if section.fit == "nearest" else 1.0
-    on_panel = pursuit.velocity * ratio
-    every = -(-cycles // FRAMES)
-    setting = _with_spans(planned, on_panel, every)
+    on_scene, on_panel = (
+        _observers(section, at, end, velocity)
+        for velocity in (pursuit.velocity, pursuit.velocity * ratio)
+    )
+    panels = section.reference_panels()
+    motion, panel_motion = (slow_motion(clock, cycles, shape) for shape in (scene, panel))
+    setting = planned.with_spans(pursuit.velocity * ratio, exposure_cycles(cycles))
     panel_stage = PanelStage(
-        setting, observers(on_panel), _motion(clock, cycles, every, panel), cycles,
+        setting, on_panel, panel_motion, cycles,
         lambda images: make_renderer(section.renderer, setting.panel, setting.batch, images),
         None if panel == scene else fit_words(section.fit, scene, panel),
     )  # fmt: skip
-    on_scene, motion = observers(pursuit.velocity), _motion(clock, cycles, every, scene)
-    references = ReferenceStage(
-        section.reference_panels(), on_scene, scene, white, clock, cycles, motion
-    )
+    references = ReferenceStage(panels, on_scene, scene, white, clock, cycles, motion)
     tap = LightTap([(row, column) for row, column, _ in points], clock, white)
+    notes = [pursuit.note, *_short_run_notes(planned.panel.luminance, cycles / clock.hz)]
     return DisplayChain(
-        section, setting, on_scene, pursuit, motion, points, panel_stage, references, tap
+        section, setting, on_scene, pursuit, motion, points, panel_stage, references, tap, notes
     )
+
+
+def _observers(
+    section: DisplaySection, instants: Sequence[int], end: int, velocity: float
+) -> dict[str, Observer]:
+    """Both eyes, and the observer whose radiance the error is of."""
+    names = ("eye", "pursuit", section.observer)
+    every_one = section.observers(instants, end, velocity)
+    return {name: observer for name, observer in every_one.items() if name in names}
+
+
+def _short_run_notes(luminance: float, seconds: float) -> list[str]:
+    """A note if the run is shorter than the eye's response (two standard deviations on either
+    side)."""
+    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
+    if seconds >= whole:
+        return []
+    return [
+        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye takes together: what eyes "
+        "see is the light there was"
+    ]

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim import Clock
 from cosim.report.png import for_display
 from display.observe.integration import LightPlanes, ObserverImages
 from display.observe.observers import CameraPlane
 
-__all__ = ["Film", "SlowMotion"]
+__all__ = ["Film", "SlowMotion", "exposure_cycles", "slow_motion"]
 
 Values = npt.NDArray[np.floating[Any]]
+
+FRAMES: Final = 160
+"""Exposures of a run, at most."""
+TILE: Final = 400
+"""Pixels of the longer side of a picture, at most."""
 
 
 class SlowMotion:
@@ -56,6 +62,29 @@ class SlowMotion:
         first = min(max((start - self.begin) // self.exposure, 0), self.count)
         last = -(-(stop - self.begin) // self.exposure)
         return first, min(max(last, first), self.count)
+
+
+def exposure_cycles(cycles: int) -> int:
+    """Cycles to an exposure, in a run of so many."""
+    return -(-cycles // FRAMES)
+
+
+def slow_motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion:
+    """The slow motion of a run.
+
+    The cycles that do not fill an exposure are left out at the start, where a panel is dark in any
+    case.
+
+    Args:
+        clock: of the stream.
+        cycles: of the run.
+        shape: (height, width) of the display.
+    """
+    every = exposure_cycles(cycles)
+    first = cycles % every
+    exposure = (clock.edge(cycles) - clock.edge(first)) // (cycles // every)
+    by = -(-max(shape) // TILE)
+    return SlowMotion(shape, clock.edge(first), clock.edge(cycles), exposure, by)
 
 
 class Film:

@@ -78,7 +78,8 @@ def make_simulator(
         InputError: if the tools for the Verilog are missing.
     """
     if imager is not None:
-        from rtl_model.imagers import ImagerBus, bus_target
+        from rtl_model.imagers.catalogue import bus_target
+        from rtl_model.imagers.device.bus import ImagerBus
 
         return _Model(lambda: ImagerBus(bus_target(imager), geometry))
     if level == "model":

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
 from cosim.config.toml import to_toml
-from scenarios.assemble.camera.lensed import camera_setting, choose_lens, lens_notes, resized
-from scenarios.assemble.readout import (
-    choose_instants,
-    make_relay,
-    refuse_keys,
-    with_section,
-)
+from scenarios.assemble.chip import camera_setting
+from scenarios.assemble.instants import choose_instants
+from scenarios.assemble.lens import choose_lens, make_relay
+from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
@@ -50,9 +47,8 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
             "lengthen it",
         )  # fmt: skip
     cycles = setting.clock.cycle_at(stop - 1) + 1
-    lens = choose_lens(scenario, setting)
-    white_rate = setting.rate(scenario.scene.illuminance * lens.gain)
-    chosen = scenario.sensor.lens.f_number is None
+    choice = choose_lens(scenario, setting)
+    lens, chosen = choice.lens, scenario.sensor.lens.f_number is None
     shape = (setting.chip.height, setting.chip.width)
     source = scenario.scene.source(SceneGrid(shape, setting.clock, cycles, aligned=False))
     targets = getattr(source, "targets", [])
@@ -71,7 +67,7 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
         duration=scenario.duration,
         instants=[] if targets else choose_instants(scenario, cycles),
         # Nothing saturates: only the choice of the f-number is worth a note.
-        notes=lens_notes(scenario, lens, white_rate)[:1] if chosen else [],
+        notes=choice.notes[:1] if chosen else [],
     )
 
 
@@ -89,4 +85,4 @@ def _setting(scenario: Scenario) -> CameraSetting:
         ),
         "leave it out: these pixels fire at their threshold and start from nothing",
     )
-    return resized(camera_setting(scenario), section.width, section.height)
+    return camera_setting(scenario, section.height, section.width)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
 from cosim.config.toml import to_toml
-from scenarios.assemble.camera.lensed import camera_setting, choose_lens, resized
-from scenarios.assemble.readout import (
-    choose_instants,
-    make_relay,
-    refuse_keys,
-    with_section,
-)
+from scenarios.assemble.chip import camera_setting
+from scenarios.assemble.instants import choose_instants
+from scenarios.assemble.lens import choose_lens, make_relay
+from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
@@ -42,7 +39,7 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
             "lengthen it",
         )  # fmt: skip
     instants = choose_instants(scenario, cycles)
-    lens = choose_lens(scenario, camera)
+    lens = choose_lens(scenario, camera).lens
     source = scenario.scene.source(
         SceneGrid((chip.height, chip.width), clock, cycles, aligned=False)
     )
@@ -82,4 +79,4 @@ def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
         ),
         "leave it out: these pixels do not spike (sensor.continuous has keys of their own)",
     )
-    return resized(camera_setting(scenario), section.width, section.height)
+    return camera_setting(scenario, section.height, section.width)

@@ -9,7 +9,7 @@ from link.machine import LinkMachine
 from link.section import LinkScenario
 from link.setting import check_receiver
 from link.setup.setup import set_up_link
-from scenarios.assemble.camera.lensed import camera_setting
+from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
 from sensor import CameraSetting
 

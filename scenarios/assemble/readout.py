@@ -1,19 +1,14 @@
-"""What the readouts have in common: keys that belong to one of them, the relay, the instants."""
+"""Keys of [sensor] and options that belong to one readout only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
-from cosim import InputError, Lens, Light
+from cosim import InputError
 from scenarios.assemble.schema.scenario import Scenario
-from sensor import CameraSetting
-from sensor.device.crosstalk import crosstalk_map
 
-__all__ = [
-    "choose_instants", "make_relay", "refuse_keys", "refuse_leftovers",
-    "refuse_options", "with_section",
-]  # fmt: skip
+__all__ = ["refuse_keys", "refuse_leftovers", "refuse_options", "with_section"]
 
 _SECTIONS = {
     "asynchronous": "asynchronous",
@@ -71,27 +66,3 @@ def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
         return scenario
     sensor = scenario.sensor.model_copy(update={name: default})
     return scenario.model_copy(update={"sensor": sensor})
-
-
-def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles of sensor.clock whose images are reconstructed: `image.at`, else five evenly spaced.
-
-    Raises:
-        InputError: a cycle of `image.at` beyond the end.
-    """
-    at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
-    beyond = [n for n in at if n >= cycles]
-    if beyond:
-        raise InputError(
-            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
-        )
-    return list(at)
-
-
-def make_relay(lens: Lens, camera: CameraSetting) -> Callable[[Light], Light]:
-    """From the scene's light to what each pixel gathers: the lens, and cross-talk."""
-    through = lens.relay(camera.chip.pitch)
-    if not camera.crosstalk:
-        return through
-    mixed = crosstalk_map(camera.crosstalk)
-    return lambda light: mixed(through(light))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from rtl_model.geometry import Geometry
 from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
 from scenarios.assemble.camera.boards import BoardCamera
-from scenarios.assemble.camera.lensed import camera_setting, resized
+from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
@@ -35,7 +36,7 @@ SIDE = 32
 def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
     """Light that rises for 3 ticks and then stands: rates to half an electron, four uploads, and
     the spikes of a plain run of those steps."""
-    setting = resized(CameraSetting(CHIPS["spiketwo"], Clock(40_000), 1000.0, 1), 8, 4)
+    setting = CameraSetting(replace(CHIPS["spiketwo"], width=8, height=4), Clock(40_000), 1000.0, 1)
     lux = 0.5 / setting.rate(1.0)  # half a spike a tick
     low, high = (np.full((4, 8), np.float32(x * lux)) for x in (0.1, 1.0))
     edge = Clock(40_000).edge

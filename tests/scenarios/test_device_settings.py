@@ -14,7 +14,7 @@ from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.run.result import Result
 from cosim.spikes.viform import count_spikes
-from scenarios.assemble.camera.lensed import camera_setting
+from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.assemble.schema.messages import validate
 from scenarios.cli.entry import _main

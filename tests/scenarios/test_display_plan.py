@@ -14,7 +14,6 @@ import pytest
 from cosim import Block, Bound
 from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
-from display.chain.pursuit import Pursuit
 from display.effects.costs import SHOWN, SPAN_COST
 from display.trial.paired import TRUTH
 from scenarios.assemble.camera.planning import RunPlan, plan_run
@@ -55,8 +54,8 @@ class Made:
         self.setup = setup = set_up_camera(self.scenario, "numba")
         self.setting, self.cycles, self.instants = setup.setting, setup.cycles, setup.instants
         self.lens, self.white = setup.lens, setup.white_rate
-        self.seen = setup.survey()
-        display = setup.display(Pursuit(0.0, ""))
+        self.seen = setup.survey
+        display = setup.display
         assert display is not None
         self.display = display
 
@@ -68,7 +67,7 @@ class Made:
 
     def check(self, plan: RunPlan) -> Verifier:
         """Run to its end."""
-        check = plan.verifier(self.setting, 1, None)
+        check = Verifier(plan, self.setting, plan.patches(1), None)
         source, relay = (
             self.setup.source(),
             self.lens.relay(self.setting.chip.pitch),
@@ -191,7 +190,7 @@ def test_a_check_goes_on_from_its_state(glass):
         made.setup.source(),
         made.lens.relay(made.setting.chip.pitch),
     )
-    whole, first, second = (plan.verifier(made.setting, 1, None) for _ in range(3))
+    whole, first, second = (Verifier(plan, made.setting, plan.patches(1), None) for _ in range(3))
     for start in range(0, made.cycles, 64):
         block = Block(start, min(64, made.cycles - start))
         light = relay(source.step(None, block))

@@ -76,7 +76,7 @@ def planned(
     _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
     setup = set_up_camera(scenario, None)
     setting, instants = setup.setting, setup.instants
-    seen = setup.survey()
+    seen = setup.survey
     return plan_run(seen, setting, tolerance, instants, device, tier=tier)
 
 
@@ -138,7 +138,7 @@ def test_a_forced_effect_stays(device):
     _, scenario = load("star", ["sensor.chip=spikeone", *BRIGHT])
     setup = set_up_camera(scenario, None)
     setting, instants = setup.setting, setup.instants
-    seen = setup.survey()
+    seen = setup.survey
     forced = plan_run(seen, setting, 0.02, instants, device, forced=["threshold noise"])
     assert forced.plan.kept["threshold noise"].all()
     assert "threshold noise" in {effect.name for effect in forced.setting.kept}

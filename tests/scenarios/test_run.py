@@ -20,7 +20,7 @@ from cosim.files import Recorder, ZarrStream, open_stream
 from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
-from scenarios.assemble.camera.lensed import choose_lens
+from scenarios.assemble.lens import choose_lens
 from scenarios.assemble.schema.loading import load, to_toml
 from sensor import CHIPS, EFFECTS, CameraSetting
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
@@ -52,7 +52,7 @@ def lens_of(*assignments: str) -> tuple[Lens, float]:
     setting = CameraSetting(
         CHIPS[section.chip], Clock.from_hz(section.clock), section.threshold, 1, section.wavelength
     )
-    lens = choose_lens(scenario, setting)
+    lens = choose_lens(scenario, setting).lens
     return lens, setting.rate(scenario.scene.illuminance * lens.gain)
 
 

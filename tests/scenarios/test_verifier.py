@@ -14,7 +14,7 @@ from cosim.plan.paired import compare, windows, worst
 from cosim.run.machine import BrokenPromise
 from scenarios.assemble.camera.planning import plan_run
 from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.camera.verifier import Planned, Verifier
+from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME
@@ -91,15 +91,10 @@ def verifiers(
     _, scenario = load("star", [*base, *sets])
     setup = set_up_camera(scenario, None)
     setting, cycles, instants, lens = setup.setting, setup.cycles, setup.instants, setup.lens
-    seen = setup.survey()
+    seen = setup.survey
     plan = plan_run(seen, setting, tolerance, instants, device)
     assert plan.plan.left_out
-    run = Planned(plan.tier, plan.setting, plan.flags)
-    made = [
-        Verifier(setting, plan.plan, seen.grid, sorted({*plan.patches(1), *more}), run, plan.spans,
-                 seen.scene.floor, device)
-        for more in tiles
-    ]  # fmt: skip
+    made = [Verifier(plan, setting, list({*plan.patches(1), *more}), device) for more in tiles]
     source, relay = setup.source(), lens.relay(setting.chip.pitch)
     before, after = setting.reach
     for start in range(0, cycles, 64):
@@ -157,9 +152,9 @@ def test_what_is_broken_is_raised_at_the_window_that_shows_it(device, monkeypatc
     _, scenario = load("step", ["sensor.chip=spikeone", "duration=5 ms", "image.at=[30,150]", key])
     setup = set_up_camera(scenario, None)
     setting, instants, lens = setup.setting, setup.instants, setup.lens
-    plan = plan_run(setup.survey(), setting, 1e-3, instants, device)
+    plan = plan_run(setup.survey, setting, 1e-3, instants, device)
     assert "PRNU" in plan.plan.left_out
-    verifier = plan.verifier(setting, 1, device)
+    verifier = Verifier(plan, setting, plan.patches(1), device)
     source, relay = setup.source(), lens.relay(setting.chip.pitch)
     with pytest.raises(BrokenPromise) as caught:
         verifier.step(relay(source.step(None, Block(0, 64))), Block(0, 64))

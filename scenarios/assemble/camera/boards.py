@@ -132,12 +132,14 @@ class Boards:
     """The open boards of a run.
 
     Attributes:
+        simulated: the scenario without the parts that boards replace.
         source: that replaces the sensor, None if there is none.
         sink: that replaces the display, None if there is none.
         fit: `display.fit` of the scenario.
         panel: the sink's stage, None until the size of the stream is known.
     """
 
+    simulated: Scenario
     source: OpenBoard | None = None
     sink: OpenBoard | None = None
     fit: str = "exact"
@@ -147,13 +149,6 @@ class Boards:
     def size(self) -> tuple[int, int] | None:
         """Rows and columns of the source, None without one."""
         return None if self.source is None else (self.source.info.rows, self.source.info.columns)
-
-    def simulated(self, scenario: Scenario) -> Scenario:
-        """The scenario without the parts that boards replace."""
-        if self.source is not None:
-            sensor = scenario.sensor.model_copy(update={"source": None})
-            scenario = scenario.model_copy(update={"sensor": sensor})
-        return scenario if self.sink is None else scenario.model_copy(update={"display": None})
 
     def camera(self, setting: CameraSetting, scene: Summary, cycles: int) -> BoardCamera | None:
         """The camera stage of the source, None without one; also sets up the sink's stage."""
@@ -215,7 +210,7 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
     section, panel = scenario.sensor, scenario.display
     sink = None if panel is None else panel.sink
     if section.source is None and sink is None:
-        yield Boards()
+        yield Boards(scenario)
         return
     if resume:
         raise InputError(
@@ -224,7 +219,9 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
         )  # fmt: skip
     from rtl_model.stand_in import open_board
 
-    boards = Boards(fit="exact" if panel is None else panel.fit)
+    sensor = section.model_copy(update={"source": None})
+    update = {"sensor": sensor} | ({} if sink is None else {"display": None})
+    boards = Boards(scenario.model_copy(update=update), fit="exact" if panel is None else panel.fit)
     with ExitStack() as stack:
         if section.source is not None:
             for name, default in _SIMULATED:

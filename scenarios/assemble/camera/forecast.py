@@ -65,12 +65,11 @@ def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:
 
 def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     """The document of `viform plan --json`."""
-    survey, display = setup.survey(), setup.display(setup.pursuit())
-    plan = setup.plan(survey, setup.scenario.tolerance, display)
-    everything = setup.plan(survey, 0.0, display, tier=plan.tier)
+    plan = setup.plan(setup.scenario.tolerance)
+    everything = setup.plan(0.0, tier=plan.tier)
     return forecast_document(
         name, plan.plan, tier=plan.tier, device=setup.device_name, own=plan.own,
         speeds=_measure(setup, plan, everything),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
-        tiles=survey.classes, display=_display(setup, plan),
+        tiles=setup.survey.classes, display=_display(setup, plan),
     )  # fmt: skip

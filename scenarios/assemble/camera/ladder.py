@@ -26,12 +26,10 @@ from cosim.plan.paired import Paired, windows, worst
 from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
-from display import DisplaySetting
 from display.trial.cost import display_ns, golden_ns
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
-from scenarios.assemble.camera.verifier import Planned
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error
@@ -62,14 +60,13 @@ def _signature(plan: RunPlan) -> tuple[bytes, ...]:
     return tuple(tiles.tobytes() for tiles in plan.plan.kept.values())
 
 
-def _ladder(setup: CameraSetup, display: DisplaySetting | None) -> list[_Rung]:
-    survey = setup.survey()
+def _ladder(setup: CameraSetup) -> list[_Rung]:
     tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
     return [
         _Rung(tier, tolerances, plan)
         for tier in tiers
         for tolerances, plan in distinct_plans(
-            lambda tolerance, tier=tier: setup.plan(survey, tolerance, display, tier=tier),  # type: ignore[misc]
+            lambda tolerance, tier=tier: setup.plan(tolerance, tier=tier),  # type: ignore[misc]
             _signature,
         )
     ]
@@ -93,16 +90,13 @@ def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
     return sorted(list(order)[:TILES])
 
 
-def _paired(
-    setup: CameraSetup, rungs: Sequence[_Rung], display: DisplaySetting | None
-) -> DisplayTrial:
+def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
     """The reference and every rung on the same patches."""
-    survey, setting = rungs[0].plan.survey, setup.setting
+    survey, setting, display = setup.survey, setup.setting, setup.display
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
     cameras = {"reference": PatchCamera(setting, plane, "reference")}
     for rung in rungs:
-        planned = Planned(rung.tier, rung.plan.setting, rung.plan.flags)
-        cameras[rung.name] = planned.on(plane, survey.grid, setup.device)
+        cameras[rung.name] = rung.plan.on_patches(plane, setup.device)
     patches = None
     if display is not None:
         displays = {TRUTH: ("reference", display)}
@@ -119,10 +113,8 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     """The document of `viform accuracy --json` for a latched camera."""
     scenario, setting, cycles = setup.scenario, setup.setting, setup.cycles
     progress.note("surveying the scene")
-    display = setup.display(setup.pursuit())
-    rungs = _ladder(setup, display)
-    paired = _paired(setup, rungs, display)
-    floor = rungs[0].plan.survey.scene.floor
+    display, rungs = setup.display, _ladder(setup)
+    paired, floor = _paired(setup, rungs), setup.survey.scene.floor
     spent, words = _film(setup, paired, rungs, progress)
     pixels = setting.chip.height * setting.chip.width
     golden = 0.0

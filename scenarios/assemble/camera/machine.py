@@ -18,7 +18,7 @@ from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
-from display.chain.display import DisplayChain, make_display_chain, short_run_notes
+from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
 from scenarios.assemble.camera.judged import LatchedRun
@@ -121,9 +121,9 @@ class LatchedMachine:
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
-        setup, full = self.setup, self.plan.full_display
+        setup = self.setup
         plan = setup.plan(
-            self.plan.survey, self.scenario.tolerance, full,
+            self.scenario.tolerance,
             forced=[name for name in effects if name != ARITHMETIC],
             tier="exact" if ARITHMETIC in effects else None,
         )  # fmt: skip
@@ -282,21 +282,18 @@ def assemble_latched(
     """The machine of a scenario with a latched camera. Raises InputError."""
     with ExitStack() as stack:
         boards = stack.enter_context(open_boards(scenario, resume))
-        setup = set_up_camera(boards.simulated(scenario), device, boards.size)
+        setup = set_up_camera(boards.simulated, device, boards.size)
         source = setup.source()
-        survey = setup.survey()
-        notes = list(setup.camera.notes)
-        pursuit = setup.pursuit()
-        plan = setup.plan(survey, scenario.tolerance, setup.display(pursuit))
+        plan = setup.plan(scenario.tolerance)
+        notes = list(setup.choice.notes)
         display = None
         if plan.display is not None and setup.scenario.display is not None:
-            seconds = setup.cycles / setup.setting.clock.hz
-            notes += [pursuit.note, *short_run_notes(plan.display.panel.luminance, seconds)]
             display = make_display_chain(
                 setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
-                setup.instants, plan.display, pursuit, source.points(),
+                setup.instants, plan.display, setup.pursuit, source.points(),
             )  # fmt: skip
             stack.callback(display.close)
+            notes += display.notes
         camera, verifier = _planned(plan, setup, boards)
         notes += boards.notes(camera)
         return LatchedMachine(
@@ -313,4 +310,5 @@ def _planned(
     if board is not None:
         return board, None
     camera = SpikeCamera(plan.setting, setup.device, tier=plan.tier, flags=plan.flags)
-    return camera, plan.verifier(setup.setting, setup.scenario.seed, setup.device)
+    tiles = plan.patches(setup.scenario.seed)
+    return camera, Verifier(plan, setup.setting, tiles, setup.device)

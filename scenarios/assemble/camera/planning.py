@@ -11,15 +11,15 @@ import numpy.typing as npt
 from cosim import Summary
 from cosim.compute.opencl import Device
 from cosim.plan.paired import windows
+from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
 from display.effects import SHOWN, effective_planes
-from display.trial.paired import TrialDisplay
-from scenarios.assemble.camera.verifier import Planned, Verifier
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast.promise import fast_bound
+from sensor.latched.patches import PatchCamera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
 
@@ -40,7 +40,7 @@ class RunPlan:
         survey: what the plan was made from.
         tier: of the camera.
         setting: the camera as it is run, with the effects that some tile keeps.
-        flags: of the fast tier's work-items, None in the exact tier.
+        flags: of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
         own: bound of the tier's own error, relative.
         spans: windows of cycles that are checked.
         display: the display as it is run, None without one.
@@ -87,18 +87,16 @@ class RunPlan:
         missing = np.setdiff1d(which[whole], which[chosen])
         return [int(rng.choice(whole[which[whole] == one])) for one in missing]
 
-    def verifier(
-        self, full: CameraSetting, seed: int, device: Device | None, stop_early: bool = True
-    ) -> Verifier:
-        """The stage that checks this plan. full: the camera with every effect."""
-        trial = None
-        if self.display is not None and self.full_display is not None:
-            trial = TrialDisplay(self.full_display, self.display, self.survey.scene.cycles)
-        return Verifier(
-            full, self.plan, self.survey.grid, sorted(self.patches(seed)),
-            Planned(self.tier, self.setting, self.flags), self.spans, self.survey.scene.floor,
-            device, stop_early, trial,
-        )  # fmt: skip
+    def on_patches(self, plane: PatchPlane, device: Device | None) -> PatchCamera:
+        """The camera as planned, on patches that are tiles of the survey's grid."""
+        flags = None
+        if self.flags is not None:
+            rows = plane.row.reshape(len(plane.tiles), -1)
+            columns = np.array(plane.tiles) % self.survey.grid.shape[1]
+            flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
+        return PatchCamera(
+            self.setting, plane, self.tier, device if self.tier == "fast" else None, flags
+        )
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:

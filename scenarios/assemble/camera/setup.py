@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from cosim import InputError, seconds_to_ps
+from cosim import seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
-from scenarios.assemble.camera.lensed import LensedCamera, lensed_camera
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
-from scenarios.assemble.readout import choose_instants
+from scenarios.assemble.chip import camera_setting
+from scenarios.assemble.instants import choose_windows
+from scenarios.assemble.lens import LensChoice, choose_lens
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
@@ -23,37 +25,34 @@ from sensor.latched.survey import SceneSurvey, survey_scene
 __all__ = ["CameraSetup", "set_up_camera"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraSetup:
     """A latched camera, its lens and its scene.
 
     Attributes:
         scenario: what is simulated of the user's scenario.
-        camera: behind its lens.
+        setting: the camera with every effect.
+        choice: its lens.
         cycles: of the run.
-        instants: cycles whose images are made and judged.
+        instants: cycles whose images are reconstructed and judged.
         device: OpenCL device, None for the compiled form on the processor.
     """
 
     scenario: Scenario
-    camera: LensedCamera
+    setting: CameraSetting
+    choice: LensChoice
     cycles: int
     instants: list[int]
     device: Device | None
 
     @property
-    def setting(self) -> CameraSetting:
-        """The camera with every effect."""
-        return self.camera.setting
-
-    @property
     def lens(self) -> Lens:
-        return self.camera.lens
+        return self.choice.lens
 
     @property
     def white_rate(self) -> float:
         """Spikes a cycle of the scene's white."""
-        return self.camera.white_rate
+        return self.choice.white_rate
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -81,12 +80,14 @@ class CameraSetup:
             "lens": LensStage(self.lens, self.setting.chip.pitch),
         }
 
+    @cached_property
     def survey(self) -> SceneSurvey:
         """What the plan reads of the scene."""
         relay, image = self.lens.relay(self.setting.chip.pitch), self.scenario.image
         floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
         return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
+    @cached_property
     def pursuit(self) -> Pursuit:
         """What the pursuing eye of a display follows."""
         section = self.scenario.display
@@ -94,22 +95,23 @@ class CameraSetup:
             return Pursuit(0.0, "")
         return pursuit_of(self.source(), self.end, section.pursuit)
 
-    def display(self, pursuit: Pursuit) -> DisplaySetting | None:
-        """The display with every effect, None without one."""
+    @cached_property
+    def display(self) -> DisplaySetting | None:
+        """The display with every effect, None without one. Raises InputError for a panel that
+        cannot show the stream."""
         section = self.scenario.display
         if section is None:
             return None
         clock, skew = self.setting.clock, self.setting.row_skew
         panel = section.panel(self.shape, clock, skew, self.white_rate)
-        return section.setting(panel, self.instants, self.cycles, pursuit.velocity)
+        return section.setting(panel, self.instants, self.cycles, self.pursuit.velocity)
 
-    def plan(
-        self, survey: SceneSurvey, tolerance: float, display: DisplaySetting | None, **choice: Any
-    ) -> RunPlan:
+    def plan(self, tolerance: float, **choice: Any) -> RunPlan:
         """Plans the run. choice: `forced` and `tier` of `plan_run`."""
         return plan_run(
-            survey, self.setting, tolerance, self.instants, self.device, display=display, **choice
-        )
+            self.survey, self.setting, tolerance, self.instants, self.device, display=self.display,
+            **choice,
+        )  # fmt: skip
 
 
 def set_up_camera(
@@ -122,25 +124,11 @@ def set_up_camera(
         device: part of an OpenCL device's name, "numba", or None for the default one.
         size: rows and columns of a board that stands in for the chip.
 
-    Raises InputError for what cannot be simulated.
-    """
-    camera = lensed_camera(scenario, size)
-    cycles = camera.setting.clock.cycles_in(seconds_to_ps(scenario.duration))
-    return CameraSetup(scenario, camera, cycles, _instants(scenario, cycles), choose_device(device))
-
-
-def _instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles whose images are reconstructed and judged.
-
     Raises:
-        InputError: an even window, or one longer than the run.
+        InputError: a camera, lens, duration or device that cannot be simulated.
     """
-    window = scenario.image.window
-    if window % 2 == 0:
-        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
-    if cycles < window:
-        raise InputError(
-            "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
-            "lengthen it or shorten image.window",
-        )  # fmt: skip
-    return choose_instants(scenario, cycles)
+    setting = camera_setting(scenario, *(size or ()))
+    choice = choose_lens(scenario, setting)
+    cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    instants = choose_windows(scenario, cycles)
+    return CameraSetup(scenario, setting, choice, cycles, instants, choose_device(device))

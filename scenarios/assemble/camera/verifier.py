@@ -9,18 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
 from cosim.plan.paired import Measured, Span, Values, compare, worst
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import Plan
-from cosim.plan.tiles import TileGrid
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from display.trial.paired import (
@@ -30,40 +26,16 @@ from display.trial.paired import (
     TrialDisplay,
     partial_displays,
 )
+from scenarios.assemble.camera.planning import RunPlan
 from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["ARITHMETIC", "Planned", "Verifier"]
+__all__ = ["ARITHMETIC", "Verifier"]
 
 
 ARITHMETIC: Final = "32-bit arithmetic"
 """The arithmetic of the fast tier, as an effect that may be reinstated: by the exact tier."""
-
-
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """The camera as planned.
-
-    Attributes:
-        tier, setting: of the camera.
-        flags: of the fast tier's work-items on the whole plane, (height, groups) uint8; None in
-            another tier.
-    """
-
-    tier: Tier
-    setting: CameraSetting
-    flags: npt.NDArray[np.uint8] | None
-
-    def on(self, plane: PatchPlane, grid: TileGrid, device: Device | None) -> PatchCamera:
-        """The same camera on patches, which are tiles of this grid."""
-        flags = None
-        if self.flags is not None:
-            rows = plane.row.reshape(len(plane.tiles), -1)
-            columns = np.array(plane.tiles) % grid.shape[1]
-            flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
-        device = device if self.tier == "fast" else None
-        return PatchCamera(self.setting, plane, self.tier, device, flags)
 
 
 def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
@@ -80,43 +52,43 @@ def _finding(effect: str, promised: float, measured: float, tile: int | None) ->
 
 
 class Verifier(DisplayTrial):
-    """setting: with every effect. run: as planned. tiles: of the patches, of one size. Raises
-    BrokenPromise from `step` at the end of a window that shows one, unless `stop_early` is not
-    set."""
+    """The stage that checks a plan.
+
+    Args:
+        run: the plan that is checked.
+        full: the camera with every effect.
+        tiles: whose pixels are the patches, of one size.
+        device: OpenCL device of the fast tier, None without one.
+        stop_early: whether `step` raises BrokenPromise at the end of a window that shows one.
+    """
 
     def __init__(
-        self,
-        setting: CameraSetting,
-        plan: Plan,
-        grid: TileGrid,
-        tiles: list[int],
-        run: Planned,
-        spans: list[Span],
-        floor: float,
-        device: Device | None,
+        self, run: RunPlan, full: CameraSetting, tiles: Sequence[int], device: Device | None,
         stop_early: bool = True,
-        display: TrialDisplay | None = None,
-    ) -> None:
-        self._plan, self._floor, self._stop_early = plan, floor, stop_early
-        plane = PatchPlane(grid, tiles)
-        left = [name for name in plan.left_out if not plan.kept[name][tiles].all()]
+    ) -> None:  # fmt: skip
+        plan, display = run.plan, None
+        if run.display is not None and run.full_display is not None:
+            display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
+        self._plan, self._floor, self._stop_early = plan, run.survey.scene.floor, stop_early
+        plane = PatchPlane(run.survey.grid, sorted(tiles))
+        left = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
         self._partial = {} if display is None else partial_displays(display, left)
         self._left = [name for name in left if name not in self._partial]
         cameras = {
-            "reference": PatchCamera(setting, plane, "reference"),
-            "run": run.on(plane, grid, device),
+            "reference": PatchCamera(full, plane, "reference"),
+            "run": run.on_patches(plane, device),
         }
         if self._left:
-            cameras["all"] = PatchCamera(setting, plane, "exact")
+            cameras["all"] = PatchCamera(full, plane, "exact")
         for name in self._left:
-            cameras[f"without {name}"] = PatchCamera(setting.without([name]), plane, "exact")
+            cameras[f"without {name}"] = PatchCamera(full.without([name]), plane, "exact")
         self._display, patches = display, None
         if display is not None:
             displays = {TRUTH: ("reference", display.full), "run": ("run", display.run)}
             for name, (_, without) in self._partial.items():
                 displays[f"without {name}"] = "reference", without
-            patches = DisplayPatches(plane, displays, floor)
-        super().__init__(plane, cameras, spans, patches)
+            patches = DisplayPatches(plane, displays, self._floor)
+        super().__init__(plane, cameras, run.spans, patches)
 
     def step(self, light: Light, block: Block) -> Light:
         out = super().step(light, block)

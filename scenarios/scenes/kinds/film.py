@@ -21,8 +21,8 @@ class FilmScene(Section):
     path: str | None = Field(
         default=None, description="clip or image; the built-in scene when absent"
     )
-    drawn: Literal["workshop", "chart"] = Field(
-        default="workshop", description="built-in moving scene when there is no path"
+    drawn: Literal["chart"] = Field(
+        default="chart", description="built-in moving scene when there is no path"
     )
     start: Time = 0.0
     frame_rate: Frequency | None = Field(
@@ -39,13 +39,7 @@ class FilmScene(Section):
                 Path(self.path), grid.shape, self.illuminance, grid.clock, grid.cycles, self.start,
                 self.frame_rate,
             )  # fmt: skip
+        from scenarios.scenes.charts.chart import Chart
         from scenarios.scenes.drawing.analytic import AnalyticSource
 
-        if self.drawn == "chart":
-            from scenarios.scenes.charts.chart import Chart
-
-            return AnalyticSource(Chart(grid.shape), self.illuminance, grid.clock)
-        from scenarios.scenes.people.workshop import Workshop
-
-        drawn = Workshop(grid.shape, fan=12.0, disc=8.0)
-        return AnalyticSource(drawn, self.illuminance, grid.clock)
+        return AnalyticSource(Chart(grid.shape), self.illuminance, grid.clock)

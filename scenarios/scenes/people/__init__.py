@@ -1,1 +1,1 @@
-"""Drawn scenes with moving parts: a waving person, a workshop."""
+"""A drawn person who waves."""

@@ -10,8 +10,9 @@ from typing import Any, Final, cast, get_args
 
 from cosim import InputError
 from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.comparison import Comparison
-from scenarios.assemble.camera.lensed import camera_setting, choose_lens
+from rtl_model.imagers.interface.comparison import Comparison
+from scenarios.assemble.chip import camera_setting
+from scenarios.assemble.lens import choose_lens
 from scenarios.assemble.schema.loading import assign, load, shipped, to_toml
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.schema.scenario import ImagerScenario, Scenario
@@ -139,7 +140,7 @@ def _spike(
 def _chosen(spike: Scenario, notes: list[str]) -> float:
     """The f-number of the spike camera's own choice, or one for the night."""
     try:
-        number = choose_lens(spike, camera_setting(spike)).f_number
+        number = choose_lens(spike, camera_setting(spike)).lens.f_number
     except InputError:
         notes.append(f"too dark or bright for the spike camera's own choice of a lens: f/{_NIGHT}")
         return _NIGHT

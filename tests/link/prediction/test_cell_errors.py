@@ -13,7 +13,7 @@ from link.prediction.light import cell_scene, cell_sight
 from link.prediction.reach import predict_errors
 from link.setting import link_setting
 from link.trial.patches import true_timing
-from scenarios.assemble.camera.lensed import camera_setting
+from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
 
 

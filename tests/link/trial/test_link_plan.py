@@ -24,7 +24,7 @@ from link.trial.check import LinkCheck, check_link, compare, goodput_change
 from link.trial.patches import LinkPatches, Variant
 from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
 from link.trial.study import LinkStudy
-from scenarios.assemble.camera.lensed import camera_setting
+from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 from sensor.device.pattern import DevicePattern
 

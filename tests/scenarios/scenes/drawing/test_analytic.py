@@ -15,13 +15,11 @@ from scenarios.scenes.drawing.bodies import capsules
 from scenarios.scenes.drawing.canvas import Canvas, Item, Layer, View, body
 from scenarios.scenes.drawing.shapes import Surface, noise, square_mean
 from scenarios.scenes.people import wave as wave_module
-from scenarios.scenes.people import workshop as workshop_module
 from scenarios.scenes.people.wave import Wave
-from scenarios.scenes.people.workshop import GRAVITY, Workshop
 
 SHAPE = (220, 260)
-SCENES = [Wave(SHAPE), Star(SHAPE), Star(SHAPE, profile="sine"), Workshop(SHAPE)]
-CANVASES = {Wave: wave_module._canvas, Star: star_module._canvas, Workshop: workshop_module._canvas}
+SCENES = [Wave(SHAPE), Star(SHAPE), Star(SHAPE, profile="sine")]
+CANVASES = {Wave: wave_module._canvas, Star: star_module._canvas}
 each_scene = pytest.mark.parametrize("scene", SCENES, ids=lambda s: type(s).__name__)
 
 
@@ -38,7 +36,7 @@ def test_a_picture_is_linear_light_and_the_same_every_time(scene):
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (64, 48), (250, 400), (9, 130)])
-@pytest.mark.parametrize("kind", [Wave, Star, Workshop])
+@pytest.mark.parametrize("kind", [Wave, Star])
 def test_any_shape_shows_the_scene(kind, shape):
     scene = kind(shape)
     picture = scene.reflectance(0.01)
@@ -48,7 +46,7 @@ def test_any_shape_shows_the_scene(kind, shape):
         assert 0 <= row < shape[0] and 0 <= column < shape[1] and label
 
 
-@pytest.mark.parametrize("kind", [Wave, Star, Workshop])
+@pytest.mark.parametrize("kind", [Wave, Star])
 def test_a_finer_grid_shows_the_same_light(kind):
     # Four pixels of the fine grid are one of the coarse: box means must agree but for edges.
     fine = kind((400, 400)).reflectance(0.004).astype(np.float64)
@@ -148,16 +146,14 @@ def test_motion_is_smooth_below_a_pixel(scene):
     assert abs(twice.sum() / once.sum() - 2) < 0.02
 
 
-@pytest.mark.parametrize("kind", [Wave, Star, Workshop])
+@pytest.mark.parametrize("kind", [Wave, Star])
 def test_hours_do_not_blur_the_phase(kind):
     # Whole periods later the picture is the same, to what float64 holds of an hour (5e-13 s).
     first, later = kind(SHAPE).reflectance(0.0101), kind(SHAPE).reflectance(3600.0101)
-    # The ball's and the cradle's periods do not divide an hour.
-    cut = np.s_[30:130, 30:235] if kind is Workshop else np.s_[:]
-    assert np.abs(first[cut] - later[cut]).max() < 1e-5
+    assert np.abs(first - later).max() < 1e-5
 
 
-@pytest.mark.parametrize("kind", [Wave, Star, Workshop])
+@pytest.mark.parametrize("kind", [Wave, Star])
 def test_scenes_are_plain_values(kind):
     scene = kind(SHAPE)
     scene.reflectance(0.0)
@@ -172,14 +168,13 @@ def test_scenes_are_plain_values(kind):
     [
         (lambda: Wave((7, 100)), r"shape must be \(height, width\), each 8 to 2000 pixels"),
         (lambda: Star((100, 2001)), "each 8 to 2000 pixels, not"),
-        (lambda: Workshop((100.5, 100)), "each 8 to 2000 pixels, not"),
+        (lambda: Wave((100.5, 100)), "each 8 to 2000 pixels, not"),
         (lambda: Wave(SHAPE, rate=7.0), r"rate must be 0 to 6 Hz, not 7\.0"),
         (lambda: Wave(SHAPE, rate=math.nan), "rate must be 0 to 6 Hz, not nan"),
         (lambda: Star(SHAPE, spokes=1), "spokes must be 2 to 360, not 1"),
         (lambda: Star(SHAPE, spokes=2.5), r"spokes must be a whole number, not 2\.5"),
         (lambda: Star(SHAPE, profile="saw"), 'profile must be "square" or "sine", not \'saw\''),
         (lambda: Star(SHAPE, mean=0.6), r"mean must be at most 1 / \(1 \+ contrast\) = 0\.5263"),
-        (lambda: Workshop(SHAPE, bounce=0.0), r"bounce must be 0\.01 to 0\.4 m, not 0\.0"),
         (lambda: Wave(SHAPE).reflectance(math.inf), "t must be finite seconds, not inf"),
     ],
 )
@@ -308,43 +303,6 @@ def test_wave_points_lie_where_they_say():
     light = {label: film[0, row, column] for row, column, label in wave.points()}
     assert light["hair"] < 0.12 < light["wall"] < light["sunlit wall"]
     assert light["forehead"] > 0.35 and light["eye"] < 0.2
-
-
-def test_workshop_ball_falls_freely_and_is_seen_there():
-    scene = Workshop((400, 400))
-    dt = 1e-4
-    for t in (0.1, 0.2, 0.31):
-        y = [scene.ball(t + k * dt)[1] for k in (-1, 0, 1)]
-        assert (y[0] - 2 * y[1] + y[2]) / dt**2 == pytest.approx(GRAVITY, rel=1e-4)
-    empty = np.median([scene.reflectance(t) for t in np.arange(0.0, 0.5, 0.05)], axis=0)
-    rows, columns = np.mgrid[0:400, 0:400]
-    for t in (0.1, 0.24):
-        x, y = scene.ball(t)
-        row, column = View((400, 400), scene.field).at(x, y)
-        # Only the ball changes this strip of the wall, between fan and disc.
-        changed = np.abs(scene.reflectance(t) - empty) > 0.03
-        changed[:, :170] = changed[:, 212:] = changed[285:] = False
-        assert rows[changed].mean() + 0.5 == pytest.approx(row, abs=1.0)
-        assert columns[changed].mean() + 0.5 == pytest.approx(column, abs=1.0)
-
-
-def test_workshop_parts_turn_as_stated():
-    scene = Workshop((300, 300), fan=24.0, disc=12.0)
-    first = scene.reflectance(0.0)
-    fan, star = np.s_[75:170, 25:120], np.s_[95:125, 205:235]
-    one_blade, one_spoke = 1 / (24 * 5), 1 / (12 * 12)
-    assert np.abs(scene.reflectance(one_blade)[fan] - first[fan]).max() < 1e-4
-    assert np.abs(scene.reflectance(one_spoke)[star] - first[star]).max() < 1e-4
-    assert np.abs(scene.reflectance(one_blade / 2)[fan] - first[fan]).max() > 0.2
-    assert np.abs(scene.reflectance(one_spoke / 2)[star] - first[star]).max() > 0.5
-
-
-def test_workshop_cradle_hands_its_swing_over():
-    scene = Workshop(SHAPE)
-    both = np.array([scene.cradle(t) for t in np.linspace(0.0, 2.0, 2001)])
-    assert both.min() == 0 and (both.min(axis=1) == 0).all()
-    assert both.max(axis=0) == pytest.approx(scene.swing, rel=1e-4)
-    assert np.abs(np.diff(both.sum(axis=1))).max() < 5e-3  # never jumps
 
 
 def test_a_disc_covers_its_area_at_any_place_and_a_thin_line_its_width():

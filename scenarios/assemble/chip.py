@@ -1,0 +1,50 @@
+"""The chip that a scenario asks for, as it is run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cosim import Clock, InputError
+from scenarios.assemble.schema.scenario import LinkScenario, Scenario
+from sensor.device.chips import CHIPS, Chip
+from sensor.latched.effects.effect import Operation
+from sensor.latched.setting import CameraSetting
+from sensor.sections.parameters import effect_parameters
+
+__all__ = ["camera_setting"]
+
+
+def camera_setting(
+    scenario: Scenario | LinkScenario, height: int | None = None, width: int | None = None
+) -> CameraSetting:
+    """The chip of a scenario with every effect.
+
+    Args:
+        scenario: any with a section [sensor].
+        height, width: of the array in pixels, the chip's own where None.
+
+    Raises:
+        InputError: a threshold level below one electron, or parameters that no pixel can have.
+    """
+    section, device = scenario.sensor, scenario.sensor.pattern
+    chip, clock = _resized(CHIPS[section.chip], height, width), Clock.from_hz(section.clock)
+    # The levels are taken to be those of a linear reference; what they are is not published.
+    threshold = section.threshold * section.threshold_level / chip.threshold_levels
+    if threshold < 1:
+        raise InputError(
+            "sensor.threshold_level", "one at which the threshold is at least 1 e",
+            f"{section.threshold_level} of {section.threshold:g} e", "raise it",
+        )  # fmt: skip
+    temperature = 25.0 if device is None else device.temperature
+    return CameraSetting(
+        chip, clock, threshold, scenario.seed, section.wavelength, reset=section.reset,
+        parameters=effect_parameters(section, Operation(clock, threshold, temperature)),
+    )  # fmt: skip
+
+
+def _resized(chip: Chip, height: int | None, width: int | None) -> Chip:
+    assumed = {name for name, size in (("height", height), ("width", width)) if size is not None}
+    return replace(
+        chip, height=height or chip.height, width=width or chip.width,
+        assumed=chip.assumed | assumed,
+    )  # fmt: skip

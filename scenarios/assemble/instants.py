@@ -1,0 +1,40 @@
+"""The cycles of a run whose images are reconstructed."""
+
+from __future__ import annotations
+
+from cosim import InputError
+from scenarios.assemble.schema.scenario import Scenario
+
+__all__ = ["choose_instants", "choose_windows"]
+
+
+def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
+    """Cycles of sensor.clock whose images are reconstructed: `image.at`, else five evenly spaced.
+
+    Raises:
+        InputError: a cycle of `image.at` beyond the end.
+    """
+    at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
+    beyond = [n for n in at if n >= cycles]
+    if beyond:
+        raise InputError(
+            "image.at", f"cycles below {cycles}", f"{beyond[0]}", "lengthen duration or drop it"
+        )
+    return list(at)
+
+
+def choose_windows(scenario: Scenario, cycles: int) -> list[int]:
+    """The same for a latched stream, where each is the middle of a window of `image.window` cycles.
+
+    Raises:
+        InputError: an even window, one longer than the run, or a cycle beyond the end.
+    """
+    window = scenario.image.window
+    if window % 2 == 0:
+        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
+    if cycles < window:
+        raise InputError(
+            "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",
+            "lengthen it or shorten image.window",
+        )  # fmt: skip
+    return choose_instants(scenario, cycles)
