@@ -27,8 +27,8 @@ def test_a_port_without_low_latency_is_told_in_a_line(viform):
         )  # fmt: skip
     assert (code, json.loads(out)["ok"]) == (0, True)
     assert err == (
-        f"viform: {board.port} has no low-latency mode, as ptys and sockets have none; going on "
-        "without\n"
+        f"viform: {board.port} has no low-latency mode, like all ptys and sockets; "
+        "continuing without it\n"
     )
 
 
