@@ -12,6 +12,8 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.errors import shorten
+
 __all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
 
 _ENTRY = 46
@@ -38,7 +40,7 @@ def _as_value_error() -> Iterator[None]:
     try:
         yield
     except Exception as exc:
-        raise ValueError(str(exc) or type(exc).__name__) from exc
+        raise ValueError(shorten(str(exc)) or type(exc).__name__) from exc
 
 
 def _must_end(member: IO[bytes], name: str) -> None:

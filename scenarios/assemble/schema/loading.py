@@ -11,6 +11,7 @@ from typing import Any
 
 from cosim import InputError
 from cosim.config.toml import to_toml
+from cosim.errors import quote, shorten
 from cosim.run.inputs import PATHS
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.schema.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
@@ -48,7 +49,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
         raise InputError(
             "the scenario",
             f"one of {', '.join(known)} or a TOML file",
-            repr(name),
+            quote(name),
             "see `viform list`",
         )
     try:
@@ -60,7 +61,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
                 f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
             ) from exc  # fmt: skip
         raise InputError(
-            "the scenario", "a TOML file", f"{path} ({exc})", "mend that place"
+            "the scenario", "a TOML file", f"{path} ({shorten(str(exc))})", "mend that place"
         ) from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
     return stem or "scenario", data, path.parent
@@ -82,7 +83,7 @@ def assign(data: dict[str, Any], assignment: str) -> None:
     names = key.strip().split(".")
     if not equals or not all(names):
         raise InputError(
-            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it"
+            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", quote(assignment), "add it"
         )
     node = data
     for i, name in enumerate(names[:-1]):
