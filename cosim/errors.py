@@ -57,7 +57,8 @@ class InputError(ViformError):
     def __str__(self) -> str:
         # A file's name may be long; longer text comes from damaged bytes.
         what, actual = (shorten(text, WHOLE) for text in (self.what, self.actual))
-        return " ".join(f"{what} must be {self.must}, not {actual}; {self.remedy}".split())
+        line = " ".join(f"{what} must be {self.must}, not {actual}; {self.remedy}".split())
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
 class MissingPackages(InputError):
