@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -36,9 +37,10 @@ def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
 
 @contextmanager
 def _as_value_error() -> Iterator[None]:
-    """zipfile, zlib and numpy raise a dozen types for damaged bytes."""
+    """zipfile, zlib and numpy raise a dozen types for damaged bytes, and numpy warns of headers."""
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     except Exception as exc:
         raise ValueError(shorten(str(exc)) or type(exc).__name__) from exc
 

@@ -55,8 +55,13 @@ class InputError(ViformError):
         super().__init__(what, must, actual, remedy)  # all of them, so that it can be pickled
 
     def __str__(self) -> str:
-        # A file's name may be long; longer text comes from damaged bytes.
-        what, actual = (shorten(text, WHOLE) for text in (self.what, self.actual))
+        # A file's name may be long, with the reason behind it.
+        what, actual = (
+            text
+            if len(text) <= WHOLE
+            else f"{text[:-LONGEST][: WHOLE - LONGEST]}...{text[-LONGEST:]}"
+            for text in (self.what, self.actual)
+        )
         line = " ".join(f"{what} must be {self.must}, not {actual}; {self.remedy}".split())
         return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 

@@ -28,7 +28,7 @@ def main() -> None:
         code = _PIPE
         _drop_output()
     except OSError as exc:  # a file's own writer says more; this is for what has none
-        from cosim.run.folder import NO_ROOM
+        from cosim.files.whole import NO_ROOM
 
         if exc.errno not in NO_ROOM:
             raise

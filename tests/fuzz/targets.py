@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
-from cosim import Clock, InputError, Viform
+from cosim import Clock, Viform
 from cosim.files import open_stream, write_stream
 from cosim.files.event_file import read_events
 from cosim.files.intensities import read_intensities, write_intensities
@@ -106,9 +105,7 @@ def _members(make: Callable[[Path], list[bytes]]) -> Callable[[Path], list[bytes
         (whole,) = make(folder)
         (folder / "whole.npz").write_bytes(whole)
         with zipfile.ZipFile(io.BytesIO(whole)) as archive:
-            return [
-                bytes([n]) + archive.read(info) for n, info in enumerate(archive.infolist())
-            ]
+            return [bytes([n]) + archive.read(info) for n, info in enumerate(archive.infolist())]
 
     return seeds
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import tomllib
 from importlib.resources import files
@@ -21,6 +22,11 @@ __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs when none is named."""
+
+
+_PARTS = 20
+"""Parts of a dotted key, at most; the schema's longest has four."""
+_DEEP = re.compile(rf"""(?:^|[\[{{,])\s*(?:[\w"'-]+\s*\.\s*){{{_PARTS}}}""", re.MULTILINE)
 
 
 def shipped() -> dict[str, str]:
@@ -53,7 +59,10 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
             "see `viform list`",
         )
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if _DEEP.search(text):  # tomllib takes seconds for a key of thousands of parts
+            raise ValueError(f"a key of more than {_PARTS} parts")
+        data = tomllib.loads(text)
     except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
         if isinstance(exc, UnicodeDecodeError) and path.suffix.lower() != ".toml":
             raise InputError(
