@@ -125,6 +125,6 @@ def threshold(table: Charge, word: npt.NDArray[np.uint32]) -> Charge:
     index = upper.astype(np.int64) * KNOTS + (exponent << MANTISSA_BITS) + mantissa
     fraction = ((y - (mantissa << exponent)) << 16) >> exponent
     low = table[index]
-    # y is below 2^31, so every index has a next knot on its side. For y below 128 the fraction is 0.
+    # y is below 2^31, so every index has a next knot on its side. Below 128 the fraction is 0.
     high = table[np.minimum(index + 1, 2 * KNOTS - 1)]
     return low + (((high - low) * fraction) >> 16)
