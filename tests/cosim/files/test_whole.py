@@ -45,6 +45,6 @@ def test_a_full_disk_is_said_by_who_knows_what_then(tmp_path: Path) -> None:
 
 def test_a_name_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     path = tmp_path / ("a" * 250)  # its temporary name is too long
-    with pytest.raises(InputError, match="must be a name that can be written, not refused"):
-        with whole(path) as part:
-            part.write_text("whole")
+    refused = pytest.raises(InputError, match="must be a name that can be written, not refused")
+    with refused, whole(path) as part:
+        part.write_text("whole")
