@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.errors import ViformError
-from rtl_model.host.faults import LineFault
 
 __all__ = ["Failure", "Target", "case", "run"]
 
@@ -162,7 +161,7 @@ def _judge(target: Target, data: bytes, place: Path) -> tuple[str, float]:
         begin = time.process_time()
         try:
             target.read(data, place)
-        except (ViformError, LineFault) as exc:
+        except ViformError as exc:
             why = _refusal(str(exc), place)
             if _cause_is_memory(exc):
                 why = "out of memory behind a refusal"

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import zipfile
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from cosim import Clock, Viform
 from cosim.files import open_stream, write_stream
@@ -22,7 +24,7 @@ from cosim.spikes.intensities import Intensities
 from cosim.spikes.viform import words_for
 from rtl_model.cycle import Bridge, System
 from rtl_model.geometry import Geometry
-from rtl_model.host import ReplayPort, read_csr
+from rtl_model.host import read_csr
 from rtl_model.imagers.run.tape import Tape
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.clips.film import FilmSource
@@ -34,6 +36,7 @@ from tests.fuzz.engine import Target
 __all__ = ["TARGETS"]
 
 CLOCK = Clock(40_000)
+SEEDS = Path(__file__).with_name("seeds")
 
 
 def _stream(cycles: int = 70, shape: tuple[int, int] = (20, 24)) -> Viform:
@@ -231,23 +234,22 @@ LOG = [
 ]  # fmt: skip
 
 
-def _replay(data: bytes, folder: Path) -> None:
-    from scenarios.cli.board.replay import board_replay
-
-    path = folder / "line.log"
-    path.write_bytes(data)
-    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-        board_replay(path)
+def _logs(folder: Path) -> list[bytes]:
+    """A log with every kind of event, and the begin of a bring-up's."""
+    real = gzip.decompress((SEEDS / "bringup.log.gz").read_bytes())
+    return ["\n".join(map(json.dumps, LOG)).encode() + b"\n", real]
 
 
-def _judged(data: bytes, folder: Path) -> None:
-    from rtl_model.bringup.run import BringUp, bring_up
+def _replay(judge: bool) -> Callable[[Path], None]:
+    """`viform board replay`, which prints the log or judges it as a bring-up."""
 
-    path = folder / "line.log"
-    path.write_bytes(data)
-    port = ReplayPort(path)
-    bring_up(port, BringUp(baud=port.baud, csr=None, simulated=True, time_scale=1.0, frames=2),
-             lambda stage: None)  # fmt: skip
+    def read(path: Path) -> None:
+        from scenarios.cli.board.replay import board_replay
+
+        with redirect_stdout(io.StringIO()), suppress(typer.Exit):
+            board_replay(path, judge=judge)
+
+    return read
 
 
 CSR = b"""#--------------------------------------------------------------------------------
@@ -347,10 +349,8 @@ TARGETS: tuple[Target, ...] = (
     Target("tape", _tape, _file("a.tape", _play)),
     Target("result", lambda folder: [RESULT], _result, text=True),
     Target("csr", lambda folder: [CSR], _file("csr.csv", read_csr), text=True),
-    Target("log", lambda folder: ["\n".join(map(json.dumps, LOG)).encode() + b"\n"], _replay,
-           text=True),
-    Target("judged log", lambda folder: ["\n".join(map(json.dumps, LOG)).encode() + b"\n"], _judged,
-           text=True),
+    Target("log", _logs, _file("line.log", _replay(False)), text=True),
+    Target("judged log", _logs, _file("line.log", _replay(True)), text=True),
     Target("picture", _pictures, _file("a.mp4", _film)),
     Target("request", _requests, _to_board),
 )  # fmt: skip
