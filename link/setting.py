@@ -12,7 +12,7 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air import Aim, Air, AirSetting, Optics, Source, f_number_for
+from link.air import Aim, Air, AirSetting, Optics, Scene, Source, f_number_for
 from link.air.geometry import lengths
 from link.air.projection import Places
 from link.coding import safe_name
@@ -69,13 +69,13 @@ class LinkSetting:
     chosen_f_number: bool
 
     def make_air(
-        self, source: Source, planes: int, kept: Collection[str] | None = None,
+        self, source: Source, planes: int, effects: Collection[str] | None = None,
         places: Places | None = None,
     ) -> Air:  # fmt: skip
         """The stage that makes the light on the camera; see `Air` for its arguments."""
         return Air(
-            source, self.panel, self.optics, self.aim, self.air, self.camera,
-            first_light=self.first_light, planes=planes, kept=kept, places=places,
+            source, Scene(self.panel, self.optics, self.aim, self.air), self.camera,
+            first_light=self.first_light, planes=planes, effects=effects, places=places,
         )  # fmt: skip
 
 

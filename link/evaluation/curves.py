@@ -12,6 +12,7 @@ import numpy.typing as npt
 from link.theory import (
     JUDGED,
     Convention,
+    PixelChannel,
     Reset,
     amplitude_of,
     awgn_ook,
@@ -94,12 +95,15 @@ def _slot(points: int) -> Curve:
 def _charge(points: int, reset: Reset) -> Curve:
     """A pixel that carries charge from tick to tick, ON 1.4 Q over the background."""
     share = np.geomspace(0.02, 0.2, points)
-    errors = [sum(charge_errors(reset, Q, (1.4 + b) * Q, b * Q)) / 2 for b in share.tolist()]
+
+    def channel(background: float) -> PixelChannel:
+        return PixelChannel(reset, Q, (1.4 + background) * Q, background * Q)
+
+    errors = [sum(charge_errors(channel(b))) / 2 for b in share.tolist()]
     warm, least, most = (400, 2_000, 4_000) if reset == "subtract" else (24, 10_000, 400_000)
 
     def trial(i: int, trials: int, seed: int, stream: int) -> int:
-        on, off = (1.4 + share[i]) * Q, share[i] * Q
-        return charge_trials(reset, Q, on, off, trials, seed, stream, warm)
+        return charge_trials(channel(share[i]), trials, seed, stream, warm)
 
     return Curve(
         f"reset-{reset}", f"{reset} reset, Q = {Q} e, ON 1.4 Q + OFF", share.tolist(), "OFF / Q",

@@ -139,7 +139,7 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkSurvey)
     assert made["reset dead time"].size == pytest.approx(0.2)
     assert made["dark current and DSNU"].size == pytest.approx(1.0 / scene.on)
     assert made["PRNU"].size == 0.01
-    assert scene.cycles / made["PRNU"].lasts == pytest.approx(250 * 400)
+    assert scene.cycles / made["PRNU"].duration == pytest.approx(250 * 400)
     assert {e.name for e in camera.kept} - {"random initial charge"} <= set(made)
 
 
