@@ -152,7 +152,7 @@ class LinkMachine:
             outcome="failed" if faults or not link.delivered else outcome,
             simulated_s=setup.cycles / setup.setting.camera.clock.hz,
             error=link.check.error,
-            kept=plan.kept,
+            kept=plan.simulated,
             left_out=link.left_out,
             metrics={
                 **link_metrics(link, seconds["air"] + seconds["sensor"]),
