@@ -113,7 +113,7 @@ class LinkMachine:
     def chain(self, folder: Path) -> LinkChain:
         setup, chip = self._setup, self._setup.setting.camera.chip
         air = self._link.make_air()
-        sensor = self._link.make_camera(air.row_delays)
+        sensor = self._link.make_camera(air.row_delay)
         clock = setup.setting.camera.clock
         recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock)
         return LinkChain(

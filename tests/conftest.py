@@ -19,7 +19,7 @@ settings.load_profile("viform")
 LONG = (
     "test_recorded.py", "test_new_drive.py", "test_stability.py", "test_joint.py", "test_fast.py",
     "test_run_link.py", "test_receiving.py", "test_new_effect.py", "test_new_imager.py",
-    "test_laboratory.py", "test_convert_image.py", "test_pixel_exact.py", "test_link_plan.py",
+    "test_laboratory.py", "test_convert_image.py", "test_pixel.py", "test_link_plan.py",
     "test_cli.py",
     "test_asynchronous.py", "test_transmission.py", "test_boxes.py", "test_run.py",
     "test_probes.py", "test_chain.py", "test_link_theory.py", "test_capacity.py", "test_glass.py",

@@ -88,7 +88,7 @@ def _finish(image, base, glare, mean, stray):  # type: ignore[no-untyped-def]
 class Air:
     """Illuminance of the camera's pixels, block by block: a stage without input.
 
-    The light follows the time of the panel's rows; `row_delays` gives the delay at each camera row.
+    The light follows the time of the panel's rows; `row_delay` gives the delay at each camera row.
     Vibration and scintillation are constant within a symbol. An occluder is as bright as the
     surroundings. `panel.pulse` must be 1. `panel.fill` and `panel.luminance` are not read: light is
     even over a panel pixel, of luminance `optics.luminance`.
@@ -179,7 +179,7 @@ class Air:
         return Registration(self._homography.copy(), np.zeros((0, 3)), blur)
 
     @property
-    def row_delays(self) -> npt.NDArray[np.int64]:
+    def row_delay(self) -> npt.NDArray[np.int64]:
         """(H,) int64 ps: delay of the light at each camera row after the panel's first row.
 
         The delay is that of the panel row which the camera row images in the middle column of the

@@ -92,7 +92,7 @@ def _theory(
         return Theory(soft, None, interval)
     if scene.reset != "hard" or wide or not errors.bits:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    timing = true_timing(setting, link.make_air().row_delays, mode.ticks)
+    timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
     closed = cell_errors(cell_sight(setting, timing, setup.sent.symbols), mode)
     return Theory(soft, closed.rate, interval, (closed.low, closed.high))
 

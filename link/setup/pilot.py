@@ -83,14 +83,14 @@ def _film(
 ) -> tuple[Words, Timing, Air]:
     camera = strip.camera
     air = strip.make_air(sent, sent.planes)
-    pixels = SpikeCamera(camera, device, late=air.row_delays)
+    pixels = SpikeCamera(camera, device, row_delay=air.row_delay)
     dark = strip.first_light + strip.panel.clock.edge(sent.planes)
     cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
     parts = []
     for start in range(0, cycles, 2 * WORD):
         block = Block(start, min(2 * WORD, cycles - start))
         parts.append(pixels.step(air.step(None, block), block).words)
-    return np.concatenate(parts), true_timing(strip, air.row_delays, sent.mode.ticks), air
+    return np.concatenate(parts), true_timing(strip, air.row_delay, sent.mode.ticks), air
 
 
 def film_pilot(

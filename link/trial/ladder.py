@@ -77,7 +77,7 @@ def _plane_ns(
         for effects in dict.fromkeys([None, *(plan.air_effects for plan in plans)])
     }
     cameras = {
-        key: SpikeCamera(key[1], setup.device, tier=key[0], late=airs[None].row_delays)
+        key: SpikeCamera(key[1], setup.device, tier=key[0], row_delay=airs[None].row_delay)
         for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
     }
     blocks = min(TIMED + 1, max(setup.cycles // BLOCK, 1))

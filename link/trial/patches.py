@@ -230,7 +230,7 @@ class LinkPatches:
         source, kinds = _PanelPixels(self._sent), dict.fromkeys(v.air for v in variants.values())
         airs = {effects: self._air(source, effects) for effects in kinds}
         cameras = {
-            name: PatchCamera(v.camera, self.plane, v.tier, device, late=airs[v.air].row_delays)
+            name: PatchCamera(v.camera, self.plane, v.tier, device, row_delay=airs[v.air].row_delay)
             for name, v in variants.items()
         }
         clock = self._setting.camera.clock
@@ -276,7 +276,7 @@ class LinkPatches:
         chip = self._setting.camera.chip
         whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
         whole[:, self.plane.numbers.astype(np.intp)] = words
-        timing = true_timing(self._setting, air.row_delays, self._sent.ticks)
+        timing = true_timing(self._setting, air.row_delay, self._sent.ticks)
         detector = make_detector(
             self._detector, self._part, self._registration(air, timing), timing
         )

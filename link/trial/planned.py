@@ -51,11 +51,11 @@ class PlannedLink:
         sent = self.setup.sent
         return self.setup.setting.make_air(sent, sent.planes, self.plan.air_effects)
 
-    def make_camera(self, row_delays: npt.NDArray[np.int64]) -> SpikeCamera:
-        """Returns the stage that makes the spikes. row_delays: (H,) delay of the light of each row,
+    def make_camera(self, row_delay: npt.NDArray[np.int64]) -> SpikeCamera:
+        """Returns the stage that makes the spikes. row_delay: (H,) delay of the light of each row,
         ps."""
         return SpikeCamera(
-            self.plan.camera, self.setup.device, tier=self.plan.tier, late=row_delays
+            self.plan.camera, self.setup.device, tier=self.plan.tier, row_delay=row_delay
         )
 
     def keep(self, effects: Sequence[str]) -> PlannedLink:

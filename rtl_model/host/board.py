@@ -12,7 +12,7 @@ from rtl_model.host.csr import CsrMap, CsrRegister, default_map, imager_map
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.uartbone import Uartbone
 from rtl_model.imagers.catalogue import by_number
-from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
+from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
 from rtl_model.registers import MAGIC, VERSION
 
 __all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]

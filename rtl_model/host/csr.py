@@ -16,7 +16,7 @@ from typing import NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.imagers.catalogue import IMAGERS, design
-from rtl_model.imagers.registers import CONSTANT
+from rtl_model.imagers.device.registers import CONSTANT
 from rtl_model.registers import REGISTERS, Register, csr_csv
 
 __all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "imager_map", "read_csr"]

@@ -8,11 +8,11 @@ from cosim import InputError
 from rtl_model.imagers.adaptive.kind import AdaptiveKind
 from rtl_model.imagers.ebaps.kind import EbapsKind
 from rtl_model.imagers.emccd.kind import EmccdKind
-from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.interface.kind import ImagerKind
 
 if TYPE_CHECKING:  # a host that reads registers needs none of the sequencers
-    from rtl_model.imagers.bus import BusTarget
-    from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.device.bus import BusTarget
+    from rtl_model.imagers.device.registers import Design
 
 __all__ = ["IMAGERS", "bus_target", "by_number", "design"]
 

@@ -13,13 +13,13 @@ from cosim.report.png import write_png
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
-from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.interface.kind import ImagerKind
+from rtl_model.imagers.interface.model import FrameFigures
 from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.report.page import imager_page
 from rtl_model.imagers.run.chain import FrameChain
 from rtl_model.imagers.run.forecast import DEVICE, forecast
 from rtl_model.imagers.run.ladder import measure_ladder
-from rtl_model.imagers.run.model import FrameFigures
 from rtl_model.imagers.run.plan import PlannedRun
 from rtl_model.imagers.run.store import FRAMES, read_frame
 

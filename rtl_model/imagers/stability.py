@@ -11,6 +11,16 @@ import numpy as np
 
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
+from rtl_model.imagers.adaptive.device.decision import Search
+from rtl_model.imagers.adaptive.device.loop import follow, from_judged, recovery, worst_search
+from rtl_model.imagers.ebaps.device.extremes import (
+    accumulated,
+    dark_then_light,
+    light_steps,
+    shipped_loop,
+    swinging,
+)
+from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
 
 __all__ = ["CONTROLLING"]
 
@@ -21,18 +31,12 @@ _EXPONENT: Final = 16
 
 
 def _adaptive(device: Device | None) -> Adaptive:
-    from rtl_model.imagers.adaptive.device.decision import Search
-    from rtl_model.imagers.adaptive.device.loop import from_judged
-
     return lambda search: from_judged(Search(search), _EXPONENT)
 
 
 def _late(rule_of: Adaptive, courses: list[tuple[list[float], int]]) -> float:
     """Most frames by which the loop is later than its search may be: two frames for each decision,
     and the two that were exposed before. Infinite where an exposure leaves 1 us to 2^16 us."""
-    from rtl_model.imagers.adaptive.device.decision import Search
-    from rtl_model.imagers.adaptive.device.loop import follow, recovery, worst_search
-
     worst = 0.0
     for search in Search:
         rule, most = rule_of(int(search)), 2 * worst_search(search, _EXPONENT) + 2
@@ -82,23 +86,17 @@ def adaptive_swings(rule_of: Adaptive, dark: int = 2000) -> float:
 
 
 def _ebaps(device: Device | None) -> Any:
-    from rtl_model.imagers.ebaps.device.extremes import shipped_loop
-
     return shipped_loop
 
 
 def ebaps_steps(loop: Any) -> float:
     """ns off the range, or off where analysis says the loop ends between steps of 1e7."""
-    from rtl_model.imagers.ebaps.device.extremes import light_steps
-
     return float(light_steps(loop))
 
 
 def ebaps_swings(loop: Any) -> float:
     """ns off the range or off where the loop must end after 2000 dark frames, or by which light
     that swings moved an exposure further than a step."""
-    from rtl_model.imagers.ebaps.device.extremes import dark_then_light, swinging
-
     return float(max(dark_then_light(loop), swinging(loop)))
 
 
@@ -109,8 +107,6 @@ def _sum(device: Device | None) -> Any:
 
 def ebaps_sum(total: Any) -> float:
     """DN by which the sum of a whole frame is wrong: one is a wrong decision."""
-    from rtl_model.imagers.ebaps.device.extremes import accumulated
-
     return float(accumulated(total))
 
 
@@ -123,16 +119,12 @@ _BAND: Final = 0.1
 
 
 def _cooled(device: Device | None) -> Cooled:
-    from rtl_model.imagers.emccd.device.cooling import Cooler
-
     return lambda air: Cooler(air, _TARGET)
 
 
 def windup(cooled: Cooled, hot: float = 1800.0) -> float:
     """Kelvin by which the chip falls below its target in twenty minutes after air of 70 degC, in
     which the drive stood at its end; infinite where it is not within 0.1 K again in ten."""
-    from rtl_model.imagers.emccd.device.cooling import run_cooling
-
     begin = 600.0
     cooler = cooled(lambda s: 273.15 + (70 if begin <= s < begin + hot else 25))
     run_cooling(cooler, begin + hot)

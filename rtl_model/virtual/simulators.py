@@ -64,7 +64,8 @@ def make_simulator(
     """Returns a board of `level`, or an imager by its kind's name. The Verilog is compiled where it
     was not before: InputError where the tools for it are missing."""
     if imager is not None:
-        from rtl_model.imagers import ImagerBus, bus_target
+        from rtl_model.imagers.catalogue import bus_target
+        from rtl_model.imagers.device.bus import ImagerBus
 
         return _Model(lambda: ImagerBus(bus_target(imager), geometry))
     if level == "model":

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cosim import Block, Clock, Light, seconds_to_ps
 from cosim.light.lens import Lens
 from cosim.light.survey import survey
-from rtl_model.imagers.run.view import View
+from rtl_model.imagers.interface.view import View
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid

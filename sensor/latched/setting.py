@@ -1,4 +1,4 @@
-"""The setting of a spike camera: everything that decides its bits but the light."""
+"""The setting of a spike camera: everything but the light that determines its bits."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from sensor.latched.pixel.model import ExactModel, Reset
 __all__ = ["CameraSetting"]
 
 _CLEARANCE: Final = 1.1
-"""Beyond what the effects may take."""
+"""Safety factor of `CameraSetting.slack`."""
 
 
 @dataclass(frozen=True, init=False)
 class CameraSetting:
-    """A spike camera as it is operated. Parameters of effects are attributes as well, such as
-    `setting.dead_time`, and arguments of the constructor and of `dataclasses.replace`.
+    """A spike camera and its operating point. Parameters of effects are attributes as well, such
+    as `setting.dead_time`, and arguments of the constructor and of `dataclasses.replace`.
 
     Attributes:
-        chip: preset.
+        chip: preset of the chip.
         clock: of the latches.
         threshold: electrons.
         seed: of the run, below 2^32.
-        wavelength_nm: at which lux are counted as photons.
-        effects: of those that every pixel has, the ones that are kept; all unless given.
-        reset: what becomes of charge beyond the threshold.
-        parameters: of the other effects, by name; an effect that is absent has its default there.
-            Those of the effects that ship (sensor/latched/effects/) are:
+        wavelength_nm: wavelength at which lux is converted to photons.
+        effects: the inherent effects that are kept, by default all of them.
+        reset: rule for the charge beyond the threshold.
+        parameters: parameters of the other effects, by name; an absent effect has its default.
+            The effects in sensor/latched/effects/ have these:
             pattern: `DevicePattern`, None for a perfect device.
             threshold_noise: electrons.
-            dead_time: seconds after each spike in which light is lost, at most a cycle.
-            row_skew: share of a cycle in which the rows are sampled one after another.
+            dead_time: seconds after each spike during which light is lost, at most a cycle.
+            row_skew: share of a cycle over which the rows are sampled one after another.
             comparator_delay: seconds, at most a cycle.
             crosstalk: share of its light that a pixel loses to its neighbours.
-            circuit: of the pixel, for the reference tier, None for none. The other tiers have its
-                lumped form: its reset in dead_time, `overshoot` electrons beyond each threshold,
-                `leak` electrons a second less than the light brings, with a relative error of the
-                rate of at most `lumped_error`.
+            circuit: circuit of the pixel, for the reference tier, None for none. The other tiers
+                use its lumped form: its reset in dead_time, `overshoot` electrons beyond each
+                threshold, and a dark current of `leak` electrons a second, below 0. The lumped
+                form changes the rate by at most `lumped_error`, relative.
     """
 
     chip: Chip
@@ -76,15 +76,15 @@ class CameraSetting:
         **sizes: Any,
     ) -> None:
         absent = defaults()
-        given = dict(parameters or {}) | sizes
-        unknown = given.keys() - absent.keys()
+        chosen = dict(parameters or {}) | sizes
+        unknown = chosen.keys() - absent.keys()
         if unknown:
             raise TypeError(f"parameters must be of {sorted(absent)}, not {sorted(unknown)}")
         if effects is None:
             effects = tuple(EFFECTS.values())
         self.__dict__.update(
             chip=chip, clock=clock, threshold=threshold, seed=seed, wavelength_nm=wavelength_nm,
-            effects=effects, reset=reset, parameters=absent | given,
+            effects=effects, reset=reset, parameters=absent | chosen,
         )  # fmt: skip
 
     def __getattr__(self, name: str) -> Any:
@@ -96,27 +96,27 @@ class CameraSetting:
 
     @property
     def electrons_per_lux(self) -> float:
-        """Photoelectrons a second for a lux on the pixel."""
+        """Photoelectrons a second per lux on the pixel."""
         return self.chip.electrons_per_lux(photons_per_lux(self.wavelength_nm))
 
     def rate(self, lux: float) -> float:
-        """Spikes a cycle (more than 1 saturates) under `lux` on the pixel."""
+        """Spikes a cycle under `lux` on the pixel; above 1 the pixel saturates."""
         gathered = lux * self.electrons_per_lux * float(self.clock.period)
         return gathered / self.model.mean
 
     def transferred(self, electrons: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Electrons of a cycle after the transfers, from those before."""
+        """Electrons of a cycle after the transfers, from the electrons before."""
         for transfer in self.model.transfers:
             electrons = transfer.share(electrons / self.threshold) * self.threshold
         return electrons
 
     @property
     def kept(self) -> tuple[Effect, ...]:
-        """Every effect that acts in this setting."""
+        """The effects that act in this setting."""
         return tuple(effect.planned(self) for effect in acting(self))
 
     def without(self, names: Iterable[str]) -> CameraSetting:
-        """The setting with these effects left out, named as in `kept`."""
+        """The setting without these effects, which are named as in `kept`."""
         names = frozenset(names)
         left = replace(self, effects=tuple(e for e in self.effects if e.name not in names))
         for effect in named(names):
@@ -124,37 +124,38 @@ class CameraSetting:
         return left
 
     def changed(self, **sizes: Any) -> CameraSetting:
-        """The setting with these parameters of effects."""
+        """The setting with these parameters of effects changed."""
         return replace(self, parameters={**self.parameters, **sizes})
 
     @property
     def spread(self) -> float:
-        """Standard deviation of an interval's threshold, relative, with every noise."""
+        """Relative standard deviation of an interval's threshold, from all noise sources."""
         shot = self.threshold if SHOT_NOISE in self.effects else 0.0
         return math.sqrt(shot + self.model.threshold_noise**2) / self.threshold
 
     @property
     def slack(self) -> float:
-        """Factor that dead time, overshoot, leak, transfers and the spread of gains (six
-        deviations) together may take off a pixel's light; infinite where they may take all."""
-        uneven = 0.0 if self.pattern is None else self.pattern.prnu + self.pattern.threshold_fpn
+        """Largest factor by which dead time, overshoot, leak, transfers and the spread of gains
+        (six standard deviations) together can reduce a pixel's light; infinite if they can remove
+        all of it."""
+        uneven = sum(effect.gain_spread(self) for effect in acting(self))
         least = math.prod(transfer.least for transfer in self.model.transfers)
         if 6 * uneven >= 1 or least <= 0:
             return math.inf
         model = self.model
-        late = 1 + max(model.shift, 0) / self.threshold + model.dead_time
+        longer = 1 + max(model.shift, 0) / self.threshold + model.dead_time
         leaks = -self.lumped_dark * float(self.clock.period) / self.threshold
-        return float((late + leaks) / ((1 - 6 * uneven) * least) * _CLEARANCE)
+        return float((longer + leaks) / ((1 - 6 * uneven) * least) * _CLEARANCE)
 
     @property
     def reach(self) -> tuple[int, int]:
-        """Cycles before and after a block in which its light is needed as well."""
+        """Cycles before and after a block whose light the block needs as well."""
         reaches = [effect.reach for effect in acting(self)]
         return max((r[0] for r in reaches), default=0), max((r[1] for r in reaches), default=0)
 
     @property
     def model(self) -> ExactModel:
-        """The pixel with its circuit lumped."""
+        """The pixel, with the lumped form of its circuit."""
         effects = acting(self)
         transfers = (effect.transfer(self) for effect in effects)
         return ExactModel(
@@ -170,12 +171,17 @@ class CameraSetting:
 
     @property
     def lumped_dark(self) -> float:
-        """Electrons a second that the exact and the fast tier add for all effects together."""
+        """Electrons a second that the exact and the fast tier add, summed over all effects."""
         return sum(effect.lumped_dark(self) for effect in acting(self))
 
     @property
+    def dark_charge(self) -> float:
+        """Electrons a cycle that a pixel gathers in the dark, up to four standard deviations."""
+        return sum(effect.dark_charge(self) for effect in acting(self))
+
+    @property
     def light_map(self) -> Callable[[Light], Light] | None:
-        """Map of the light on the pixels, None for none."""
+        """Map of the light on the pixels, before integration; None for no map."""
         maps = [m for m in (effect.light_map(self) for effect in acting(self)) if m is not None]
         if len(maps) < 2:
             return maps[0] if maps else None
@@ -190,24 +196,24 @@ class CameraSetting:
     @property
     def sampling_offsets(self) -> npt.NDArray[np.int64] | None:
         """Picoseconds from a latch edge to the sampling instant of each row of the chip,
-        (height,), None where all rows are sampled at the edge."""
+        (height,) int64; None if all rows are sampled at the edge."""
         effects = [effect for effect in acting(self) if effect.reach != (0, 0)]
         if not effects:
             return None
-        late = np.zeros(self.chip.height)
+        offsets = np.zeros(self.chip.height)
         for effect in effects:
-            late = late + effect.sampling(self)
-        return np.rint(late).astype(np.int64)
+            offsets = offsets + effect.sampling(self)
+        return np.rint(offsets).astype(np.int64)
 
     def fixed_pattern(self, numbers: npt.NDArray[np.uint32], lumped: bool) -> FixedPattern | None:
-        """Gains and dark currents of pixels with these numbers, None where all are nominal.
+        """Gains and dark currents of pixels, None if all are nominal.
 
-        lumped: whether `lumped_dark` is part of it; a lumped leak is a dark current below zero.
+        Args:
+            numbers: (n,) numbers of the pixels on the chip.
+            lumped: whether `lumped_dark` is added; a lumped leak is a dark current below zero.
         """
         patterns = [effect.fixed_pattern(self, numbers) for effect in acting(self)]
         parts = [pattern for pattern in patterns if pattern is not None]
-        if self.pattern is not None:
-            parts.insert(0, self.pattern.at(numbers))
         dark = self.lumped_dark if lumped else 0.0
         if not parts:
             if not dark:

@@ -1,4 +1,4 @@
-"""The survey of a scene: what a plan reads of the light on a latched camera."""
+"""Survey of the light that a scene puts on a latched camera, for the planner."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__ = ["SceneSurvey", "survey_scene"]
 
 @dataclass(frozen=True, eq=False)
 class SceneSurvey:
-    """What a plan reads of a scene, before anything is simulated.
+    """Range of the light of a scene, before anything is simulated.
 
     Attributes:
-        light: interval of every pixel's light, lux on the sensor.
+        light: range of every pixel's light, lux on the sensor.
         grid: tiles of the plane.
-        scene: the same by tile, photoelectrons a cycle.
-        certain: (tiles,) bool, whether the interval holds for certain.
+        scene: range of the light of each tile, photoelectrons a cycle.
+        certain: (tiles,) bool, whether the range is exact and not sampled.
     """
 
     light: Survey
@@ -38,7 +38,7 @@ class SceneSurvey:
 
     @property
     def classes(self) -> dict[str, int]:
-        """Tiles by what their light is: dark (none), constant, moving."""
+        """Numbers of tiles without light ("dark"), with constant light and with moving light."""
         dark = np.asarray(self.scene.brightest) <= 0
         steady = self.grid.reduce(self.light.steady, np.logical_and) & ~dark
         return {
@@ -60,24 +60,22 @@ def survey_scene(
 
     Args:
         setting: the camera with every effect.
-        source: the scene; it may be run through, so it must not be used afterwards.
-        relay: the lens.
-        cycles: of the run.
+        source: the scene. The survey may consume it, so it must not be used afterwards.
+        relay: the lens, which maps the light of the scene onto the sensor.
+        cycles: length of the run.
         window: cycles of the image window.
-        floor: spikes a cycle below which an error counts as if the rate were this.
+        floor: spikes a cycle. Errors of lower rates are relative to this rate.
     """
     clock: Clock = setting.clock
     light = through(survey(source, clock, cycles), relay)
     grid = TileGrid(*light.least.shape)
     per_cycle = setting.electrons_per_lux * float(clock.period)
     low, high = light.least, light.most
-    if setting.crosstalk > 0:  # what a neighbour has, a pixel may get
+    if setting.crosstalk > 0:  # a pixel may receive a neighbour's light
         low, high = minimum_filter(low, 3), maximum_filter(high, 3)
     darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
     brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
-    if setting.pattern is not None:
-        own = setting.pattern.dark * float(clock.period)
-        brightest = brightest + own * (1 + 4 * setting.pattern.dsnu)
+    brightest = brightest + setting.dark_charge
     darkest, brightest = (setting.transferred(electrons) for electrons in (darkest, brightest))
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(

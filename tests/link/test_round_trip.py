@@ -52,7 +52,7 @@ def crossed(
     air = Air(
         sent, scene, camera, first_light=12 * PS // 40_000, planes=sent.planes, effects=()
     )  # fmt: skip
-    eye, receiver = SpikeCamera(camera, None, late=air.row_delays), Receiver((SIDE, SIDE))
+    eye, receiver = SpikeCamera(camera, None, row_delay=air.row_delay), Receiver((SIDE, SIDE))
     for first in range(0, sent.planes + 32, 64):
         block = Block(first, 64)
         words = eye.step(air.step(None, block), block)

@@ -8,7 +8,7 @@ from rtl_model.imagers.adaptive.device.loop import shortest_exposure
 from rtl_model.imagers.adaptive.device.registers import DEFAULT_LONGEST
 from rtl_model.imagers.adaptive.device.response import longest_exposure
 from rtl_model.imagers.adaptive.section import AdaptiveSection
-from rtl_model.imagers.comparison import Comparison, Setting
+from rtl_model.imagers.interface.comparison import Comparison, Setting
 
 __all__ = ["AdaptiveComparison"]
 

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from cosim.frames import Frame
 from rtl_model.imagers.adaptive.device.decision import lengthening
 from rtl_model.imagers.adaptive.device.statistics import gather
-from rtl_model.imagers.check.judge import JudgeBase, deviations
 from rtl_model.imagers.check.paired import STRIP, cut_rows
+from rtl_model.imagers.interface.judge import JudgeBase, deviations
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["AdaptiveJudge"]

@@ -17,9 +17,9 @@ from rtl_model.imagers.adaptive.device.sequencer import Sequencer
 from rtl_model.imagers.adaptive.device.timing import MINIMUM_CLOCKS, Timing
 from rtl_model.imagers.adaptive.judge import AdaptiveJudge
 from rtl_model.imagers.adaptive.section import AdaptiveSection
-from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
-from rtl_model.imagers.run.view import View
-from rtl_model.imagers.run.writes import write_all
+from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel, saturation
+from rtl_model.imagers.interface.view import View
+from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 

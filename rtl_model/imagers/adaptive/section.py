@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cosim.config.quantity import Quantity, Temperature
-from rtl_model.imagers.section import Device, First, ImagerSection, Side, Writes
+from rtl_model.imagers.interface.section import Device, First, ImagerSection, Side, Writes
 
 __all__ = ["AdaptiveSection"]
 

@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from cosim.frames import Frame
-from rtl_model.imagers.check.judge import Judge
 from rtl_model.imagers.check.paired import cut_rows, strips
+from rtl_model.imagers.interface.judge import Judge
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["DecisionCheck", "Decisions"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from rtl_model.imagers.comparison import Comparison, Setting
 from rtl_model.imagers.ebaps.device.exposure import WINDOW, ExposureRule, Linear
 from rtl_model.imagers.ebaps.device.settling import settle
 from rtl_model.imagers.ebaps.section import EbapsSection
+from rtl_model.imagers.interface.comparison import Comparison, Setting
 from sensor.imagers.ebaps import COLUMNS, ROWS, EbapsPixels, wanted_exposure
 
 __all__ = ["EbapsComparison"]

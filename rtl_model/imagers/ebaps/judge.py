@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
-from rtl_model.imagers.check.judge import JudgeBase, deviations
 from rtl_model.imagers.check.paired import cut_rows, strips
 from rtl_model.imagers.ebaps.device.darks import mean_of_four, subtract
+from rtl_model.imagers.interface.judge import JudgeBase, deviations
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["EbapsJudge"]

@@ -8,16 +8,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtl_model.imagers.ebaps.section import EbapsSection
-from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.interface.kind import ImagerKind
 
 if TYPE_CHECKING:
     from cosim.run.printed import Row
-    from rtl_model.imagers.bus import BusTarget
-    from rtl_model.imagers.comparison import Comparison
+    from rtl_model.imagers.device.bus import BusTarget
+    from rtl_model.imagers.device.registers import Design
     from rtl_model.imagers.ebaps.model import EbapsModel
-    from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.interface.comparison import Comparison
+    from rtl_model.imagers.interface.model import ImagerModel
     from rtl_model.imagers.report.imager_run import ImagerRun
-    from rtl_model.imagers.run.model import ImagerModel
 
 __all__ = ["EbapsKind"]
 

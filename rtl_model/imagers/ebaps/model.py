@@ -17,9 +17,9 @@ from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.ebaps.section import EbapsSection
-from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
-from rtl_model.imagers.run.view import View
-from rtl_model.imagers.run.writes import write_all
+from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel
+from rtl_model.imagers.interface.view import View
+from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel
 from sensor.imagers.ebaps import EbapsPixels
 

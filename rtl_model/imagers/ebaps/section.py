@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cosim.config.quantity import Quantity, Temperature
-from rtl_model.imagers.section import Device, ImagerSection, Writes
+from rtl_model.imagers.interface.section import Device, ImagerSection, Writes
 
 __all__ = ["EbapsSection"]
 

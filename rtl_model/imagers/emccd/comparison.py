@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
-from rtl_model.imagers.comparison import Comparison, Setting
 from rtl_model.imagers.emccd.device.timing import exposure_range
 from rtl_model.imagers.emccd.section import EmccdSection
+from rtl_model.imagers.interface.comparison import Comparison, Setting
 from sensor.imagers.emccd import GAIN_RANGE, EmccdPixels, without_smear
 
 __all__ = ["EmccdComparison"]

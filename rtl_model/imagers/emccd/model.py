@@ -15,9 +15,9 @@ from rtl_model.imagers.emccd.device.cooling import Cooler
 from rtl_model.imagers.emccd.device.imager import Emccd
 from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_seconds
 from rtl_model.imagers.emccd.section import EmccdSection
-from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel, saturation
-from rtl_model.imagers.run.view import View
-from rtl_model.imagers.run.writes import write_all
+from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel, saturation
+from rtl_model.imagers.interface.view import View
+from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel
 from sensor.imagers.emccd import EmccdPixels, HighVoltage, excess_noise_squared
 

@@ -16,6 +16,7 @@ from rtl_model.imagers.emccd.device.cooling import run_cooling
 from rtl_model.imagers.emccd.device.imager import Emccd
 from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_rate, window_table
 from rtl_model.imagers.emccd.model import STEP, EmccdModel, cooler_of
+from rtl_model.imagers.interface.model import FrameFigures
 from rtl_model.imagers.report.figures import (
     BLUE,
     GREEN,
@@ -26,7 +27,6 @@ from rtl_model.imagers.report.figures import (
     waveforms,
 )
 from rtl_model.imagers.report.imager_run import ImagerRun
-from rtl_model.imagers.run.model import FrameFigures
 from sensor.imagers import Exposed, Still
 from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cosim.config.quantity import Quantity, Temperature, Time
-from rtl_model.imagers.section import Device, ImagerSection, Writes
+from rtl_model.imagers.interface.section import Device, ImagerSection, Writes
 
 __all__ = ["EmccdSection"]
 

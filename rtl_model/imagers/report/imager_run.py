@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.run.machine import Run
+from rtl_model.imagers.interface.model import FrameFigures
 from rtl_model.imagers.run.chain import FrameChain
-from rtl_model.imagers.run.model import FrameFigures
 from rtl_model.imagers.run.plan import PlannedRun
 from rtl_model.imagers.run.store import FRAMES, read_frame
 

@@ -9,7 +9,7 @@ from cosim.report.parts import cards, figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
 from cosim.run.result import Metric
-from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.interface.kind import ImagerKind
 from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.store import FRAMES
 

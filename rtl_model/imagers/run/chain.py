@@ -20,7 +20,7 @@ from cosim.run.progress import Progress
 from cosim.run.result import viform_version
 from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
 from rtl_model.imagers.check.paired import PairedError, PlanPatches, watched_frames
-from rtl_model.imagers.run.model import FrameFigures, measure_frame
+from rtl_model.imagers.interface.model import FrameFigures, measure_frame
 from rtl_model.imagers.run.plan import PlannedRun
 from rtl_model.imagers.run.store import FRAMES, FrameStore
 from rtl_model.imagers.run.tape import TAPE, Tape, Taped

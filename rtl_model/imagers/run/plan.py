@@ -9,8 +9,8 @@ import numpy as np
 
 from cosim import seconds_to_ps
 from cosim.plan.planner import Plan, make_plan
-from rtl_model.imagers.run.model import ExposureRange, ImagerModel
-from rtl_model.imagers.run.view import View
+from rtl_model.imagers.interface.model import ExposureRange, ImagerModel
+from rtl_model.imagers.interface.view import View
 from sensor.imagers import ImagerSummary, PixelModel
 
 __all__ = ["PlannedRun", "RunSpec", "plan_effects", "plan_run"]

@@ -13,7 +13,7 @@ from display.section import DisplaySection
 from link.section import LinkScenario
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.section import ImagerLens, ImagerSection
+from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.sections.sensor import SensorSection
 

@@ -73,7 +73,7 @@ def board_virtual(
         raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
     text = ""
     if imager is not None:
-        from rtl_model.imagers import design
+        from rtl_model.imagers.catalogue import design
 
         if any(given is not None for given in (rows, columns, lanes, clock)):
             raise InputError(

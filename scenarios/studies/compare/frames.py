@@ -11,8 +11,8 @@ import numpy.typing as npt
 from cosim import PS
 from cosim.frames import Frame
 from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.comparison import Comparison
-from rtl_model.imagers.run.view import View
+from rtl_model.imagers.interface.comparison import Comparison
+from rtl_model.imagers.interface.view import View
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.studies.compare.measure import noise, still_blur
 from scenarios.studies.compare.motion import Motion

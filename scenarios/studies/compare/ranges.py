@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtl_model.imagers.comparison import Comparison
+from rtl_model.imagers.interface.comparison import Comparison
 from sensor.dynamic_range import decibels
 from sensor.imagers import Exposed
 

@@ -9,7 +9,7 @@ from sensor.latched.effects.circuit import LEAK, OVERSHOOT
 from sensor.latched.effects.crosstalk import CROSSTALK
 from sensor.latched.effects.dead_time import DEAD_TIME
 from sensor.latched.effects.effect import Key, PixelEffect, Setting
-from sensor.latched.effects.fixed_pattern import DARK, DEFECTS, PRNU, THRESHOLD_FPN
+from sensor.latched.effects.fixed_pattern import PATTERN_EFFECTS
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.effects.residual import RESIDUAL
 from sensor.latched.effects.sampling import COMPARATOR_DELAY, ROW_SAMPLING
@@ -38,18 +38,15 @@ CATALOGUE: Final[list[PixelEffect]] = [
     CROSSTALK,
     OVERSHOOT,
     LEAK,
-    PRNU,
-    DARK,
-    THRESHOLD_FPN,
-    DEFECTS,
+    *PATTERN_EFFECTS,
 ]
 EFFECTS: Final = {effect.name: effect for effect in CATALOGUE if effect.inherent}
-"""Those that every pixel has, by name."""
+"""Inherent effects, which every pixel has, by name."""
 
 
 def register(effect: PixelEffect) -> None:
-    """Adds an effect to the catalogue. Its keys are part of the schema if it is registered before
-    `sensor.sections.sensor` is imported. Raises ValueError for a name or key that is taken."""
+    """Adds an effect to the catalogue. Its keys join the schema if it is registered before
+    `sensor.sections.sensor` is imported. Raises ValueError if a name or key is already in use."""
     taken = {e.name for e in CATALOGUE} | set(defaults()) | {name for name, _ in all_keys()}
     names = {effect.name, *effect.parameters, *effect.keys, *effect.pattern_keys}
     if names & taken:
@@ -58,19 +55,19 @@ def register(effect: PixelEffect) -> None:
 
 
 def all_keys() -> Iterator[tuple[str, Key]]:
-    """Every key of [sensor] and of [sensor.pattern] that an effect owns."""
+    """All keys of [sensor] and of [sensor.pattern] that belong to effects."""
     for effect in CATALOGUE:
         yield from effect.keys.items()
         yield from effect.pattern_keys.items()
 
 
 def silicon_sizes() -> dict[str, float]:
-    """Size of every key under `sensor.preset = "silicon"`, by name; see `Key.silicon`."""
+    """Value of every key under `sensor.preset = "silicon"`, by name; see `Key.silicon`."""
     return {name: key.silicon.value for name, key in all_keys() if key.silicon is not None}
 
 
 def defaults() -> dict[str, Any]:
-    """Every parameter of a setting, with its value where the effect is absent."""
+    """All parameters of a setting, with the values that mean that the effect is absent."""
     return {name: absent for effect in CATALOGUE for name, absent in effect.parameters.items()}
 
 
@@ -80,5 +77,5 @@ def acting(setting: Setting) -> list[PixelEffect]:
 
 
 def named(names: Collection[str]) -> list[PixelEffect]:
-    """The effects with these names; other names are passed over."""
+    """The effects with these names; unknown names are ignored."""
     return [effect for effect in CATALOGUE if effect.name in names]

@@ -1,8 +1,8 @@
-"""What a physical effect of the latched pixel is: schema keys, parameters, hooks, bound and cost.
+"""A physical effect of the latched pixel: schema keys, parameters, hooks, bound and cost.
 
 An effect is one subclass of `PixelEffect` in one file, and one line in the catalogue. It acts on
-the pixel at hooks; every tier calls the hooks of the effects that are kept and no others, so that
-an effect that is left out costs nothing.
+the pixel through hooks. Every tier calls only the hooks of the effects that a plan keeps, so an
+effect that is left out costs nothing.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
 
 
 class Dependence(NamedTuple):
-    """A key of [sensor.pattern] without which another one changes nothing.
+    """A key of [sensor.pattern] that another key requires in order to have an effect.
 
     Attributes:
-        key: that must be above 0.
-        reason: what the dependent key is of it, such as "is a share of it".
-        example: a value of the key, as text.
+        key: the required key, which must be above 0.
+        reason: relation of the dependent key to it, for messages, such as "is a share of it".
+        example: a valid value of the required key, as text.
     """
 
     key: str
@@ -47,15 +47,16 @@ class Key:
     """A key that an effect adds to [sensor] or [sensor.pattern].
 
     Attributes:
-        annotation: type of the field, as pydantic takes it.
+        annotation: type of the field, for pydantic.
         field: `pydantic.Field(...)` with default and description.
-        readouts: readouts whose pixels have the effect; the key must have its default in others.
-        silicon: size under `sensor.preset = "silicon"`, None if the preset has none.
-        share_of_threshold: whether that size is a share of the threshold.
-        needs: another key that this one depends on, None for none.
+        readouts: readouts whose pixels have the effect. With any other readout the key must keep
+            its default.
+        silicon: value under `sensor.preset = "silicon"`, None if the preset does not set it.
+        share_of_threshold: whether that value is a share of the threshold.
+        needs: the key that this one depends on, None for none.
         reported: whether the machine table of the report has a row for it.
-        first: whether it stands before the other keys of effects where a scenario is written.
-        section: whether it is a section of its own, which is written after all plain keys.
+        first: whether a written scenario lists it before the other keys of effects.
+        section: whether it is a subsection, which a written scenario lists after all plain keys.
     """
 
     annotation: Any
@@ -70,12 +71,12 @@ class Key:
 
 
 class Operation(NamedTuple):
-    """How a chip is operated, as far as effects read it when a scenario becomes a setting.
+    """Operating point of a chip, which effects read when a scenario is turned into a setting.
 
     Attributes:
         clock: of the latches.
-        threshold: electrons, at the chosen level.
-        celsius: temperature of the chip.
+        threshold: electrons, at the selected level.
+        celsius: temperature of the chip, degC.
     """
 
     clock: Clock
@@ -84,7 +85,7 @@ class Operation(NamedTuple):
 
 
 class Setting(Protocol):
-    """What effects read of a `CameraSetting`; the parameters of effects are further attributes."""
+    """The part of a `CameraSetting` that effects read. Parameters of effects are attributes too."""
 
     @property
     def chip(self) -> Chip: ...
@@ -98,18 +99,20 @@ class Setting(Protocol):
 
 
 class PixelEffect:
-    """A physical effect of the latched pixel. Subclasses override what they need.
+    """A physical effect of the latched pixel. Subclasses override the methods that they need.
 
     Attributes:
-        name: as plans and reports print it.
-        source: of its equation.
+        name: name in plans and reports.
+        source: source of its equation.
         keys, pattern_keys: fields that it adds to [sensor] and to [sensor.pattern].
-        parameters: its attributes of a `CameraSetting`, with their values where it is absent.
-        inherent: whether every pixel has it, with no parameter; it is then in `setting.effects`.
-        stream: of its random draws.
-        scope: "tile" where the fast tier can keep it tile by tile, "plane" otherwise.
+        parameters: attributes that it adds to a `CameraSetting`, each with the value that means
+            that the effect is absent.
+        inherent: whether every pixel has it. It then has no parameter and is listed in
+            `setting.effects`.
+        stream: random stream of its draws.
+        scope: "tile" if the fast tier can keep it tile by tile, "plane" otherwise.
         group: effects of one group share their cost.
-        reach: cycles before and after a block in which its hooks read light as well.
+        reach: cycles before and after a block whose light its hooks read.
     """
 
     name: ClassVar[str]
@@ -126,7 +129,7 @@ class PixelEffect:
     # From the scenario to the setting.
 
     def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
-        """Parameters from the [sensor] section: keys and parameters of one name, unless overridden.
+        """Parameters from the [sensor] section. By default a key sets the parameter of its name.
 
         Raises InputError for a value that cannot be simulated.
         """
@@ -139,35 +142,35 @@ class PixelEffect:
         return any(getattr(setting, n) != absent for n, absent in self.parameters.items())
 
     def removed(self, setting: Setting) -> Mapping[str, Any]:
-        """Parameters of the setting without this effect."""
+        """Parameters that remove the effect from a setting."""
         return self.parameters
 
-    # What the planner reads.
+    # For the planner.
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        """What leaving the effect out can change in a scene."""
+        """Bound of the relative error of a rate if the effect is left out of a scene."""
         raise NotImplementedError
 
     def cost(self, scene: Summary) -> Any:
-        """Of keeping the effect, ns per pixel-cycle; an effect that costs nothing is kept."""
+        """Cost of keeping the effect, ns per pixel-cycle. An effect without cost is always kept."""
         return 0.0
 
     def planned(self, setting: Setting) -> Effect:
-        """The effect as the planner takes it."""
+        """The effect in the form that the planner reads."""
         return Effect(
             self.name, self.source, self.stream, lambda scene: self.bound(setting, scene),
             self.cost, self.scope, self.group,
         )  # fmt: skip
 
-    # Hooks of the pixel, in the order of the signal. Only effects that act are asked.
+    # Hooks of the pixel, in the order of the signal. They are called for acting effects only.
 
     def light_map(self, setting: Setting) -> Callable[[Light], Light] | None:
-        """Map of the light on the pixels before they integrate it."""
+        """Map of the light on the pixels, before integration."""
         return None
 
     def sampling(self, setting: Setting) -> npt.NDArray[np.float64] | float:
-        """Picoseconds from a latch edge to the sampling instant, of each row of the chip or of
-        all; the sum over effects is rounded."""
+        """Picoseconds from a latch edge to the sampling instant: (rows of the chip,), or one value
+        for all rows. The sum over effects is rounded."""
         return 0.0
 
     def fixed_pattern(
@@ -177,23 +180,31 @@ class PixelEffect:
         nominal threshold. Gains multiply and dark currents add up over effects."""
         return None
 
+    def gain_spread(self, setting: Setting) -> float:
+        """Standard deviation of the pixels' gains, relative; spreads add up over effects."""
+        return 0.0
+
+    def dark_charge(self, setting: Setting) -> float:
+        """Electrons a cycle that a pixel gathers in the dark, up to four standard deviations."""
+        return 0.0
+
     def lumped_dark(self, setting: Setting) -> float:
-        """Electrons a second that the exact and the fast tier add to every pixel, for what the
-        reference tier integrates by itself; negative for a loss."""
+        """Electrons a second that the exact and the fast tier add to every pixel, in place of a
+        current that the reference tier integrates in detail; negative for a loss."""
         return 0.0
 
     def transfer(self, setting: Setting) -> Transfer | None:
-        """Pointwise map of the charge that a cycle brings, before it is accumulated."""
+        """Pointwise map of the charge of a cycle, before accumulation."""
         return None
 
     def threshold_noise(self, setting: Setting) -> float:
-        """Standard deviation of each spike's threshold, electrons; variances add up."""
+        """Standard deviation of each spike's threshold, electrons; variances add over effects."""
         return 0.0
 
     def threshold_shift(self, setting: Setting) -> float:
-        """Electrons that each interval takes beyond its threshold."""
+        """Electrons that each interval needs beyond its threshold."""
         return 0.0
 
     def dead_time(self, setting: Setting) -> float:
-        """Seconds after each spike in which light is lost."""
+        """Seconds after each spike during which light is lost."""
         return 0.0

@@ -1,7 +1,7 @@
-"""Fixed pattern as effects: PRNU, dark current and DSNU, threshold FPN, hot and dead pixels.
+"""Fixed pattern: PRNU, dark current and DSNU, threshold FPN, hot and dead pixels.
 
-They share one draw a pixel (sensor/device/pattern.py): the parameter `pattern` of a setting, a
-`DevicePattern`, holds the sizes of all four.
+The four effects share one `DevicePattern` (sensor/device/pattern.py), the parameter `pattern` of a
+setting. Each effect has its own sizes in it. All random values of a pixel are drawn together.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from dataclasses import replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from cosim.config.quantity import Current, Share, Spread, Temperature
 from cosim.plan.effects import Bound, Summary
-from sensor.device.pattern import DevicePattern, dark_current
+from sensor.device.pattern import DevicePattern, FixedPattern, dark_current
 from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import pattern_cost
 from sensor.latched.effects.effect import (
@@ -29,32 +30,35 @@ from sensor.latched.effects.effect import (
 )
 from sensor.latched.effects.windows import bound_of, contrast, shifted
 
-__all__ = ["DARK", "DEFECTS", "PRNU", "THRESHOLD_FPN"]
+__all__ = ["DARK", "DEFECTS", "PATTERN_EFFECTS", "PRNU", "THRESHOLD_FPN"]
 
 _NODES: Final = 201
-TILE_PIXELS: Final = 256
-"""Of a tile of the plan: where any pixel may be broken, a tile has at least one."""
+"""Nodes of the integral over a normal variate."""
+_DEVIATIONS: Final = 4
+"""Standard deviations of the dark current that the survey of a scene allows for."""
+_TILE_PIXELS: Final = 256
+"""Pixels of a tile of the plan. If any pixel may be defective, a tile has at least one of them."""
 
 
 def _inverse_spread(fpn: float) -> float:
-    """RMS of 1 / max(1 + fpn z, 0.05) - 1 for normal z, as `DevicePattern.at` has it."""
+    """RMS of 1 / max(1 + fpn z, 0.05) - 1 for normal z, the gain in `DevicePattern.at`."""
     z = np.linspace(-6, 6, _NODES)
     weight = np.exp(-z * z / 2)
     return float(np.sqrt(np.average((1 / np.maximum(1 + fpn * z, 0.05) - 1) ** 2, weights=weight)))
 
 
 def _gain_bound(spread: float, scene: Summary) -> Bound:
-    """The spread of a gain is its own bound, but for how light and gain meet."""
+    """Bound of a gain with this relative spread: the spread, times the contrast of the light."""
     shift = spread * scene.brightest * scene.cycles / scene.threshold
     value = spread * contrast(scene) + shifted(scene, shift)
     return bound_of(scene, value, False, spread < 0.04)
 
 
-class _Pattern(PixelEffect):
+class _PatternEffect(PixelEffect):
     """A part of the fixed pattern.
 
     Attributes:
-        sizes: attributes of `DevicePattern` that are 0 without the effect.
+        sizes: fields of `DevicePattern` that are 0 without the effect.
     """
 
     group = "pattern"
@@ -62,8 +66,9 @@ class _Pattern(PixelEffect):
     sizes: ClassVar[tuple[str, ...]]
 
     def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        """The whole pattern, from the first of these effects. The others use the same one."""
         device = section.pattern
-        if device is None:
+        if device is None or self is not PATTERN_EFFECTS[0]:
             return {}
         pattern = DevicePattern(
             prnu=device.prnu,
@@ -78,7 +83,7 @@ class _Pattern(PixelEffect):
         return {"pattern": pattern}
 
     def size(self, pattern: DevicePattern) -> float:
-        """0 where the pattern has no such part."""
+        """Size of this part of the pattern, 0 if it is absent."""
         return float(getattr(pattern, self.sizes[0]))
 
     def acts(self, setting: Setting) -> bool:
@@ -93,8 +98,16 @@ class _Pattern(PixelEffect):
     def cost(self, scene: Summary) -> Any:
         return pattern_cost(scene)
 
+    def fixed_pattern(
+        self, setting: Setting, numbers: npt.NDArray[np.uint32]
+    ) -> FixedPattern | None:
+        """The whole pattern, from the first of these effects that acts."""
+        first = next(effect for effect in PATTERN_EFFECTS if effect.acts(setting))
+        pattern: DevicePattern = setting.pattern
+        return pattern.at(numbers) if self is first else None
 
-class _Prnu(_Pattern):
+
+class _Prnu(_PatternEffect):
     name = "PRNU"
     source = "EMVA 1288 release 4.0"
     sizes = ("prnu",)
@@ -111,8 +124,11 @@ class _Prnu(_Pattern):
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         return _gain_bound(setting.pattern.prnu, scene)
 
+    def gain_spread(self, setting: Setting) -> float:
+        return float(setting.pattern.prnu)
 
-class _Dark(_Pattern):
+
+class _Dark(_PatternEffect):
     name = "dark current and DSNU"
     source = "Huang 2022 section 4.4; EMVA 1288"
     sizes = ("dark", "dsnu")
@@ -145,8 +161,12 @@ class _Dark(_Pattern):
         proof = pattern.dsnu == 0 and pattern.threshold_fpn == 0
         return bound_of(scene, scene.relative(charge) + shifted(scene, shift), proof)
 
+    def dark_charge(self, setting: Setting) -> float:
+        pattern, period = setting.pattern, float(setting.clock.period)
+        return float(pattern.dark * period * (1 + _DEVIATIONS * pattern.dsnu))
 
-class _ThresholdFpn(_Pattern):
+
+class _ThresholdFpn(_PatternEffect):
     name = "threshold FPN"
     source = "comparator and capacitance mismatch"
     sizes = ("threshold_fpn",)
@@ -163,8 +183,11 @@ class _ThresholdFpn(_Pattern):
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         return _gain_bound(_inverse_spread(setting.pattern.threshold_fpn), scene)
 
+    def gain_spread(self, setting: Setting) -> float:
+        return float(setting.pattern.threshold_fpn)
 
-class _Defects(_Pattern):
+
+class _Defects(_PatternEffect):
     name = "hot and dead pixels"
     source = "EMVA 1288"
     sizes = ("hot", "hot_current", "dead")
@@ -195,10 +218,11 @@ class _Defects(_Pattern):
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         pattern, period = setting.pattern, float(setting.clock.period)
-        share = [max(s, 1 / TILE_PIXELS) if s else 0.0 for s in (pattern.hot, pattern.dead)]
+        share = [max(s, 1 / _TILE_PIXELS) if s else 0.0 for s in (pattern.hot, pattern.dead)]
         hot = math.sqrt(share[0]) * scene.relative(pattern.hot_current * period)
         value = np.hypot(hot, math.sqrt(share[1]) * contrast(scene))
         return bound_of(scene, value, False, False)
 
 
 PRNU, DARK, THRESHOLD_FPN, DEFECTS = _Prnu(), _Dark(), _ThresholdFpn(), _Defects()
+PATTERN_EFFECTS: Final[tuple[_PatternEffect, ...]] = (PRNU, DARK, THRESHOLD_FPN, DEFECTS)

@@ -12,9 +12,9 @@ from cosim.compute.streams import Stream
 from cosim.frames import Frame
 from cosim.plan.effects import Bound, Effect
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.kind import ImagerKind
-from rtl_model.imagers.run.model import ExposureRange, ImagerModel
-from rtl_model.imagers.section import ImagerSection
+from rtl_model.imagers.interface.kind import ImagerKind
+from rtl_model.imagers.interface.model import ExposureRange, ImagerModel
+from rtl_model.imagers.interface.section import ImagerSection
 from sensor.imagers import Exposed, ImagerSummary, normal
 from sensor.imagers.draws import poisson
 

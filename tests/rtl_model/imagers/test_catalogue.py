@@ -13,9 +13,8 @@ import pytest
 from cosim import InputError
 from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised
 from rtl_model.host.csr import imager_map
-from rtl_model.imagers import ImagerBus, bus_target, design
-from rtl_model.imagers.bus import line_of
-from rtl_model.imagers.catalogue import IMAGERS, by_number
+from rtl_model.imagers.catalogue import IMAGERS, bus_target, by_number, design
+from rtl_model.imagers.device.bus import ImagerBus, line_of
 from rtl_model.imagers.document import document
 from rtl_model.imagers.emccd.device.timing import window_table
 from rtl_model.registers.checks import faults

@@ -27,12 +27,12 @@ from cosim.plan.effects import Bound, Effect, Summary
 from cosim.report.parts import table
 from cosim.run.result import Latency, Metric
 from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.comparison import Comparison, Setting
-from rtl_model.imagers.kind import ImagerKind
+from rtl_model.imagers.interface.comparison import Comparison, Setting
+from rtl_model.imagers.interface.kind import ImagerKind
+from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel
+from rtl_model.imagers.interface.section import ImagerSection
+from rtl_model.imagers.interface.view import View
 from rtl_model.imagers.report.imager_run import ImagerRun
-from rtl_model.imagers.run.model import ExposureRange, FrameFigures, ImagerModel
-from rtl_model.imagers.run.view import View
-from rtl_model.imagers.section import ImagerSection
 from scenarios.assemble.schema.loading import shipped
 from scenarios.studies.compare import load_comparison
 from scenarios.studies.compare.ranges import one_frame

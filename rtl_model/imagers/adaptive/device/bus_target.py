@@ -6,7 +6,7 @@ from rtl_model.imagers.adaptive.device.controller import Controller
 from rtl_model.imagers.adaptive.device.registers import DEFAULT_SHAPE
 from rtl_model.imagers.adaptive.device.statistics import Statistics
 from rtl_model.imagers.adaptive.device.timing import Timing
-from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.device.register_file import RegisterFile
 from sensor.imagers.cmos import CmosSetting
 
 __all__ = ["SteadySequencer", "bus_target"]

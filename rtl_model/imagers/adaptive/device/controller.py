@@ -16,7 +16,7 @@ from rtl_model.imagers.adaptive.device.registers import design_of
 from rtl_model.imagers.adaptive.device.sequencer import Sequencer, disturbed
 from rtl_model.imagers.adaptive.device.statistics import Statistics, Window
 from rtl_model.imagers.adaptive.device.timing import FrameTiming, Timing
-from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.device.register_file import RegisterFile
 
 __all__ = ["Controller", "Counting", "Judged"]
 

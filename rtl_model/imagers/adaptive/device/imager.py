@@ -16,8 +16,8 @@ from rtl_model.imagers.adaptive.device.registers import DEFAULT_SHAPE
 from rtl_model.imagers.adaptive.device.signals import signal_list, signals_of
 from rtl_model.imagers.adaptive.device.statistics import gather
 from rtl_model.imagers.adaptive.device.timing import FRAME_RATE, FrameTiming, Timing
-from rtl_model.imagers.trace import trace_ending, write_trace
-from rtl_model.imagers.writing import register_of, write_instant
+from rtl_model.imagers.device.trace import trace_ending, write_trace
+from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.registers.table import Register
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.cmos import AdaptivePixels

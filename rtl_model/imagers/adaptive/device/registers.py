@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rtl_model.imagers.adaptive.device.decision import LONGEST, MULTIPLIER_BITS
 from rtl_model.imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS, Timing
-from rtl_model.imagers.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Taking
 from rtl_model.registers.table import Field, Register
 
 __all__ = ["DEFAULT_LONGEST", "DEFAULT_SHAPE", "DESIGN", "REGISTERS", "design_of", "registers_of"]

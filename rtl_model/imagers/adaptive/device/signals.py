@@ -13,7 +13,7 @@ from heapq import merge
 
 from rtl_model.imagers.adaptive.device.codes import gray_bits, ring
 from rtl_model.imagers.adaptive.device.timing import FrameTiming, Timing
-from rtl_model.imagers.trace import Signal
+from rtl_model.imagers.device.trace import Signal
 
 __all__ = ["Change", "signal_list", "signals_of"]
 

@@ -28,8 +28,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from rtl_model.imagers.device.trace import Record, Signal
 from rtl_model.imagers.ebaps.board.timing import Timing
-from rtl_model.imagers.trace import Record, Signal
 
 __all__ = [
     "DRIVES", "DRIVE_SIGNALS", "HCLK_ROWS", "LAG", "READING", "RESETTING", "Drive", "drive_records",

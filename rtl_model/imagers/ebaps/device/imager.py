@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
+from rtl_model.imagers.device.trace import Record, Signal, write_trace
+from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.imagers.ebaps.board.burst_memory import BurstMemory
 from rtl_model.imagers.ebaps.board.regions import LIVE, FrameMemory
 from rtl_model.imagers.ebaps.board.timing import Timing
@@ -17,8 +19,6 @@ from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, subtract
 from rtl_model.imagers.ebaps.device.drive import DRIVE_SIGNALS, drive_records
 from rtl_model.imagers.ebaps.device.resets import late_resets, row_times
 from rtl_model.imagers.ebaps.device.sequencer import Read, Sequencer, Shot
-from rtl_model.imagers.trace import Record, Signal, write_trace
-from rtl_model.imagers.writing import register_of, write_instant
 from sensor.imagers import Exposed, Scenery
 from sensor.imagers.ebaps import EbapsPixels
 

@@ -6,6 +6,7 @@ ours. Exposures are in ns, as the document gives them; the high voltage is its m
 
 from __future__ import annotations
 
+from rtl_model.imagers.device.registers import Design
 from rtl_model.imagers.ebaps.board.timing import CLOCK_HZ, Timing
 from rtl_model.imagers.ebaps.device.exposure import (
     DEFAULT_EXPOSURE,
@@ -13,7 +14,6 @@ from rtl_model.imagers.ebaps.device.exposure import (
     STEP,
     WINDOW,
 )
-from rtl_model.imagers.registers import Design
 from rtl_model.registers import Field, Register
 
 __all__ = ["DESIGN", "HIGH_VOLTAGE", "REGISTERS"]

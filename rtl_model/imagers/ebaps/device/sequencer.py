@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from rtl_model.imagers.device.register_file import RegisterFile
 from rtl_model.imagers.ebaps.board.timing import Timing
 from rtl_model.imagers.ebaps.device.darks import DARKS
 from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
-from rtl_model.imagers.register_file import RegisterFile
 
 __all__ = ["Judged", "Read", "Sequencer", "Shot", "no_light"]
 

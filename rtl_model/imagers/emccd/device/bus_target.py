@@ -12,10 +12,10 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable
 
+from rtl_model.imagers.device.register_file import RegisterFile
 from rtl_model.imagers.emccd.device.registers import design
 from rtl_model.imagers.emccd.device.sequencer import Cycle, Phase
 from rtl_model.imagers.emccd.device.timing import Settings, Timing
-from rtl_model.imagers.register_file import RegisterFile
 
 __all__ = ["EmccdSequencer", "bus_target"]
 

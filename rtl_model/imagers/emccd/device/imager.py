@@ -15,12 +15,12 @@ import numpy as np
 
 from cosim.clock import PS
 from cosim.frames import Frame
+from rtl_model.imagers.device.trace import Signal, trace_ending, write_trace
+from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.device.cooling import Cooler
 from rtl_model.imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.device.timing import Timing
-from rtl_model.imagers.trace import Signal, trace_ending, write_trace
-from rtl_model.imagers.writing import register_of, write_instant
 from sensor.imagers import Scenery
 from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
 

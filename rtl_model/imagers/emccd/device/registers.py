@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from rtl_model.imagers.device.registers import Design, Taking
 from rtl_model.imagers.emccd.device.timing import EXPOSURE_STEPS, Settings, Timing
-from rtl_model.imagers.registers import Design, Taking
 from rtl_model.registers import Field, Register
 
 __all__ = ["DESIGN", "PARAMETERS", "REGISTERS", "design"]

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rtl_model.imagers.device.trace import Signal
 from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_clocks
-from rtl_model.imagers.trace import Signal
 
 __all__ = ["SIGNALS", "Cycle", "Phase", "signal_changes"]
 

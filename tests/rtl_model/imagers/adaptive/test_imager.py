@@ -15,7 +15,7 @@ from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.device.latency import latency
 from rtl_model.imagers.adaptive.device.loop import light_for
 from rtl_model.imagers.adaptive.device.timing import Timing
-from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.device.bus import line_of
 from sensor.imagers import Course, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 

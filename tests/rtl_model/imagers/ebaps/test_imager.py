@@ -9,7 +9,7 @@ import pytest
 
 from cosim.errors import InputError
 from cosim.frames import Frame
-from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.device.bus import line_of
 from rtl_model.imagers.ebaps.board.regions import LIVE, region_bytes
 from rtl_model.imagers.ebaps.board.timing import Timing
 from rtl_model.imagers.ebaps.device.bus_target import bus_target

@@ -10,7 +10,7 @@ from cosim import InputError
 from cosim.clock import PS
 from rtl_model.host import Board, Uartbone
 from rtl_model.host.csr import imager_map
-from rtl_model.imagers.bus import line_of
+from rtl_model.imagers.device.bus import line_of
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
 from rtl_model.imagers.emccd.device.imager import Emccd

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cosim import InputError
+from rtl_model.imagers.device.trace import write_trace
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.device.counted import counted
 from rtl_model.imagers.emccd.device.counters import CounterSequencer
@@ -23,7 +24,6 @@ from rtl_model.imagers.emccd.device.timing import (
     frame_seconds,
     window_table,
 )
-from rtl_model.imagers.trace import write_trace
 
 SMALL = Timing(1_000_000, 12, 7, 2, 10, 3, 4, 2, 3)
 WRITABLE = {

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol, TextIO
 
 from cosim import InputError
 from cosim.files.whole import whole
+from rtl_model.verilated import fst_library
 
 __all__ = ["Record", "Signal", "trace_ending", "write_trace"]
 
@@ -205,8 +206,6 @@ class _Fst:
 
 
 def _load() -> Any:
-    from rtl_model.verilated import fst_library
-
     made = ctypes.CDLL(str(fst_library()))
     pointer, text = ctypes.c_void_p, ctypes.c_char_p
     made.fstWriterCreate.restype = pointer

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rtl_model.imagers.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Taking
 from rtl_model.registers import reset_value
 
 __all__ = ["RegisterFile"]

@@ -8,7 +8,7 @@ register that is only read is left alone, as in hardware.
 from __future__ import annotations
 
 from cosim import InputError
-from rtl_model.imagers.register_file import RegisterFile
+from rtl_model.imagers.device.register_file import RegisterFile
 from rtl_model.registers.table import Register
 
 __all__ = ["register_of", "write_instant"]

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from cosim.frames import Frame
 from cosim.run.result import Latency, Metric
-from rtl_model.imagers.check.judge import Judge
-from rtl_model.imagers.imager import Imager
-from rtl_model.imagers.run.view import View
+from rtl_model.imagers.interface.imager import Imager
+from rtl_model.imagers.interface.judge import Judge
+from rtl_model.imagers.interface.view import View
 from sensor.imagers import PixelModel
 
 __all__ = ["ExposureRange", "FrameFigures", "ImagerModel", "measure_frame", "saturation"]

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cosim import PS, Clock, Summary
-from sensor.latched.effects.metastability import Metastability, metastability_effect
+from cosim import PS, Clock
+from sensor.latched.effects.metastability import Metastability
 
 N = 1_000_000
 PIXELS = (np.arange(N) % 1000).astype(np.uint32)
@@ -53,18 +53,16 @@ def test_a_draw_depends_on_pixel_spike_and_seed_alone() -> None:
         assert abs(both - p * p) < 4.9 * math.sqrt(p * p / N)
 
 
-def test_the_bound_is_the_share_that_moves() -> None:
+def test_the_share_of_a_fast_latch_is_small() -> None:
     latch, clock = Metastability(20e-12, 500e-12, 25e-12), Clock(40_000)
-    bound = metastability_effect(latch, clock).bound(Summary(1, 2, 100, 41, 1000))
-    assert bound.value == pytest.approx(20e-12 * 40e3 * math.exp(-20))
-    assert bound.kind == "estimate"
+    assert latch.share(clock) == pytest.approx(20e-12 * 40e3 * math.exp(-20))
 
 
 def test_limits_are_refused() -> None:
     bad = (-1.0, 0.0, 1.0), (0.0, -1.0, 1.0), (0.0, 0.0, 0.0), (math.nan, 0.0, 1.0)
-    for window, given, tau in bad:
-        with pytest.raises(ValueError, match="window and given must be"):
-            Metastability(window, given, tau)
+    for window, time, tau in bad:
+        with pytest.raises(ValueError, match="window and resolution_time must be"):
+            Metastability(window, time, tau)
     with pytest.raises(ValueError, match="instants must stay below"):
         late = np.array([2**62])
         Metastability(1e-9, 0, 1).undecided(late, Clock(85_000_000), PIXELS[:1], SPIKES[:1], 1)

@@ -7,14 +7,13 @@ edges see, a read returns what stands there.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from rtl_model.cycle import Bridge
+from rtl_model.cycle.line import LineCounters
 from rtl_model.geometry import Geometry
-from rtl_model.imagers.register_file import RegisterFile
-from rtl_model.imagers.registers import IDENTIFIER
-
-if TYPE_CHECKING:
-    from rtl_model.cycle import Bridge
+from rtl_model.imagers.device.register_file import RegisterFile
+from rtl_model.imagers.device.registers import IDENTIFIER
 
 __all__ = ["BusTarget", "ImagerBus", "line_of"]
 
@@ -46,8 +45,6 @@ class ImagerBus:
     """
 
     def __init__(self, target: BusTarget, geometry: Geometry | None = None) -> None:
-        from rtl_model.cycle.line import LineCounters
-
         self.target = target
         self.line = LineCounters()
         design = target.registers.design
@@ -125,6 +122,4 @@ class ImagerBus:
 
 def line_of(target: BusTarget, byte_clocks: int | None = None) -> Bridge:
     """Returns the serial line of an imager at byte level. byte_clocks: as `cycle.Bridge` has it."""
-    from rtl_model.cycle import Bridge
-
     return Bridge(system=ImagerBus(target), byte_clocks=byte_clocks)

@@ -6,15 +6,15 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cosim import InputError
-from rtl_model.imagers.section import ImagerSection
+from rtl_model.imagers.interface.section import ImagerSection
 
 if TYPE_CHECKING:  # the schema, and a host that reads registers, need none of the physics
     from cosim.run.printed import Row
-    from rtl_model.imagers.bus import BusTarget
-    from rtl_model.imagers.comparison import Comparison
-    from rtl_model.imagers.registers import Design
+    from rtl_model.imagers.device.bus import BusTarget
+    from rtl_model.imagers.device.registers import Design
+    from rtl_model.imagers.interface.comparison import Comparison
+    from rtl_model.imagers.interface.model import ImagerModel
     from rtl_model.imagers.report.imager_run import ImagerRun
-    from rtl_model.imagers.run.model import ImagerModel
 
 __all__ = ["ImagerKind"]
 

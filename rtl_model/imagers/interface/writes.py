@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cosim import InputError, seconds_to_ps
-from rtl_model.imagers.imager import Imager
+from rtl_model.imagers.interface.imager import Imager
 
 __all__ = ["write_all"]
 

@@ -8,10 +8,10 @@ import random
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers import bus_target
-from rtl_model.imagers.bus import line_of
-from rtl_model.imagers.register_file import RegisterFile
-from rtl_model.imagers.registers import HEAD, IMAGER_MAGIC, Design
+from rtl_model.imagers.catalogue import bus_target
+from rtl_model.imagers.device.bus import line_of
+from rtl_model.imagers.device.register_file import RegisterFile
+from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, Design
 from rtl_model.registers import REGISTERS, Register
 from rtl_model.registers.checks import faults
 

@@ -8,7 +8,7 @@ import shutil
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers.trace import Signal, trace_ending, write_trace
+from rtl_model.imagers.device.trace import Signal, trace_ending, write_trace
 from tests.rtl_model.imagers.vcd import read_vcd
 
 SIGNALS = (Signal("fval"), Signal("drive.dg", 1, 1), Signal("drive.row", 10), Signal("drive.a.b"))

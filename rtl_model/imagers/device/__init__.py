@@ -1,0 +1,1 @@
+"""What the devices of all imagers share: registers, their bus, and traces of signals."""

@@ -1,0 +1,1 @@
+"""What an imager provides: its device, section, model, and side of the comparison."""
