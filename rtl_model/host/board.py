@@ -231,6 +231,23 @@ class Board:
                 text += chr(value & 0xFF) if 32 <= value & 0xFF < 127 else "?"
         return text
 
+    def confirm(self) -> None:
+        """Checks the first register of a board or imager of this project, before anything is
+        written. A design that only its csr.csv describes has none, and passes.
+
+        Raises LineFault NOT_OURS.
+        """
+        if not (self.csr.ours or self.csr.imager):
+            return
+        must = IMAGER_MAGIC if self.csr.imager else MAGIC
+        magic = self.read_twice("ctrl_magic")
+        if magic != must:
+            raise LineFault(
+                Cause.NOT_OURS,
+                f"the board's first register is {magic:#010x}, not {must:#010x}: another design "
+                "answers, and nothing was written to it",
+            )
+
     def info(self) -> BoardInfo:
         """Size and build of a Viform board.
 
