@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -11,6 +12,8 @@ from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
+
+from cosim.errors import shorten
 
 __all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
 
@@ -34,11 +37,13 @@ def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
 
 @contextmanager
 def _as_value_error() -> Iterator[None]:
-    """Raises ValueError for the many exceptions of zipfile, zlib and numpy for damaged data."""
+    """Raises ValueError for the many exceptions of zipfile, zlib and numpy for damaged data, and
+    suppresses the warnings of numpy about headers."""
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     except Exception as exc:
-        raise ValueError(str(exc) or type(exc).__name__) from exc
+        raise ValueError(shorten(str(exc)) or type(exc).__name__) from exc
 
 
 def _must_end(member: IO[bytes], name: str) -> None:

@@ -10,8 +10,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
-__all__ = ["InputError", "Interrupted", "MissingPackages", "ViformError"]
+__all__ = ["InputError", "Interrupted", "MissingPackages", "ViformError", "quote", "shorten"]
+
+LONGEST: Final = 80
+"""Characters of a wrong value that a message repeats."""
+
+WHOLE: Final = 200
+"""Characters of the name of a wrong thing, or of what is said of it."""
+
+
+def shorten(text: str, longest: int = LONGEST) -> str:
+    """The text, or so many of its first characters and an ellipsis."""
+    return text if len(text) <= longest else f"{text[:longest]}..."
+
+
+def quote(value: object) -> str:
+    """A wrong value as a message repeats it."""
+    try:
+        return shorten(repr(value))
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a number of thousands of digits"
+    except RecursionError:
+        return "a value nested thousands of levels deep"
 
 
 class ViformError(Exception):
@@ -33,9 +55,15 @@ class InputError(ViformError):
         super().__init__(what, must, actual, remedy)  # all arguments, for pickle
 
     def __str__(self) -> str:
-        return " ".join(
-            f"{self.what} must be {self.must}, not {self.actual}; {self.remedy}".split()
+        # A file's name may be long, with the reason behind it.
+        what, actual = (
+            text
+            if len(text) <= WHOLE
+            else f"{text[:-LONGEST][: WHOLE - LONGEST]}...{text[-LONGEST:]}"
+            for text in (self.what, self.actual)
         )
+        line = " ".join(f"{what} must be {self.must}, not {actual}; {self.remedy}".split())
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
 class MissingPackages(InputError):
