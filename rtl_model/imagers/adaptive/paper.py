@@ -115,8 +115,8 @@ def _searches() -> list[Row]:
 
 
 def _registers() -> list[Row]:
-    least = next(r for r in DESIGN.own if r.name == "adaptive_minimum")
-    register = next(r for r in DESIGN.own if r.name == "adaptive_user")
+    least = next(r for r in DESIGN.specific if r.name == "adaptive_minimum")
+    register = next(r for r in DESIGN.specific if r.name == "adaptive_user")
     needed = max(search_path(Search.HALF)).bit_length()
     seconds = (1 << 24) * shortest_exposure()
     return [

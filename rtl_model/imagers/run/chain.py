@@ -108,7 +108,7 @@ class FrameChain:
 
         def converted(rows: Exposed, pixels: PixelModel) -> None:
             self.patches(rows, pixels)
-            decisions.see(rows, pixels)
+            decisions.add(rows, pixels)
 
         watch = _Clock(converted)
         imager.pixels = Taped(imager.pixels, tape, watch)

@@ -78,8 +78,8 @@ class Controller:
         it has begun."""
         if self._frames:
             return
-        first = 1 if self.registers.at_work("adaptive_automatic") else self._user
-        self.registers.put("adaptive_multiplier", first)
+        first = 1 if self.registers.active("adaptive_automatic") else self._user
+        self.registers.set("adaptive_multiplier", first)
         self._ahead = [(first * self._minimum, first)] * 2
         self._next()
 
@@ -100,8 +100,8 @@ class Controller:
 
     def open(self) -> Counting:
         """The frame begins: the window's registers are taken."""
-        self.registers.take("frame")
-        at = self.registers.at_work
+        self.registers.update("frame")
+        at = self.registers.active
         rows, columns = at("adaptive_rows"), at("adaptive_columns")
         window = Window(rows & 0xFFFF, rows >> 16, columns & 0xFFFF, columns >> 16)
         self._counting = Counting(window, at("adaptive_threshold"), bool(at("adaptive_whole_scan")))
@@ -112,7 +112,7 @@ class Controller:
         figures of this one. RuntimeError where it was not opened."""
         if self._counting is None:
             raise RuntimeError("a frame that was not opened cannot be closed")
-        at = self.registers.at_work
+        at = self.registers.active
         self.judged = Judged(
             self._counting, self._multiplier, Search(at("adaptive_search") or 1),
             min(at("adaptive_longest"), LONGEST),
@@ -129,7 +129,7 @@ class Controller:
             ("last_flag", int(made.flag)),
             ("frames", (frame.number + 1) & _WORD),
         ):
-            self.registers.put(f"adaptive_{name}", value)
+            self.registers.set(f"adaptive_{name}", value)
         state = {
             "multiplier": self._multiplier,
             "exposure_clocks": frame.exposure,
@@ -148,11 +148,11 @@ class Controller:
 
     @property
     def _minimum(self) -> int:
-        return max(1, self.registers.at_work("adaptive_minimum"))
+        return max(1, self.registers.active("adaptive_minimum"))
 
     @property
     def _user(self) -> int:
-        return min(max(1, self.registers.at_work("adaptive_user")), 1 << LONGEST)
+        return min(max(1, self.registers.active("adaptive_user")), 1 << LONGEST)
 
     def _next(self) -> None:
         exposure, self._multiplier = self._ahead.pop(0)

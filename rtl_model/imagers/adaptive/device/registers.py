@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rtl_model.imagers.adaptive.device.decision import LONGEST, MULTIPLIER_BITS
 from rtl_model.imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS, Timing
-from rtl_model.imagers.device.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.registers.table import Field, Register
 
 __all__ = ["DEFAULT_LONGEST", "DEFAULT_SHAPE", "DESIGN", "REGISTERS", "design_of", "registers_of"]
@@ -73,12 +73,12 @@ _WITH_FRAME: tuple[str, ...] = (
 
 def design_of(timing: Timing) -> Design:
     """What stands behind the serial line for an array."""
-    taking: dict[str, Taking] = dict.fromkeys(_WITH_FRAME, "frame")
+    updates: dict[str, Update] = dict.fromkeys(_WITH_FRAME, "frame")
     return Design(
         "adaptive-exposure", 1, "adaptive-exposure CMOS sensor", (timing.rows, timing.columns),
-        CLOCK_HZ, registers_of(timing), taking,
+        CLOCK_HZ, registers_of(timing), updates,
     )  # fmt: skip
 
 
 DESIGN = design_of(Timing.of(*DEFAULT_SHAPE))
-REGISTERS = DESIGN.own
+REGISTERS = DESIGN.specific

@@ -140,7 +140,7 @@ def test_event_by_event_is_clock_by_clock(seed):
     cycles = []
     machine = EmccdSequencer(timing, pulses, cycles.append)
     plain = CounterSequencer(timing)
-    machine.registers.put("emccd_exposure", 1)
+    machine.registers.set("emccd_exposure", 1)
     held = {"steps": 1}
     plain.held = Settings(**held)
     got, state = [], []
