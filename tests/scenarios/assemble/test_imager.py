@@ -144,7 +144,7 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
     """No such register, one that is only read, one bit too many."""
-    own = design(kind).own
+    own = design(kind).specific
     read_only = next(r.name for r in own if r.mode == "ro")
     wide = next(r for r in own if r.mode == "rw" and r.width < 32)
     for register, value, says in (

@@ -187,7 +187,7 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
     assert named["identifier_mem"][:3] == ["csr_base", "identifier_mem", "0x00000800"]
     assert named["config_viform_imager"][2] == "toy"
     assert named["config_clock_frequency"][2] == "1000000"
-    assert "toy_frame` | rw | 8 | 0x6 | taken with a frame; taken with the next frame" in (
+    assert "toy_frame` | rw | 8 | 0x6 | taken with a frame; takes effect with the next frame" in (
         DESIGN.document()
     )
 
