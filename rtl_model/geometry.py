@@ -1,4 +1,4 @@
-"""Size and speeds of one build of the board: what the Verilog takes as parameters."""
+"""Size and clock rates of one build of the board: the parameters of the Verilog."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ __all__ = ["Geometry"]
 
 
 class Geometry(NamedTuple):
-    """Parameters of a build. `columns` need not be a multiple of `lanes`; the last tile of a row is
-    padded with pixels that never fire. `lanes` is 32 or 64.
+    """Parameters of a build.
+
+    `columns` need not be a multiple of `lanes`. The last tile of a row is padded with pixels that
+    never fire.
 
     Attributes:
-        rows, columns: pixels, 1 to 4095 rows and 1 to 4096 columns.
-        lanes: pixels computed in one clock.
+        rows: of pixels, 1 to 4095.
+        columns: of pixels, 1 to 4096.
+        lanes: pixels computed in one clock, 32 or 64.
         clock_hz: the board's clock, Hz.
         baud: of the serial line.
-        capture_words, sink_words: sizes of the two memories, powers of two.
+        capture_words, sink_words: sizes of the two memories, words, powers of two.
     """
 
     rows: int = 32
@@ -34,14 +37,16 @@ class Geometry(NamedTuple):
 
     @property
     def row_clocks(self) -> int:
-        """Clocks from one row's first tile to the next row's: as many as storing a captured row
-        takes, so that the writer is never late, and one more."""
+        """Clocks from the first tile of a row to that of the next row.
+
+        It is one more than the capture memory needs to store a row.
+        """
         return self.row_words + 4
 
     @property
     def tick_minimum(self) -> int:
-        """Fewest clocks of a tick: all rows, and four in which the last tile leaves the pipeline
-        and the next frame begins."""
+        """Shortest tick, clocks: all rows, and four in which the last tile leaves the pipeline and
+        the next frame begins."""
         return self.rows * self.row_clocks + 4
 
     @property
@@ -56,22 +61,22 @@ class Geometry(NamedTuple):
 
     @property
     def row_words(self) -> int:
-        """32-bit words of a row, in capture and sink: whole tiles."""
+        """32-bit words of a row in the capture and sink memories, in whole tiles."""
         return self.tiles * self.lanes // 32
 
     @property
     def record_words(self) -> int:
-        """Words of a captured row: sequence, frame and row, its bits, CRC-32."""
+        """Words of a captured row: sequence number, frame and row number, bits, CRC-32."""
         return self.row_words + 3
 
     @property
     def pattern_bytes(self) -> int:
-        """Bytes of the pattern memory: rows of whole tiles."""
+        """Bytes of the pattern memory, in rows of whole tiles."""
         return self.rows * self.tiles * self.lanes
 
     @property
     def verilog(self) -> dict[str, int]:
-        """Parameters of the Verilog by name, but for BUILD."""
+        """Parameters of the Verilog by name, except BUILD."""
         return {
             "ROWS": self.rows,
             "COLUMNS": self.columns,

@@ -1,6 +1,6 @@
-"""What a build costs in an FPGA: yosys reads the Verilog and counts the cells of a family.
+"""Resource use of a build in an FPGA: yosys maps the Verilog to the cells of a family.
 
-Only mapped cells are counted: nothing is placed or timed.
+The mapped cells are counted. Placement and timing are not computed.
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ __all__ = ["VERILOG", "Cells", "Family", "synthesise"]
 
 Family = Literal["ice40", "ecp5", "xc7"]
 
-# Passes of yosys, and cells by kind: names begin with one of the prefixes. A CARRY4 holds four bits
-# of a carry chain, a CCU2C two (and two LUTs), an SB_CARRY one; they are counted as cells.
+# Passes of yosys for each family.
 SCRIPTS: dict[Family, str] = {
     "ice40": "synth_ice40",
     "ecp5": "synth_ecp5",
     "xc7": "synth_xilinx -family xc7 -flatten",
 }
-# yosys 0.23 remarks so on its own mapping of a memory to a RAMB36E1 or RAMB18E1, whose ports are
-# in capitals; those of our source are not.
+# Warning of yosys 0.23 about its own mapping of a memory to a RAMB36E1 or RAMB18E1. These have port
+# names in capitals, unlike the sources of this project.
 MAPPING = re.compile(
     r"Warning: Resizing cell port \S+\.\d+\.\d+\.[A-Z]+ from \d+ bits to \d+ bits\.$"
 )
+# Prefixes of the cells' names by kind. A CARRY4 holds four bits of a carry chain, a CCU2C two (and
+# two LUTs), an SB_CARRY one. All are counted as cells.
 KINDS: dict[str, tuple[str, ...]] = {
     "luts": ("SB_LUT", "LUT"),
     "flip_flops": ("SB_DFF", "TRELLIS_FF", "FDRE", "FDSE", "FDCE", "FDPE"),
@@ -47,8 +48,14 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one build in one family. Of the block RAMs, `large_block_rams` are twice as large as
-    the others: an xc7's RAMB36, two of its RAMB18."""
+    """Cells of one build.
+
+    Attributes:
+        family: of the FPGA.
+        luts, flip_flops, distributed_rams, carries: numbers of cells.
+        block_rams: number of block RAMs of all sizes.
+        large_block_rams: block RAMs of double size among these: an xc7's RAMB36.
+    """
 
     family: Family
     luts: int
@@ -68,10 +75,18 @@ def synthesise(
     sources: Path = VERILOG,
     timeout_s: float = 900.0,
 ) -> Cells:
-    """Returns the cells of module `top` in `family`. `settings` are its Verilog parameters; without
-    them they are those of `geometry` (the 32 x 32 build). `sources` is the folder of its Verilog.
+    """Counts the cells of a module.
 
-    Fails with InputError where yosys is missing, refuses the sources, or is not done in time.
+    Args:
+        family: of the FPGA.
+        geometry: of the build; the 32 x 32 build if None.
+        top: name of the module.
+        settings: its Verilog parameters; those of `geometry` if None.
+        sources: folder of the Verilog.
+        timeout_s: time limit of yosys, s.
+
+    Raises:
+        InputError: if yosys is missing, rejects the sources, or exceeds the time limit.
     """
     yosys = shutil.which("yosys")
     if yosys is None:
@@ -99,19 +114,19 @@ def synthesise(
             )
         except subprocess.TimeoutExpired as exc:
             raise InputError(
-                "yosys", f"done within {timeout_s:g} s", f"still at work on {top}",
+                "yosys", f"done within {timeout_s:g} s", f"still running on {top}",
                 "take a smaller geometry, or leave its cells uncounted",
             ) from exc  # fmt: skip
-        said = done.stdout + done.stderr
-        remarks = [line for line in said.splitlines() if line and not MAPPING.match(line)]
+        output = done.stdout + done.stderr
+        remarks = [line for line in output.splitlines() if line and not MAPPING.match(line)]
         if done.returncode or remarks:
-            line = (remarks or ["an error without a word"])[0]
+            line = (remarks or ["an error without a message"])[0]
             raise InputError("the Verilog", "accepted by yosys", line, "see rtl_model/verilog")
         text = statistics.read_text(encoding="utf-8")
-    # yosys 0.23 prints a line of its own before the document.
-    found = json.loads(text[text.index("{") :])["design"]["num_cells_by_type"]
+    # yosys 0.23 prints a line before the document.
+    cells = json.loads(text[text.index("{") :])["design"]["num_cells_by_type"]
     counts = {
-        kind: sum(count for name, count in found.items() if name.startswith(prefixes))
+        kind: sum(count for name, count in cells.items() if name.startswith(prefixes))
         for kind, prefixes in KINDS.items()
     }
     return Cells(family=family, **counts)

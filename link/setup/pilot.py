@@ -83,7 +83,7 @@ def _film(
 ) -> tuple[Words, Timing, Air]:
     camera = strip.camera
     air = strip.make_air(sent, sent.planes)
-    pixels = SpikeCamera(camera, device, late=air.late)
+    pixels = SpikeCamera(camera, device, row_delay=air.late)
     dark = strip.first_light + strip.panel.clock.edge(sent.planes)
     cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
     parts = []

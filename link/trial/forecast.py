@@ -32,12 +32,12 @@ def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
     # If only effects of the air are left out, the camera is the same and is timed once.
     plans = [plan] if plan.camera == everything.camera else [plan, everything]
     cameras = [
-        SpikeCamera(each.camera, setup.device, tier=each.tier, late=air.late) for each in plans
+        SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.late) for each in plans
     ]
     plane = LinkPatches(setting, setup.sent, setup.scenario.seed).plane
     reference, cut = None, None
     if plane is not None:
-        reference = PatchCamera(setting.camera, plane, "reference", late=air.late)
+        reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.late)
         cut = PlaneMap(plane.cut, None)
     spent: list[list[float]] = [[] for _ in range(4)]
     pixels = chip.height * chip.width

@@ -71,7 +71,7 @@ def _plane_ns(
         for kept in dict.fromkeys([None, *(plan.run_air for plan in plans)])
     }
     cameras = {
-        key: SpikeCamera(key[1], setup.device, tier=key[0], late=airs[None].late)
+        key: SpikeCamera(key[1], setup.device, tier=key[0], row_delay=airs[None].late)
         for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
     }
     blocks = min(TIMED + 1, max(setup.cycles // BLOCK, 1))

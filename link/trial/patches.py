@@ -202,7 +202,7 @@ class LinkPatches:
         source, kinds = _PanelPixels(self._sent), dict.fromkeys(v.air for v in variants.values())
         airs = {kept: self._air(source, kept) for kept in kinds}
         cameras = {
-            name: PatchCamera(v.camera, self.plane, v.tier, device, late=airs[v.air].late)
+            name: PatchCamera(v.camera, self.plane, v.tier, device, row_delay=airs[v.air].late)
             for name, v in variants.items()
         }
         clock = self._setting.camera.clock

@@ -53,7 +53,7 @@ class PlannedLink:
 
     def make_camera(self, late: npt.NDArray[np.int64]) -> SpikeCamera:
         """The stage that makes the spikes. late: delay of the light of each row, ps."""
-        return SpikeCamera(self.plan.camera, self.setup.device, tier=self.plan.tier, late=late)
+        return SpikeCamera(self.plan.camera, self.setup.device, tier=self.plan.tier, row_delay=late)
 
     def keep(self, effects: Sequence[str]) -> PlannedLink:
         """The same link planned with these effects kept."""

@@ -1,4 +1,4 @@
-"""One stage of the bring-up: its check within a time limit, and what the line did meanwhile."""
+"""Runs one stage of the bring-up within a time limit, and examines the line meanwhile."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
 
 
 def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: float) -> Stage:
-    """Runs the check of a stage; every fault of board or line ends in the stage's outcome.
+    """Runs the check of a stage. The outcome records every fault of the board or the line.
 
     Args:
         name: of the stage.
@@ -52,7 +52,9 @@ def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowe
             bench.monitor.geometry = bench.geometry
         evidence = _take_evidence(bench, bench.bone.retried - retried)
     except (LineFault, StageFault) as fault:
-        bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))  # its time may be used up
+        bench.port.allow(
+            _EXTRA_S * max(1.0, bench.bone.time_scale)
+        )  # its time limit may have passed
         restart = None if uptime is None else uptime.restarted()
         after = None if restart else _evidence_of_failure(bench, bench.bone.retried - retried)
         restart = restart or _restarted(None, after)
@@ -84,9 +86,9 @@ def failed_stage(
 
     Args:
         name: of the stage.
-        seconds: that it took.
-        fault: that ended it.
-        evidence: of the line during the stage, None if unknown.
+        seconds: duration, s.
+        fault: the fault that ended it.
+        evidence: errors of the line during the stage, None if unknown.
     """
     if isinstance(fault, StageFault):
         kind, figures = fault.kind, fault.figures
@@ -96,8 +98,8 @@ def failed_stage(
         return Stage(name, "failed", str(fault), figures, seconds, kind)
     figures = figures | {"line": evidence.figures}
     if kind in _KINDS_OF_DESIGN:
-        cause = f"{evidence.text}, so nothing follows from what was seen then: {fault.text}"
-        return Stage(name, "failed", f"{cause}; {evidence.mend}", figures, seconds, "spoilt")
+        cause = f"{evidence.text}, so the following observation proves nothing: {fault.text}"
+        return Stage(name, "failed", f"{cause}; {evidence.remedy}", figures, seconds, "spoilt")
     return Stage(name, "failed", f"{fault}; meanwhile {evidence.text}", figures, seconds, kind)
 
 
@@ -127,10 +129,10 @@ def _restarted(uptime: Uptime | None, evidence: Evidence | None) -> StageFault |
     short a time that its uptime has already passed the earlier value.
     """
     fault = None if uptime is None else uptime.restarted()
-    if fault is None and evidence is not None and evidence.anew:
+    if fault is None and evidence is not None and evidence.restarted:
         return StageFault(
             "restarted",
-            "the board started anew within the stage: its counters of the line began at 0 again",
+            "the board restarted within the stage: its counters of the line began at 0 again",
             "check its supply and its reset",
         )
     return fault
@@ -153,12 +155,12 @@ def _line_fault(evidence: Evidence | None, figures: Figures) -> tuple[str, Figur
     repeated, strays = figures.get("reads_repeated", 0), figures.get("stray_bytes", 0)
     counts = (
         f"{repeated} read{'s' * (repeated != 1)} had to be repeated and {strays} "
-        f"byte{'s' * (strays != 1)} came unasked"
+        f"byte{'s' * (strays != 1)} came without a request"
     )
     if evidence is None:
-        text = f"{counts}: the line loses, adds or changes bytes now and then"
-        return f"{text}; {Evidence(known=False).mend}", figures
+        text = f"{counts}: the line occasionally loses, adds or changes bytes"
+        return f"{text}; {Evidence(known=False).remedy}", figures
     event = evidence.text or "both ends counted the same bytes"
     if evidence.to_board < -repeated and evidence.to_board < -1:
-        event += ", more of them than reads were repeated, as when a line is cut for a moment"
-    return f"{event}: {counts}; {evidence.mend}", figures | {"line": evidence.figures}
+        event += ", more than the repeated reads explain, as when a line is cut for a moment"
+    return f"{event}: {counts}; {evidence.remedy}", figures | {"line": evidence.figures}

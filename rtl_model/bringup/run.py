@@ -1,4 +1,4 @@
-"""The bring-up: one stage after another until one fails, each within its own time."""
+"""The bring-up: runs the stages in order until one fails, each within its own time limit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rtl_model.host import (
     open_port,
 )
 from rtl_model.host.csr import CsrMap
-from rtl_model.host.log import Recorder
+from rtl_model.host.log import LineLog
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
 __all__ = ["ALLOWED_S", "CHECKS", "BringUp", "bring_up"]
@@ -46,7 +46,7 @@ CHECKS: dict[str, Callable[[Bench], Figures]] = {
     "threshold": check_threshold,
     "timing": check_timing,
 }
-_REQUIRED = ("port", "bytes", "identity")  # no other stage can run without these
+_REQUIRED = ("port", "bytes", "identity")  # all other stages depend on these
 
 _ROUND_TRIPS_PER_S = 62  # with the default latency timer of FTDI adapters, 16 ms
 _PACE_MOST = 50.0
@@ -54,27 +54,28 @@ ALLOWED_S = {
     "bytes": 60.0, "identity": 20.0, "counters": 30.0, "registers": 60.0, "prbs": 60.0,
     "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
 }  # fmt: skip
-"""Time of each stage at 62 round trips a second and 115 200 baud, with a margin, s of the host's
-time. It is multiplied by the time scale of a slower simulated board, or in proportion to the
-answers' duration."""
+"""Time limit of each stage at 62 round trips per second and 115 200 baud, with a margin, s.
+
+It is host time. It grows with the time scale of a slower simulated board, or in proportion to the
+duration of the answers."""
 
 
 @dataclass(frozen=True)
 class BringUp:
-    """How a board is brought up.
+    """Options of a bring-up.
 
     Attributes:
         baud: of the line.
         csr: registers of the loaded design; None for ours.
-        stop_at_first: whether the stages after a failed one are left out. They always are if the
-            port, bytes or identity stage fails.
-        simulated: whether there is no real clock behind the port; None if only a pty means so.
+        stop_at_first: whether the stages after a failed one are left out. They always are after a
+            failure of the port, bytes or identity stage.
+        simulated: whether there is no real clock behind the port; None: true for a pty only.
         time_scale: seconds of the host's time to a second of the board's clock.
-        frames: length of a captured burst.
-        low_latency: whether the driver of a port is asked for its low-latency mode; the port stage
-            says whether it was granted.
+        frames: number of frames in a captured burst.
+        low_latency: whether the driver of the port is asked for its low-latency mode. The figures
+            of the port stage state whether it was granted.
         log: file that every transaction is written to, None for none.
-        allowed_s: time of each stage in place of `ALLOWED_S`, s.
+        allowed_s: time limit of each stage, s, which replaces `ALLOWED_S`.
     """
 
     baud: int = 115_200
@@ -94,13 +95,13 @@ def bring_up(
     progress: Callable[[Stage], None] = lambda stage: None,
     note: Callable[[str], None] = lambda text: None,
 ) -> Report:
-    """Runs all stages on a board. No fault of a board is raised: the report contains it.
+    """Runs all stages on a board. The report contains the faults of the board; none is raised.
 
     Args:
-        port: an open port, or a URL; a port that is opened here is closed again.
-        options: how; the defaults if None.
+        port: an open port, or a URL. A port that is opened here is closed at the end.
+        options: of the bring-up; the defaults if None.
         progress: receives each stage when it has ended.
-        note: receives one line before a step that takes long.
+        note: receives one line before a slow step.
 
     Raises InputError for a baud or URL that cannot be used.
     """
@@ -140,14 +141,14 @@ def _run_stages(
     add: Callable[[Stage], None],
     note: Callable[[str], None],
 ) -> None:
-    """Runs the stages after `port` until one fails that the others depend on."""
+    """Runs the stages after `port`, until one fails on which the others depend."""
     scale = options.time_scale
-    recorder: Recorder | None = None
+    recorder: LineLog | None = None
     if options.log is not None:
         session: dict[str, Any] = {
             "simulated": report.simulated, "time_scale": scale, "frames": options.frames,
         }  # fmt: skip
-        recorder = Recorder(options.log, port, session=session)
+        recorder = LineLog(options.log, port, session=session)
     try:
         guarded = DeadlinePort(port)
         patience = SIMULATED_PATIENCE_S if report.simulated else PATIENCE_S
@@ -174,7 +175,7 @@ def _run_stages(
 
 
 def _pace(report: Report, time_scale: float) -> float:
-    """Factor of a stage's time: as much as the answers take longer than usual."""
+    """Factor of the time limits: ratio of the measured to the usual duration of an answer."""
     answer_s = report.figure("bytes", "s_per_answer") or 0.0
     return max(1.0, time_scale, min(answer_s * _ROUND_TRIPS_PER_S, _PACE_MOST))
 
@@ -192,7 +193,7 @@ def _port_figures(port: Port, report: Report, low_latency: bool) -> Figures:
 
 
 def _stop_sensor(bench: Bench, report: Report) -> None:
-    """Stops the sensor of a board that is ours, if the line works."""
+    """Stops the sensor of a Viform board, if the line works."""
     if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
         try:
             bench.write("sensor_run", 0)

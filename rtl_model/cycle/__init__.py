@@ -1,5 +1,5 @@
 """The cycle model of the board: registers, pixels, capture, sink and uartbone, exact in every bit
-and clock. It imports numba."""
+and clock. Importing it loads numba."""
 
 from rtl_model.cycle.bridge import Behind, Bridge
 from rtl_model.cycle.planes import Settings, planes

@@ -1,4 +1,4 @@
-"""The pixel array with its pattern memory; the compiled kernel scans it."""
+"""The pixel array with its pattern memory, scanned by the compiled kernel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtl_model.registers import REGISTERS, parameters, reset_value
 __all__ = ["PixelArray"]
 
 _NO_TILES: Tiles = np.empty(0, TILE)
-_TILES_AT_ONCE = 1 << 18  # of one call of the kernel: 6 MiB of tiles
+_TILES_AT_ONCE = 1 << 18  # most tiles of one call of the kernel, 6 MiB
 
 _READ_AHEAD = 2
 """Clocks until a write takes effect: the memory is read one clock before a tile is computed, so a
@@ -50,7 +50,7 @@ class PixelArray:
         self._state[scan.LAST] = -1
 
     def register(self, name: str) -> int:
-        """A writable register."""
+        """The value of a writable register."""
         return int(self._registers[scan.REGISTERS.index(name)])
 
     def set_register(self, name: str, value: int) -> None:
@@ -58,7 +58,7 @@ class PixelArray:
         self._registers[scan.REGISTERS.index(name)] = value
 
     def clear(self) -> None:
-        """Makes the next frame number 0, without charge."""
+        """Requests a clear: the next frame is number 0 and starts without charge."""
         self._state[scan.CLEAR] = 1
 
     @property
@@ -72,7 +72,7 @@ class PixelArray:
         return int(self._state[scan.START])
 
     def rows_read(self, clock: int) -> int:
-        """Rows of the window read since the clear, by the register at `clock`.
+        """Rows of the window read since the clear, as the register states at `clock`.
 
         The last tile of a row is counted one edge after it was computed.
         """
@@ -80,13 +80,13 @@ class PixelArray:
         return int(self._state[scan.ROWS_READ] - pending)
 
     def spikes(self, clock: int) -> int:
-        """Spikes read since the clear, modulo 2^32, by the register; delayed like the rows."""
+        """Spikes read since the clear, modulo 2^32, with the same delay as the rows."""
         pending = self._state[scan.LAST_SPIKES] if self._state[scan.LAST] == clock - 1 else 0
         return int(self._state[scan.SPIKES] - pending)
 
     @property
     def period(self) -> int:
-        """Clocks of a frame that would begin now."""
+        """Clocks of a frame that begins now."""
         registers = self._registers
         tick = max(int(registers[scan.TICK]), self._tick_minimum)
         return tick << int(registers[scan.CLOCK_SELECT])
@@ -101,7 +101,7 @@ class PixelArray:
         return clock if self._registers[scan.RUN] else None
 
     def word(self, index: int) -> int:
-        """Returns word `index` of the pattern memory."""
+        """Word `index` of the pattern memory."""
         return int.from_bytes(
             self.memory.reshape(-1)[4 * index : 4 * index + 4].tobytes(), "little"
         )
@@ -113,7 +113,7 @@ class PixelArray:
         self._pending.append((clock + _READ_AHEAD, index))
 
     def stop(self, clock: int, stop: int) -> int:
-        """The edge up to which `run` may go at once, at most `stop`."""
+        """The edge up to which one call of `run` may go, at most `stop`."""
         while self._pending and self._pending[0][0] <= clock:
             _, index = self._pending.popleft()
             part = slice(4 * index, 4 * index + 4)
@@ -153,7 +153,7 @@ class PixelArray:
     def _idle(self, stop: int) -> bool:
         """Whether no frame starts and no tile is computed before edge `stop`.
 
-        Then the kernel need not be called, which takes longer than a byte on the line.
+        Then the kernel is not called, because a call takes longer than a byte on the line.
         """
         state, size = self._state, self.geometry
         if not state[scan.ACTIVE]:

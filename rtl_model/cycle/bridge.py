@@ -1,9 +1,9 @@
-"""A whole board at byte level over the cycle model: LiteX's uartbone with a simulated clock.
+"""A complete board at byte level: LiteX's uartbone in front of the cycle model.
 
-The behaviour is that of unmodified gateware (litex/soc/cores/uart.py, Stream2Wishbone): a watchdog
-of 100 ms over the whole transaction, an unknown command that swallows length and address, length 0
-for 256 words, writes that commit word by word, no FIFO before the bridge, so that bytes which come
-while an answer goes out are lost.
+The behaviour is that of the unmodified gateware (litex/soc/cores/uart.py, Stream2Wishbone). A
+watchdog ends a transaction after 100 ms. An unknown command consumes length and address. Length 0
+means 256 words. Writes take effect word by word. The bridge has no input FIFO, so bytes that arrive
+during an answer are lost.
 """
 
 from __future__ import annotations
@@ -24,16 +24,18 @@ _HEADER = 6
 _ADDRESSES = 0xFFFFFFFC
 _UART_CLEAR = next(entry.address for entry in REGISTERS if entry.name == "uart_clear")
 
-# Clocks from a byte to the strobe on the bus that it leads to, and to the first byte of an answer,
-# as the Verilog (viform_uartbone.v) has them.
+# Clocks from a byte to the resulting strobe on the bus, and to the first byte of an answer, as in
+# the Verilog (viform_uartbone.v).
 _STROBE_OF_WRITE, _STROBE_OF_READ, _ANSWER = 1, 2, 5
 
 
 class Behind(Protocol):
-    """What may stand behind the bridge: registers on a bus, with a clock that time moves on.
+    """A device behind the bridge: registers on a bus, and a simulated clock.
 
-    line: counters of the line. geometry: of which the bridge takes clock and baud. clock: edges
-    passed since power-on.
+    Attributes:
+        line: counters of the line.
+        geometry: of the build; the bridge uses its clock and baud.
+        clock: edges passed since power-on.
     """
 
     @property
@@ -46,27 +48,39 @@ class Behind(Protocol):
     def clock(self) -> int: ...
 
     def advance(self, stop: int) -> None:
-        """Runs up to clock `stop`; does nothing where that has passed."""
+        """Runs up to clock `stop`; does nothing if it has passed."""
 
     def write(self, address: int, value: int) -> None:
-        """Writes 32 bits at a byte address at this clock; takes one."""
+        """Writes 32 bits at a byte address; takes one clock."""
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address as they stand at this clock; takes two."""
+        """Returns the 32 bits at a byte address; takes two clocks."""
 
 
 class Reply(NamedTuple):
-    """Bytes that a board sends, and the clock at which each is handed to its transmitter."""
+    """Bytes from the board.
+
+    Attributes:
+        data: the bytes.
+        clocks: clock at which the transmitter accepts each byte.
+    """
 
     data: bytes
     clocks: list[int]
 
 
 class Bridge:
-    """The board. Time is in its own clocks; bytes on either line take `byte_clocks` each.
+    """A board at byte level. Time is counted in its clocks.
 
-    system: what stands behind it; None makes one of `geometry` that keeps no tiles.
-    byte_clocks: None is ten bits at the geometry's baud; 1 is a line of no duration.
+    Args:
+        geometry: of the build, if `system` is None.
+        system: device behind the bridge; a cycle model that stores no tiles if None.
+        byte_clocks: clocks of a byte on the line in either direction; ten bits at the geometry's
+            baud if None, 1 for a line without duration.
+
+    Attributes:
+        system, byte_clocks: as above.
+        watchdog_clocks: longest transaction, clocks.
     """
 
     def __init__(
@@ -80,21 +94,25 @@ class Bridge:
         size = self.system.geometry
         self.byte_clocks = 10 * size.bit_clocks if byte_clocks is None else max(1, byte_clocks)
         self.watchdog_clocks = size.clock_hz // 10
-        self._since = 0  # when the command byte of the transaction came
-        self._got = bytearray()  # of the transaction; empty is idle
-        self._free = 0  # until then an answer goes out
-        self._coming: deque[int] = deque()  # when bytes come that are not counted yet
-        self._last = -1  # when the last byte came
-        self._cleared = -1  # edge of the last uart_clear: a byte that comes with it is not counted
+        self._since = 0  # arrival of the transaction's command byte
+        self._got = bytearray()  # bytes of the transaction; empty when idle
+        self._free = 0  # clock until which an answer is sent
+        self._coming: deque[int] = deque()  # arrivals of bytes that are not counted yet
+        self._last = -1  # arrival of the last byte
+        self._cleared = -1  # edge of the last uart_clear; a byte at this edge is not counted
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte is taken as a command, as far as time has been told."""
+        """Whether the next byte will be taken as a command."""
         return not self._got
 
     def feed(self, data: bytes, clock: int) -> Reply:
-        """Takes bytes whose first has come whole at `clock`, the others `byte_clocks` apart, and
-        returns all that the board sends in answer. A clock that has passed already is now."""
+        """Feeds bytes to the board; returns all bytes that it sends in answer.
+
+        Args:
+            data: bytes, which arrive `byte_clocks` apart.
+            clock: arrival of the first byte; the present clock if it has passed.
+        """
         sent: list[tuple[int, int]] = []
         arrivals = []
         for _ in data:
@@ -106,40 +124,40 @@ class Bridge:
             self._watch(arrival)
             if arrival >= self._free:
                 sent += self._take(byte, arrival)
-        if arrivals:  # what stands behind has run up to the last strobe until now
+        if arrivals:  # until now the system has run up to the last strobe only
             self.wait(arrivals[-1])
             self._count(arrivals[-1] + 1)
         return Reply(bytes(byte for _, byte in sent), [clock for clock, _ in sent])
 
     def wait(self, clock: int) -> None:
-        """Lets time pass until `clock`; the watchdog may end the transaction."""
+        """Runs up to `clock`. The watchdog may end the transaction."""
         self._watch(clock)
         self.system.advance(clock)
 
     def _watch(self, clock: int) -> None:
-        """Ends the transaction where the watchdog does so before edge `clock` or at it."""
+        """Ends the transaction if the watchdog expires at or before edge `clock`."""
         end = self._since + self.watchdog_clocks
         if self._got and clock >= end:
             self._abort(end)
 
     def _count(self, clock: int) -> None:
-        """Counts the bytes that have come before edge `clock`, some of them during an answer."""
+        """Counts the bytes that arrived before edge `clock`, including those during an answer."""
         while self._coming and self._coming[0] < clock:
             self.system.line.rx_bytes += self._coming.popleft() != self._cleared
 
     def framing_error(self, clock: int) -> None:
-        """A byte came whose stop bit was low: counted and dropped."""
+        """Counts and drops a byte whose stop bit was low."""
         self.wait(clock)
         self.system.line.framing_errors += 1
 
     def _abort(self, clock: int) -> None:
-        """The watchdog ends the transaction at an edge; a byte that comes with it is lost too."""
+        """Ends the transaction at an edge by the watchdog. A byte at this edge is lost too."""
         self._got = bytearray()
         self._free = clock + 1
         self.system.line.watchdog_aborts += 1
 
     def _take(self, byte: int, clock: int) -> list[tuple[int, int]]:
-        """Takes one byte and returns (clock, byte) of what it makes the board send."""
+        """Takes one byte; returns (clock, byte) of the answer that it causes."""
         if not self._got:
             self._since = clock
         self._got.append(byte)
@@ -169,18 +187,21 @@ class Bridge:
     def _write(self, clock: int, address: int, data: bytes) -> None:
         value = int.from_bytes(data, "big")
         self.system.advance(clock + _STROBE_OF_WRITE)
-        self.system.line.wrote(value)
-        self.system.write(address & _ADDRESSES, value)  # uart_clear takes its own count with it
+        self.system.line.count_write(value)
+        self.system.write(address & _ADDRESSES, value)  # uart_clear also clears its own count
         if address & _ADDRESSES == _UART_CLEAR and value & 1:
             self._cleared = self.system.clock - 1
 
     def _answer(self, clock: int) -> list[tuple[int, int]]:
-        """Reads and sends word by word, until all is sent or the watchdog ends it. `clock` is when
-        the request's last byte came, then when the answer's last byte was accepted."""
+        """Reads and sends word by word, until all are sent or the watchdog expires.
+
+        Args:
+            clock: arrival of the request's last byte.
+        """
         end = self._since + self.watchdog_clocks
         address, stride = self._address, _READS[self._got[0]]
         sent: list[tuple[int, int]] = []
-        ready = clock  # when the transmitter takes a byte
+        ready = clock  # next clock at which the transmitter accepts a byte
         for _ in range(self._words):
             if clock + _STROBE_OF_READ > end:
                 self._abort(end)
@@ -198,7 +219,7 @@ class Bridge:
                 sent.append((clock, byte))
                 self.system.line.tx_bytes += 1
                 ready += self.byte_clocks
-        if clock == end:  # cut when nothing was left to cut
+        if clock == end:  # the watchdog expires with the last byte
             self._abort(end)
         self._got = bytearray()
         self._free = clock + 1

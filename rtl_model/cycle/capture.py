@@ -1,5 +1,7 @@
-"""The capture memory: rows as records with sequence number and CRC-32, read as a FIFO whose pointer
-can be set back."""
+"""The capture memory: records of rows with sequence number and CRC-32.
+
+It is read as a FIFO whose pointer can be set back.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +22,31 @@ def record(sequence: int, frame: int, row: int, words: Sequence[int]) -> list[in
 
 
 class Capture:
-    """Bursts and their memory. `store` takes a row when it is computed; the memory holds it from
-    its due clock on."""
+    """Bursts and their memory.
+
+    `store` takes a row when it is computed. The row is in memory from its due clock on.
+
+    Attributes:
+        size: of the memory, words.
+        source: register `capture_source`; `taken` is the source of the burst in progress.
+        armed: whether a burst starts with the next frame.
+        active: whether a frame of the burst is being read, or one follows.
+        done: whether the burst is over.
+        left: frames of the burst that have not begun.
+        memory: its words.
+        pointer, rows, lost: registers `capture_*` of that name.
+    """
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self.source = 0  # the register; `taken` is what the burst runs on
+        self.source = 0
         self.arm(0)
         self.done = False
 
     def arm(self, frames: int) -> None:
         """Empties the memory; a burst of `frames` frames starts with the next frame."""
         self.armed, self.done = frames > 0, frames == 0
-        self.active = False  # a frame of the burst is being read, or one follows
+        self.active = False
         self.left = frames
         self.taken = 0
         self.memory: list[int] = []
@@ -46,7 +60,7 @@ class Capture:
         return self.active or self._end is not None
 
     def frame_begins(self, due: int) -> None:
-        """A frame starts; if it is the last of the burst, the burst ends at clock `due`."""
+        """Starts a frame. If it is the last of the burst, the burst ends at clock `due`."""
         if self.armed:
             self.armed, self.active, self.taken = False, True, self.source
         if self.active:
@@ -94,7 +108,7 @@ class Capture:
         self.pointer = min(value, len(self.memory))
 
     def next(self) -> int:
-        """The next word, and advances the pointer; 0 at the end."""
+        """Returns the next word and advances the pointer; 0 at the end."""
         if self.level == 0:
             return 0
         self.pointer += 1

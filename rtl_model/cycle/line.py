@@ -8,7 +8,7 @@ __all__ = ["LineCounters"]
 
 
 class LineCounters:
-    """Registers of the group `uart`, by their names without the group; all modulo 2^32."""
+    """The registers `uart_*`, as attributes without that prefix. They are read modulo 2^32."""
 
     def __init__(self) -> None:
         self.clear()
@@ -20,11 +20,11 @@ class LineCounters:
         self.writes = self.writes_crc = 0
         self.shortest_low = 0xFFFFFFFF
 
-    def wrote(self, value: int) -> None:
+    def count_write(self, value: int) -> None:
         """Counts one word written over the line."""
         self.writes += 1
         self.writes_crc = zlib.crc32(value.to_bytes(4, "big"), self.writes_crc)
 
     def read(self, name: str) -> int:
-        """Returns the register uart_`name`."""
+        """The value of the register uart_`name`."""
         return int(getattr(self, name)) & 0xFFFFFFFF

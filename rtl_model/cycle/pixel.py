@@ -1,4 +1,4 @@
-"""The board's pixel in numpy, exact in every bit: electrons of the pattern, and one tick."""
+"""The board's pixel in numpy, bit-exact: electrons of the pattern, and one tick."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def increments(
     Args:
         pattern, level: registers `sensor_pattern` and `sensor_level`.
         frame: number since the clear.
-        row, column: of the pixels, broadcast.
+        row, column: of the pixels; they are broadcast.
         memory: bytes of the pattern memory of these pixels.
     """
     row, column = np.asarray(row, np.int64), np.asarray(column, np.int64)
@@ -63,7 +63,16 @@ def increments(
 
 
 def step(charge: Ints, electrons: Ints, q: int, rule: int) -> tuple[Ints, npt.NDArray[np.bool_]]:
-    """One tick: adds `electrons` to `charge` and compares with `q`; returns (charge, spikes)."""
+    """Adds the electrons of a tick to the charge and compares it with the threshold.
+
+    Args:
+        charge, electrons: int64, of any common shape.
+        q: threshold, electrons.
+        rule: a `ResetRule`.
+
+    Returns:
+        The charge after the tick, int64, and the spikes, bool.
+    """
     total = charge + electrons
     fired = total >= q
     if rule == ResetRule.HARD:

@@ -1,4 +1,4 @@
-"""Expected planes of a burst with constant registers: whole frames at once, in numpy."""
+"""Expected planes of a burst with constant registers, in numpy, one frame at a time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Settings(NamedTuple):
 
     @classmethod
     def from_registers(cls, registers: Mapping[str, int], first_frame: int = 0) -> Settings:
-        """Settings from the values of all `sensor_*` registers by name."""
+        """Derives the settings from the values of all `sensor_*` registers."""
         rows, columns = registers["sensor_rows"], registers["sensor_columns"]
         return cls(
             threshold=registers["sensor_threshold"],

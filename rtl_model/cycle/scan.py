@@ -1,6 +1,6 @@
-"""The row scan compiled by numba: frames and tiles between two changes of a register.
+"""The row scan, compiled by numba: frames and tiles between two changes of a register.
 
-`tests/rtl_model/cycle/edge_by_edge.py` computes the same edge by edge in numpy.
+`tests/rtl_model/cycle/edge_by_edge.py` computes the same in numpy, edge by edge.
 """
 
 from __future__ import annotations
@@ -68,8 +68,10 @@ def _begin(registers, state, charge, clock, tick_minimum):  # type: ignore[no-un
 
 @njit(cache=True)
 def _electrons(registers, frame, row, first, out):  # type: ignore[no-untyped-def]
-    """Fills `out` (uint8) with the electrons a tick of pixels first, first + 1, ... of a row, for a
-    pattern that does not use the memory."""
+    """Fills `out` (uint8) with the electrons in a tick of pixels first, first + 1, ... of a row.
+
+    It applies to the patterns that do not use the memory.
+    """
     pattern, level = registers[PATTERN], registers[LEVEL]
     if pattern == 1:
         out[:] = level
@@ -176,7 +178,7 @@ def scan(  # type: ignore[no-untyped-def]
                     _electrons(registers, frame, row, first + lane, electrons)
                     part = _tick(all_charge, at, electrons, 0, shift, q, registers[RULE])
                 bits |= np.uint64(part) << np.uint64(lane)
-            if high - low < lanes:  # the others are held in reset
+            if high - low < lanes:  # pixels outside the window are held in reset
                 charge[row, first:low] = 0
                 charge[row, high : first + lanes] = 0
                 for j in range(lanes):

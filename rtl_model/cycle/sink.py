@@ -1,7 +1,7 @@
-"""The display sink: planes arrive word by word over the line and are shown tile by tile.
+"""The display sink: planes arrive word by word over the line and are displayed tile by tile.
 
-The words of a tile are taken from the FIFO one edge before the tile is shown, and a row counts one
-edge after its last tile.
+The words of a tile leave the FIFO one edge before the tile is displayed. A row is counted one edge
+after its last tile.
 """
 
 from __future__ import annotations
@@ -12,11 +12,17 @@ from typing import NamedTuple
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["Shown", "Sink"]
+__all__ = ["Sink", "SinkTile"]
 
 
-class Shown(NamedTuple):
-    """A tile on the display: edge, row, tile of the row and pixels (first in bit 0)."""
+class SinkTile(NamedTuple):
+    """A displayed tile.
+
+    Attributes:
+        clock: edge at which it is displayed.
+        row, tile: of the plane, and of the row.
+        bits: its pixels, the first in bit 0.
+    """
 
     clock: int
     row: int
@@ -25,31 +31,31 @@ class Shown(NamedTuple):
 
 
 class Sink:
-    """A FIFO of words, and the planes shown from it.
+    """A FIFO of words, and the planes that are displayed from it.
 
     Attributes:
         geometry: of the build.
-        left: frames still to be shown.
+        left: number of frames to display.
         words: in the FIFO.
         rows, crc, underruns, lost: registers `sink_*` of that name.
     """
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry = geometry
-        self.left = 0  # frames still to be shown
-        self._start: int | None = None  # of the frame that is being shown
-        self._taken = self._shown = self._rows = 0  # tiles and rows of it so far
+        self.left = 0
+        self._start: int | None = None  # edge at which the displayed frame began
+        self._taken = self._displayed = self._rows = 0  # tiles and rows of it so far
         self.clear()
 
     def clear(self) -> None:
-        """Empties the FIFO and sets the counters to 0; planes still to be shown stay so."""
+        """Empties the FIFO and sets the counters to 0; `left` does not change."""
         self.words: deque[int] = deque()
-        self._next_words: list[int] = []  # of the tile that is shown next
+        self._next_words: list[int] = []  # of the next tile
         self.rows = self.crc = self.underruns = self.lost = 0
 
     @property
     def active(self) -> bool:
-        """Whether a frame is being shown."""
+        """Whether a frame is displayed at present."""
         return self._start is not None
 
     @property
@@ -71,29 +77,29 @@ class Sink:
             self.lost += 1
 
     def frame_begins(self, clock: int) -> None:
-        """A frame starts; it is shown if planes are left."""
+        """Starts a frame, which is displayed if planes are left."""
         self._start = clock if self.left > 0 else None
         self.left -= self.active
-        self._taken = self._shown = self._rows = 0
+        self._taken = self._displayed = self._rows = 0
 
-    def run(self, stop: int) -> list[Shown]:
-        """Runs the edges before `stop` of the frame in progress; returns the tiles shown."""
+    def run(self, stop: int) -> list[SinkTile]:
+        """Runs the edges before `stop` of the frame in progress; returns the displayed tiles."""
         size, start = self.geometry, self._start
-        tiles: list[Shown] = []
+        tiles: list[SinkTile] = []
         if start is None:
             return tiles
-        takes, shows = self._tiles(stop - start), self._tiles(stop - start - 1)
-        for place in range(self._shown, shows):
+        taken, displayed = self._tiles(stop - start), self._tiles(stop - start - 1)
+        for place in range(self._displayed, displayed):
             while self._taken <= place:
                 self._take()
             row, index = divmod(place, size.tiles)
             clock = start + 1 + row * size.row_clocks + index
-            tiles.append(Shown(clock, row, index, self._show()))
-            if place + 1 < takes and self._taken == place + 1:
+            tiles.append(SinkTile(clock, row, index, self._display()))
+            if place + 1 < taken and self._taken == place + 1:
                 self._take()
-        while self._taken < takes:
+        while self._taken < taken:
             self._take()
-        self._shown = shows
+        self._displayed = displayed
         rows = self._tiles(stop - start - 2) // size.tiles
         self.rows += rows - self._rows
         self._rows = rows
@@ -112,7 +118,7 @@ class Sink:
         self._next_words = [self.words.popleft() for _ in range(count)]
         self._taken += 1
 
-    def _show(self) -> int:
+    def _display(self) -> int:
         due = self.geometry.lanes // 32
         self.underruns += due - len(self._next_words)
         words = self._next_words + [0] * (due - len(self._next_words))

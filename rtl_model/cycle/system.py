@@ -1,7 +1,7 @@
-"""The board behind its serial line, clock by clock: every register and memory of the map.
+"""The board behind its serial line, clock by clock, with every register and memory of the map.
 
 Clock n is the n-th rising edge after reset, and "at clock n" means before that edge. A bus access
-is strobed at an edge: a write changes what later edges see, a read returns what stands there.
+is strobed at an edge. A write affects later edges. A read returns the value before its edge.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cosim import InputError
 from rtl_model.cycle.array import PixelArray
 from rtl_model.cycle.capture import Capture
 from rtl_model.cycle.line import LineCounters
-from rtl_model.cycle.sink import Shown, Sink
+from rtl_model.cycle.sink import Sink, SinkTile
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.prbs import Prbs
@@ -43,7 +43,8 @@ class System:
     Args:
         geometry: of the build.
         build: contents of `ctrl_build`.
-        keep: whether tiles are stored for `run`; a board used over its line only needs none.
+        keep: whether tiles are stored for `run`; not needed for a board that is only used over its
+            line.
 
     Attributes:
         geometry: of the build.
@@ -55,7 +56,7 @@ class System:
         self.line = LineCounters()
         self._keep = keep
         self._tiles: list[Tiles] = []
-        self._shown: list[Shown] = []
+        self._sink_tiles: list[SinkTile] = []
         self._clock = 0
         values = parameters(self.geometry, build)
         self._reset = {entry.name: reset_value(entry, values) for entry in REGISTERS}
@@ -101,8 +102,10 @@ class System:
 
         Args:
             clocks: number of clocks.
-            writes: (clock, byte address, value) at clocks of this run, at most one each. Raises
-                InputError for any other.
+            writes: (clock, byte address, value) at clocks of this run, at most one each.
+
+        Raises:
+            InputError: for a write at another clock.
         """
         stop = self._clock + clocks
         for clock, address, value in sorted(writes, key=lambda write: write[0]):
@@ -119,10 +122,10 @@ class System:
         self._tiles = []
         return np.concatenate(tiles) if tiles else np.empty(0, TILE)
 
-    def shown(self) -> Tiles:
-        """The tiles shown by the sink since the last call; their frame is 0."""
-        shown, self._shown = self._shown, []
-        return np.array([(clock, 0, *rest) for clock, *rest in shown], TILE)
+    def sink_tiles(self) -> Tiles:
+        """The tiles that the sink displayed since the last call; their frame is 0."""
+        tiles, self._sink_tiles = self._sink_tiles, []
+        return np.array([(clock, 0, *rest) for clock, *rest in tiles], TILE)
 
     def advance(self, stop: int) -> None:
         """Runs up to clock `stop`; does nothing if it has passed."""
@@ -152,13 +155,13 @@ class System:
         self._sink.frame_begins(clock)
 
     def _attend(self, tiles: Tiles, stop: int) -> None:
-        """Shows and captures the tiles of a frame before edge `stop`."""
+        """Displays and captures the tiles of a frame before edge `stop`."""
         capture = self._capture
-        shown = self._sink.run(stop)
+        sink_tiles = self._sink.run(stop)
         if self._keep:
-            self._shown += shown
+            self._sink_tiles += sink_tiles
         if capture.takes and capture.taken == 1:
-            for tile in shown:
+            for tile in sink_tiles:
                 self._collect(tile.row, tile.tile, tile.bits)
         elif capture.takes:
             for row, index, bits in tiles[["row", "tile", "bits"]].tolist():
@@ -209,7 +212,7 @@ class System:
         return 0
 
     def _make_readers(self) -> dict[str, Callable[[], int]]:
-        """Functions that read the registers that vary."""
+        """Functions that read the variable registers, by name."""
         readers: dict[str, Callable[[], int]] = {
             "ctrl_scratch": lambda: self._scratch,
             "ctrl_bus_errors": lambda: self._bus_errors,

@@ -1,4 +1,4 @@
-"""Tiles as they leave the pixel array: `lanes` pixels of one row, computed in one clock."""
+"""Tiles of the pixel array: `lanes` pixels of one row, computed in one clock."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ __all__ = ["TILE", "Tiles", "rows_of"]
 TILE = np.dtype(
     [("clock", "<u8"), ("frame", "<u4"), ("row", "<u2"), ("tile", "<u2"), ("bits", "<u8")]
 )
-"""clock: edge at which the tile was computed; frame: since the clear; bit b of `bits`: the spike of
-column tile * lanes + b."""
+"""A tile. `clock` is the edge at which it was computed, `frame` counts from the clear, and bit b of
+`bits` is the spike of column tile * lanes + b."""
 
 Tiles: TypeAlias = npt.NDArray[np.void]
 """Array of `TILE`, in order of clock."""
 
 
 def rows_of(tiles: Tiles, geometry: Geometry) -> npt.NDArray[np.bool_]:
-    """Returns the spikes of whole rows, (len(tiles) / tiles of a row, columns) bool.
+    """Spikes of complete rows, (rows, columns) bool.
 
-    tiles: whole rows, tile 0 first, as `System.run` gives them.
+    Args:
+        tiles: of complete rows, tile 0 first, as `System.run` returns them.
+        geometry: of the build.
     """
     bits = np.ascontiguousarray(tiles["bits"]).view(np.uint8).reshape(-1, 8)
     lanes = np.unpackbits(bits, axis=1, bitorder="little")[:, : geometry.lanes]

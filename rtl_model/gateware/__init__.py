@@ -1,4 +1,4 @@
-"""The Verilog on a real FPGA: targets, and a folder for each that builds a bitstream."""
+"""The Verilog on a real FPGA: target boards, and the folder that builds a bitstream for each."""
 
 from rtl_model.gateware.design import Design, design_for
 from rtl_model.gateware.fit import Fit, fit

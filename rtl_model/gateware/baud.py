@@ -1,4 +1,4 @@
-"""How near a clock's whole divider comes to a baud, and which bauds it makes well."""
+"""Error of a baud that is derived from a clock by an integer divider."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ from rtl_model.host import BAUD_MIN
 __all__ = ["TOLERANCE", "baud_error", "check_baud"]
 
 TOLERANCE = 0.02
-"""Of a baud against the one asked for. Sender and receiver together may differ by half a bit in
-nine and a half, 5.3 % (viform_uart.v); this leaves the larger part of it to the adapter and to the
-edge, which is seen a clock late."""
+"""Largest relative error of a baud. Sender and receiver may differ by half a bit in 9.5, 5.3 %
+(viform_uart.v). This leaves the larger part to the adapter and to the rounding of the edge."""
 
-_FEWEST_CLOCKS = 4  # of a bit: with fewer its middle is not known (HALF in viform_uart.v)
+_FEWEST_CLOCKS = 4  # of a bit; its middle is undefined with fewer (HALF in viform_uart.v)
 _COMMON = (
     9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 500_000, 921_600, 1_000_000,
     1_500_000, 2_000_000, 2_500_000, 3_000_000, 4_000_000, 6_000_000, 8_000_000, 12_000_000,
 )  # fmt: skip
-"""Rates of common adapters: those of POSIX and Linux's termios.h, and an FT2232H's up to 12 M."""
+"""Rates of common adapters: those of POSIX, of Linux's termios.h, and of an FT2232H."""
 
 
 def baud_error(clock_hz: int, baud: int) -> float:
-    """Returns how far the rate of a whole divider is from `baud`, as a fraction with its sign."""
+    """Signed relative error of the rate of the nearest integer divider."""
     return clock_hz / Geometry(clock_hz=clock_hz, baud=baud).bit_clocks / baud - 1.0
 
 
 def check_baud(clock_hz: int, baud: int) -> None:
-    """Raises InputError for a baud that the clock makes more than `TOLERANCE` wrong, with the
-    nearest of the common ones that it makes well."""
+    """Raises InputError for a baud whose error exceeds `TOLERANCE`.
+
+    The message names the nearest common rates within the tolerance.
+    """
     if baud < BAUD_MIN:
         raise InputError(
             "--baud", f"at least {BAUD_MIN}, for the board drops a transaction after 100 ms",
@@ -41,13 +42,13 @@ def check_baud(clock_hz: int, baud: int) -> None:
     near = " or ".join(map(str, below[-1:] + above[:1]))
     megahertz = f"{clock_hz / 1e6:g} MHz"
     if clock_hz < _FEWEST_CLOCKS * baud:
-        given = f"{baud}, which is less than {_FEWEST_CLOCKS} clocks a bit"
+        actual = f"{baud}, which leaves less than {_FEWEST_CLOCKS} clocks a bit"
     else:
         clocks = Geometry(clock_hz=clock_hz, baud=baud).bit_clocks
         off = 100 * baud_error(clock_hz, baud)
-        given = f"{baud}, for {clocks} clocks a bit are off by {off:+.1f} %"
+        actual = f"{baud}, for which {clocks} clocks a bit are off by {off:+.1f} %"
     raise InputError(
-        "--baud", f"a rate that {megahertz} makes within {100 * TOLERANCE:g} %", given,
+        "--baud", f"a rate that {megahertz} allows within {100 * TOLERANCE:g} %", actual,
         f"take {near}",
     )  # fmt: skip
 

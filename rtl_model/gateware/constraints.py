@@ -1,4 +1,4 @@
-"""Which pin is which, and how fast: Lattice's .lpf and Xilinx's .xdc."""
+"""Constraint files, with pins and clocks: Lattice's .lpf and Xilinx's .xdc."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ __all__ = ["constraints"]
 
 
 def constraints(target: Target) -> tuple[str, str]:
-    """Returns the name and the text of a target's constraint file.
+    """Name and text of a target's constraint file.
 
-    The serial line and the LED keep no time with the clock. `serial_rx` is pulled up, so that a
-    line with nobody on it is idle.
+    The serial line and the LED are asynchronous to the clock. `serial_rx` has a pull-up, so that an
+    unconnected line is idle.
     """
     if target.device.family == "ecp5":
         return "viform.lpf", _lpf(target)

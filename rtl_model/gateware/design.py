@@ -19,12 +19,12 @@ __all__ = ["Design", "design_for"]
 
 
 class Design(NamedTuple):
-    """What is put on a board.
+    """A build for a target.
 
     Attributes:
         target: the board.
-        geometry: with the target's clock, and memories that its device has room for.
-        build: what `ctrl_build` will say.
+        geometry: with the target's clock, and memories that fit its device.
+        build: value of `ctrl_build`.
     """
 
     target: Target
@@ -33,28 +33,27 @@ class Design(NamedTuple):
 
     @property
     def baud_error(self) -> float:
-        """Of the serial line against the baud asked for, as a fraction with its sign."""
+        """Signed relative error of the serial line's baud."""
         return baud_error(self.geometry.clock_hz, self.geometry.baud)
 
     def files(self) -> dict[str, str]:
-        """Returns names and texts of all files. The Makefile is last: without it the folder does
-        not look whole."""
+        """Names and texts of all files, the Makefile last. An incomplete folder lacks it."""
         texts = {path.name: path.read_text(encoding="utf-8") for path in verilog_files(VERILOG)}
         texts[f"{TOP}.v"] = top_module(self.target, self.geometry, self.build)
         name, text = constraints(self.target)
-        made = recipe(self.target, sorted(texts), name)
+        rules = recipe(self.target, sorted(texts), name)
         texts |= {name: text, "csr.csv": csr_csv(self.geometry)}
         texts["README.md"] = readme(self.target, self.geometry, self.build)
-        return texts | made
+        return texts | rules
 
 
 def design_for(
     target: Target, *, rows: int = 32, columns: int = 32, lanes: int = 32, baud: int = 115_200
 ) -> Design:
-    """Returns the build of a geometry for a target.
+    """The build of a geometry for a target.
 
-    Raises InputError for a baud that the target's clock makes badly, and for a geometry whose
-    memories its block RAMs cannot hold.
+    Raises InputError for a baud that the target's clock does not allow, and for a geometry whose
+    memories exceed its block RAMs.
     """
     check_baud(target.clock_hz, baud)
     geometry = fitted(Geometry(rows, columns, lanes, target.clock_hz, baud), target)

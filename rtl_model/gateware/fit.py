@@ -1,4 +1,4 @@
-"""Does a build fit its device? Cells as yosys counts them, beside what the data sheet has."""
+"""Comparison of the cells of a build, counted by yosys, with those of the device."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ __all__ = ["Fit", "fit"]
 
 
 class Fit(NamedTuple):
-    """Cells that a build takes, and those of the device.
+    """Cells of a build, and those of the device (`*_of`).
 
-    LUTs of an ECP5 count two for each cell of a carry chain, which is made of them, and block RAMs
-    are of 18 kbit, so that one of 36 kbit counts as two. Nothing is placed: a build near 100 % may
-    still fail.
+    Placement is not computed, so a build near 100 % may still fail.
+
+    Attributes:
+        luts: look-up tables. In an ECP5 each cell of a carry chain counts as two.
+        flip_flops: flip-flops.
+        block_rams: of 18 kbit; one of 36 kbit counts as two.
     """
 
     luts: int
@@ -30,7 +33,7 @@ class Fit(NamedTuple):
 
     @property
     def ok(self) -> bool:
-        """Whether there are as many of each as are taken."""
+        """Whether the device has enough cells of each kind."""
         return (
             self.luts <= self.luts_of
             and self.flip_flops <= self.flip_flops_of
@@ -39,7 +42,7 @@ class Fit(NamedTuple):
 
 
 def fit(design: Design) -> Fit:
-    """Synthesises a design's top with yosys; InputError where that is missing."""
+    """Synthesises the top module of a design with yosys. Raises InputError if yosys is missing."""
     device = design.target.device
     with tempfile.TemporaryDirectory() as folder:
         for name, text in design.files().items():

@@ -1,4 +1,4 @@
-"""A design as a folder: there whole, or not at all."""
+"""Writes the folder of a design atomically."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["check_folder", "write_folder"]
 
 
 def check_folder(folder: Path) -> None:
-    """Raises InputError where `folder` is no new name in a folder that exists, and no empty one."""
+    """Raises InputError unless `folder` is empty, or a new name in an existing folder."""
     try:
         if folder.is_dir():
             if any(folder.iterdir()):
                 raise InputError(
-                    f"{folder}", "a new or an empty folder", "one that holds something",
+                    f"{folder}", "a new or an empty folder", "one with contents",
                     "choose another name, or empty it",
                 )  # fmt: skip
         elif folder.exists() or folder.is_symlink():
@@ -33,16 +33,16 @@ def check_folder(folder: Path) -> None:
 
 
 def write_folder(design: Design, folder: Path) -> list[str]:
-    """Writes a design's files and returns their names, sorted.
+    """Writes the files of a design; returns their sorted names.
 
-    All are written aside first and then moved in, the Makefile last; whatever fails leaves a folder
-    that was not there absent, and an empty one empty. Raises InputError as `check_folder`, and
-    where the system refuses.
+    The files are written to a temporary folder and then moved, the Makefile last. After a failure,
+    a new folder does not exist and an existing one is empty. Raises InputError as `check_folder`,
+    and if the system refuses the write.
     """
     check_folder(folder)
     texts = design.files()
     new = not folder.exists()
-    part = folder / f".{os.getpid()}.part"  # on the same file system, be it a mounted one
+    part = folder / f".{os.getpid()}.part"  # on the same file system
     try:
         part.mkdir(parents=True)
         try:

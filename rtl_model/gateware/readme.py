@@ -1,4 +1,4 @@
-"""What stands in a folder's README.md: build, load, bring up."""
+"""Text of the folder's README.md: how to build, load and bring up the design."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ __all__ = ["readme"]
 
 
 def readme(target: Target, geometry: Geometry, build: int) -> str:
-    """Returns the text of a folder's README.md."""
+    """The text of README.md; `build` is the value of `ctrl_build`."""
     if target.device.family == "ecp5":
         tools = "yosys, nextpnr-ecp5 and ecppack (Project Trellis)"
-        variables = "`make YOSYS=... NEXTPNR=... ECPPACK=...` names tools that stand elsewhere."
+        variables = "`make YOSYS=... NEXTPNR=... ECPPACK=...` names tools in other folders."
     else:
-        tools = "Vivado (the free edition knows this device)"
-        variables = "`make VIVADO=...` names a Vivado that stands elsewhere."
+        tools = "Vivado (the free edition supports this device)"
+        variables = "`make VIVADO=...` names a Vivado in another folder."
     if target.dfu:
         load = (
             "    make program    # dfu-util; hold the button while plugging in, and the bootloader "
@@ -24,10 +24,10 @@ def readme(target: Target, geometry: Geometry, build: int) -> str:
         )
     else:
         load = (
-            "    make program    # openFPGALoader, into the FPGA: gone when power goes\n"
-            "    make flash      # into the flash: there at every power-on"
+            "    make program    # openFPGALoader, into the FPGA, until power is removed\n"
+            "    make flash      # into the flash, for every power-on"
         )
-    shown = pins(target)
+    pin = pins(target)
     return f"""\
 # {geometry.rows} x {geometry.columns} pixels on a {target.board}
 
@@ -38,8 +38,8 @@ def readme(target: Target, geometry: Geometry, build: int) -> str:
 
     make
 
-needs {tools}. {variables} It ends in
-`viform.bit`, or with an error where the clock is not met.
+needs {tools}. {variables} The result is
+`viform.bit`, or an error if the timing is not met.
 
 ## Load
 
@@ -52,15 +52,15 @@ The serial line is on {target.serial}.
     viform board identify --port /dev/ttyUSB0 --baud {geometry.baud}
     viform board bringup --port /dev/ttyUSB0 --baud {geometry.baud} --out bringup
 
-`identify` must say build {build:08x}. `csr.csv` is the register map for other tools of LiteX.
+`identify` must print build {build:08x}. `csr.csv` is the register map for LiteX's host tools.
 
-The LED blinks once in one to two seconds while the clock runs, and fast while bytes come in. Fast
-without end: `serial_rx` is held low.
+The LED blinks once in one to two seconds while the clock runs, and fast while bytes arrive. If it
+blinks fast all the time, `serial_rx` is low.
 
 | port | pin |
 |---|---|
-| `clk_in` ({target.pin_hz / 1e6:g} MHz) | {shown["clk_in"]} |
-| `serial_rx`, to the FPGA | {shown["serial_rx"]} |
-| `serial_tx`, from the FPGA | {shown["serial_tx"]} |
-| `led`, lit by a {"low" if target.led_low else "high"} level | {shown["led"]} |
+| `clk_in` ({target.pin_hz / 1e6:g} MHz) | {pin["clk_in"]} |
+| `serial_rx`, to the FPGA | {pin["serial_rx"]} |
+| `serial_tx`, from the FPGA | {pin["serial_tx"]} |
+| `led`, lit by a {"low" if target.led_low else "high"} level | {pin["led"]} |
 """

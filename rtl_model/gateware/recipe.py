@@ -1,4 +1,4 @@
-"""How a folder becomes a bitstream: its Makefile and, for Vivado, a script beside it."""
+"""Build files of a folder: the Makefile and, for Vivado, a Tcl script."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ __all__ = ["recipe"]
 
 
 def recipe(target: Target, sources: Sequence[str], constraint: str) -> dict[str, str]:
-    """Returns names and texts of what builds and loads a target.
+    """Names and texts of the files that build and load a design.
 
-    sources: names of the Verilog files, headers too. constraint: name of the constraint file.
+    Args:
+        target: the board.
+        sources: names of the Verilog files and headers.
+        constraint: name of the constraint file.
     """
     modules = [name for name in sources if name.endswith(".v")]
     head = f"# {target.board}. `make` builds viform.bit, `make program` loads it.\n"
@@ -48,7 +51,7 @@ DFU_UTIL ?= dfu-util
 def _ecp5(target: Target, modules: Sequence[str], constraint: str) -> str:
     device = target.device
     code = f" --idcode {device.idcode}" if device.idcode else ""
-    # nextpnr fails where the clock is not met, so a viform.bit is one that keeps time.
+    # nextpnr fails if the timing is not met, so every viform.bit meets it.
     return (
         "viform.json: $(VERILOG)\n"
         f'\t$(YOSYS) -q -l yosys.log -p "read_verilog -I. {" ".join(modules)}; '
@@ -73,14 +76,14 @@ def _load_rules(target: Target) -> str:
     if target.dfu:
         vendor, product = target.dfu.split(":")
         return (
-            "# Hold the button while plugging in: the bootloader then waits.\n"
+            "# Hold the button while plugging in to start the bootloader.\n"
             "program: viform.bit\n"
             "\tcp viform.bit viform.dfu\n"
             f"\t$(DFU_SUFFIX) -v {vendor} -p {product} -a viform.dfu\n"
             "\t$(DFU_UTIL) -D viform.dfu\n\n"
         )
     return (
-        "# Into the FPGA, until power goes.\n"
+        "# Into the FPGA, until power is removed.\n"
         f"program: viform.bit\n\t$(LOADER) -b {target.loader} viform.bit\n\n"
         "# Into the board's flash, for every power-on.\n"
         f"flash: viform.bit\n\t$(LOADER) -b {target.loader} -f viform.bit\n\n"
@@ -89,7 +92,7 @@ def _load_rules(target: Target) -> str:
 
 def _vivado(target: Target, modules: Sequence[str], constraint: str) -> str:
     return f"""\
-# {target.board}: viform.bit by Vivado, in batch mode. Stops with an error where time is not kept.
+# {target.board}: viform.bit by Vivado in batch mode. Stops with an error if the timing is not met.
 read_verilog {{{" ".join(modules)}}}
 read_xdc {constraint}
 synth_design -top {TOP} -part {target.part} -include_dirs .

@@ -1,6 +1,6 @@
-"""Boards that the Verilog can be put on: device, pins, clock, and what loads a bitstream.
+"""FPGA boards for the Verilog: device, pins, clock and loader.
 
-Sources of the facts:
+Sources:
 - Pins, parts and speed grades: litex-boards, litex_boards/platforms/radiona_ulx3s.py,
   colorlight_i5.py (revision 7.0), gsd_orangecrab.py (revision 0.2; serial on its Feather pins 0 and
   1) and digilent_arty.py; the Arty's agree with Digilent's own Arty-A7-*-Master.xdc.
@@ -24,19 +24,19 @@ from cosim import InputError
 __all__ = ["TARGETS", "Device", "GatewareFamily", "Target", "target_named"]
 
 GatewareFamily = Literal["ecp5", "xc7"]
-"""Families of FPGA with a recipe: the open flow of the ECP5, and Vivado."""
+"""Supported families of FPGAs: ECP5 by the open tools, 7 series by Vivado."""
 
 
 class Device(NamedTuple):
     """An FPGA.
 
     Attributes:
-        family: which tools build for it.
+        family: determines the tools.
         luts: look-up tables, of four inputs in an ECP5 and of six in a 7 series device.
         flip_flops: of its slices.
         block_rams: of 18 kbit; one of 36 kbit counts as two.
-        option: nextpnr's name of the device, if it knows it.
-        idcode: to put into the bitstream where the die has another device's, else empty.
+        option: nextpnr's name of the device, else empty.
+        idcode: for the bitstream if the die reports another device's, else empty.
     """
 
     family: GatewareFamily
@@ -48,17 +48,22 @@ class Device(NamedTuple):
 
 
 class Target(NamedTuple):
-    """A board. All pins are of 3.3 V CMOS (`io_standard`); `led_low`: lit by a low level.
+    """A board.
 
     Attributes:
-        name, board: as typed, and as people know it.
+        name: on the command line.
+        board: its common name.
+        device: the FPGA.
         part: the device's ordering code, with package and speed grade.
-        package: as nextpnr calls it; of a Xilinx device part of `part`.
+        package: name in nextpnr; for a Xilinx device the part of `part`.
         speed: grade.
-        pin_hz, divide: the clock at the pin, and what the top divides it by.
-        clock, tx, rx, led: pins. tx is driven by the FPGA.
-        serial: where the serial line comes out.
-        loader: the board's name for openFPGALoader; empty where DFU loads it.
+        pin_hz: clock at the pin, Hz.
+        divide: by which the top module divides it.
+        clock, tx, rx, led: pins; the FPGA drives tx.
+        led_low: whether a low level lights the LED.
+        serial: connector of the serial line.
+        loader: the board's name in openFPGALoader; empty if DFU loads it.
+        io_standard: of all pins, 3.3 V CMOS.
     """
 
     name: str
@@ -80,12 +85,12 @@ class Target(NamedTuple):
 
     @property
     def clock_hz(self) -> int:
-        """The board's clock, what CLOCK_HZ says."""
+        """Clock of the design, parameter CLOCK_HZ, Hz."""
         return self.pin_hz // self.divide
 
     @property
     def dfu(self) -> str:
-        """Vendor and product of a board that DFU loads, else empty."""
+        """USB vendor and product of a board that DFU loads, else empty."""
         return "" if self.loader else "1209:5af0"
 
 
@@ -133,11 +138,11 @@ _ALL = (
 )  # fmt: skip
 
 TARGETS: dict[str, Target] = {target.name: target for target in _ALL}
-"""Every target by its name."""
+"""All targets by name."""
 
 
 def target_named(name: str) -> Target:
-    """Returns a target; InputError for a name that is none."""
+    """The target of a name. Raises InputError for an unknown name."""
     if name not in TARGETS:
         raise InputError(
             "the target", f"one of {', '.join(TARGETS)}", repr(name[:60]),

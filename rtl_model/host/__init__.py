@@ -1,6 +1,6 @@
 """The host's side of the serial line: ports, LiteX's uartbone, registers by name, capture, logs.
 
-Nothing here knows what stands behind a port: a board, its Verilog in a simulator, or a log.
+The code is the same for a board, its Verilog in a simulator, or a replayed log.
 """
 
 from rtl_model.host import capture, pattern, prbs
@@ -9,7 +9,7 @@ from rtl_model.host.board import Board, BoardInfo, recognised
 from rtl_model.host.capture import Captured
 from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
-from rtl_model.host.log import Recorder
+from rtl_model.host.log import LineLog
 from rtl_model.host.ports import Port, SerialPort, is_pty, open_port
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
@@ -23,8 +23,8 @@ __all__ = [
     "Cause",
     "CsrMap",
     "LineFault",
+    "LineLog",
     "Port",
-    "Recorder",
     "ReplayPort",
     "SerialPort",
     "Uartbone",

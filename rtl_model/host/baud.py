@@ -1,4 +1,4 @@
-"""How far a board's baud is off: the host's own rate is moved until the board answers."""
+"""Measures the baud of a board: the host varies its own rate until the board answers."""
 
 from __future__ import annotations
 
@@ -11,36 +11,44 @@ from rtl_model.host.uartbone import BAUD_MIN, Uartbone
 from rtl_model.registers import MAGIC
 
 if TYPE_CHECKING:
-    from rtl_model.host.log import Recorder
+    from rtl_model.host.log import LineLog
 
 __all__ = ["TOLERANCE_PERCENT", "BaudReport", "find_baud"]
 
 TOLERANCE_PERCENT = 5.0
-"""A receiver that samples mid-bit and starts at the start bit's edge reads the stop bit right while
-the rates differ by less than half a bit in 9.5: 5.3 %, less the edge's rounding."""
+"""Largest deviation of two rates. A receiver that starts at the edge of the start bit and samples
+mid-bit reads the stop bit right up to half a bit in 9.5, 5.3 %, less the rounding of the edge."""
 
 REACH_PERCENT = 20
-"""How far from the nominal rate a board is looked for, each way."""
+"""Range of the search on either side of the nominal rate."""
 
-_STRIDE = 0.03  # of the search: the rates that answer span 8 % at least, at 4 clocks a bit
-_FINE = 0.0005  # how closely an edge is found
+_STRIDE = 0.03  # of the search; a board answers over 8 % at least, at 4 clocks a bit
+_FINE = 0.0005  # accuracy of an edge
 _EDGE_TRIES = 2
-_NOMINAL_TRIES = 4  # more, where only others answered: a noisy line may have spoilt the first
+_NOMINAL_TRIES = 4  # if only other rates answered: noise may have changed the first answer
 
-# When a receiver samples a byte's stop bit, in bits from the start bit's edge: 9.5, and later by
-# what follows. The board's (rtl_model/verilog/viform_uart.v) sees an edge at its next clock and
-# begins half a bit, rounded down, before the middle; an adapter takes 16 samples a bit (assumed, as
-# of a 16550) or, simulated, one a clock of the board.
+# A receiver samples the stop bit nominally 9.5 bits after the edge of the start bit. The board's
+# receiver (rtl_model/verilog/viform_uart.v) detects the edge at its next clock and counts half a
+# bit, rounded down. An adapter takes 16 samples a bit (assumed, as of a 16550); a simulated one
+# takes one in each clock of the board.
 _STOP = 9.5
 _ADAPTER = 1 / 16
 
 
 class BaudReport(NamedTuple):
-    """nominal: as asked. lowest, highest: host's rates at which the board answered. measured: the
-    board's own rate by the host's clock, error_percent: its deviation from nominal; the true one
-    lies within uncertainty_percent (of nominal) of it, as far as the adapter makes the rates that
-    it is set to. by_pulse: whether the board's own measurement (shortest low pulse) went into it.
-    bit_clocks: of the board, 0 where it could not be read. baud: left set."""
+    """Baud of a board, measured by the host's clock.
+
+    Attributes:
+        nominal: baud that was requested.
+        lowest, highest: host's rates at which the board answered.
+        measured: rate of the board.
+        error_percent: deviation of `measured` from `nominal`.
+        uncertainty_percent: the true deviation lies within this of `error_percent`, provided that
+            the adapter produces the rates that are set.
+        by_pulse: whether the board's measurement (shortest low pulse) was used.
+        bit_clocks: clocks of a bit on the board, 0 if they could not be read.
+        baud: rate at which the port was left.
+    """
 
     nominal: int
     lowest: int
@@ -54,7 +62,7 @@ class BaudReport(NamedTuple):
 
     @property
     def tolerable(self) -> bool:
-        """Whether nominal works."""
+        """Whether the board answers at the nominal rate."""
         return self.lowest <= self.nominal <= self.highest
 
 
@@ -64,16 +72,26 @@ def find_baud(
     *,
     time_scale: float = 1.0,
     patience_s: float = 0.15,
-    log: Recorder | None = None,
+    log: LineLog | None = None,
 ) -> BaudReport:
-    """Returns the rate of a board of ours, found from 20 % below to 20 % above `nominal`; the port
-    is left at `nominal` where the board answers there, else at the board's own rate.
+    """Finds the rate of a Viform board within 20 % of `nominal`.
 
-    Both edges of the rates that are answered are found by bisection, some 30 probes in all. A probe
-    is one read of six bytes and then silence, so no rate can turn it into a write. Where the bytes
-    of one side are too short or too long by half a bit in nine and a half, the other takes a wrong
-    bit for the stop bit: so each edge tells the board's rate, to the moment at which either side
-    samples. LineFault SILENT where the board answers at no rate (the port is back at `nominal`).
+    Bisection finds the lowest and the highest rate at which the board answers, with about 30
+    probes. A probe is one read of six bytes followed by silence, so no rate can turn it into a
+    write. If the bits of one side are too short or too long by half a bit in 9.5, the other side
+    samples a wrong bit as the stop bit. So each edge gives the board's rate, up to the sampling
+    instants of both sides. The port is left at `nominal` if the board answers there, else at the
+    board's rate.
+
+    Args:
+        port: to the board.
+        nominal: centre of the search, baud.
+        time_scale: seconds of the host's time to a second of the board's clock.
+        patience_s: wait for an answer beyond line time, s.
+        log: records every transaction, None for no log.
+
+    Raises:
+        LineFault: SILENT if the board answers at no rate. The port is back at `nominal`.
     """
     bone = Uartbone(port, baud=nominal, time_scale=time_scale, patience_s=patience_s, log=log)
     try:
@@ -91,7 +109,7 @@ def find_baud(
         low, high = min(low, nominal), max(high, nominal)
         below, above = min(below, low), max(above, high)
     bone.set_baud(round((low * high) ** 0.5))
-    bone.resynchronise()  # no pulse of another rate is under way
+    bone.resynchronise()  # ends all pulses of other rates
     bit, pulse = _by_pulse(bone)
     least, most = _by_edges((below, low), (high, above), bit)
     by_pulse = pulse is not None and pulse[0] < most and least < pulse[1]
@@ -106,7 +124,7 @@ def find_baud(
         highest=high,
         measured=measured,
         error_percent=round(100 * (measured / nominal - 1), 2),
-        # rounded up, for error_percent is rounded too
+        # rounded up, because error_percent is rounded too
         uncertainty_percent=round(100 * max(most - measured, measured - least) / nominal + 0.01, 2),
         by_pulse=by_pulse,
         bit_clocks=bit,
@@ -126,8 +144,10 @@ def _rate(baud: float) -> int:
 
 
 def _edge(bone: Uartbone, nominal: int, start: int, sign: int) -> tuple[int, int]:
-    """The last rate from `start` on that is answered, and the first that is not (the same where
-    the search ends first)."""
+    """The last rate from `start` on that the board answers, and the first that it does not.
+
+    Both are the same if the range of the search ends first.
+    """
     end = _rate(nominal * (1 + sign * (REACH_PERCENT / 100 + 2 * _STRIDE)))
     inside, outside = start, start
     while outside == inside:
@@ -163,31 +183,36 @@ def _answers(bone: Uartbone, rate: int, tries: int = 1) -> bool:
 
 
 def _by_edges(low: tuple[int, int], high: tuple[int, int], bit_clocks: int) -> tuple[float, float]:
-    """The least and the most that the board's rate can be, by the edges' rates (each a pair that
-    holds the edge).
+    """Bounds of the board's rate from the edges of the answered range.
 
-    A receiver that samples the stop bit s bits after the edge needs 9 < s r and s r < 10, r being
-    the sender's bit in its own. That of the board always matters; the adapter's may not, since some
-    hand on a byte whose stop bit is low.
+    A receiver that samples the stop bit s of its own bits after the edge of the start bit requires
+    9 < s r < 10, where r is the ratio of the receiver's bit to the sender's. The board's receiver
+    always applies this limit. An adapter may not, since some accept a byte whose stop bit is low.
+
+    Args:
+        low, high: pairs of rates that enclose the lower and the upper edge.
+        bit_clocks: clocks of a bit on the board, 0 if unknown.
     """
     clock = 1 / max(bit_clocks, 4)
-    late = 0.5 * (bit_clocks % 2)  # clocks by which half a bit was rounded down
-    board = _STOP - late * clock, _STOP + (1 - late) * clock
+    rounding = 0.5 * (bit_clocks % 2)  # clocks by which half a bit was rounded down
+    board = _STOP - rounding * clock, _STOP + (1 - rounding) * clock
     adapter = _STOP - max(_ADAPTER, clock), _STOP + _ADAPTER
-    # As shares of the board's rate: the host's rate at either edge.
+    # The host's rate at either edge, relative to the board's rate.
     lowest = 9 / board[1], max(9 / board[0], adapter[1] / 10)
     highest = min(10 / board[1], adapter[0] / 9), 10 / board[0]
     one = min(low) / lowest[1], max(low) / lowest[0]
     other = min(high) / highest[1], max(high) / highest[0]
     if one[0] <= other[1] and other[0] <= one[1]:
         return max(one[0], other[0]), min(one[1], other[1])
-    return min(one[0], other[0]), max(one[1], other[1])  # a noisy line: both are told
+    return min(one[0], other[0]), max(one[1], other[1])  # inconsistent, as on a noisy line
 
 
 def _by_pulse(bone: Uartbone) -> tuple[int, tuple[float, float] | None]:
-    """Clocks of the board's bit (0 where they cannot be read), and the least and the most that its
-    rate can be by the shortest low pulse that it saw: that is one bit of the host's, counted in
-    clocks of the board and so known to one of them. No such pulse where there are no pins."""
+    """Clocks of the board's bit (0 if unreadable), and bounds of its rate; None without a pulse.
+
+    The shortest low pulse is one bit of the host, which the board counts in its own clocks, so it
+    is known to one clock. A board without pins measures no pulse.
+    """
     board = Board(bone)
     try:
         board.write("uart_clear", 1)  # pulses of other rates

@@ -1,4 +1,4 @@
-"""A board's registers by name. Writes to our board are checked by its counters."""
+"""A board's registers by name. The counters of a Viform board check the writes to it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rtl_model.registers import MAGIC, VERSION
 __all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]
 
 _HEAD = {register.name: register.address for register in HEAD}
-_IDENTIFIER_WORDS = 256  # longest that LiteX makes
+_IDENTIFIER_WORDS = 256  # longest identifier of LiteX
 _IDENTIFIER_BLOCK = 16
-_CLAMPED = {"capture_pointer"}  # reads otherwise than written where that lay beyond the end
+_CLAMPED = {"capture_pointer"}  # reads less than written if that lies beyond the end
 _WORD = 0xFFFFFFFF
 
 
 class BoardInfo(NamedTuple):
-    """Size and build of our board, as its registers state them.
+    """Size and build of a Viform board, from its registers.
 
     Attributes:
         rows, columns, lanes: of the pixel array.
@@ -57,13 +57,22 @@ class BoardInfo(NamedTuple):
     @property
     def build_matches(self) -> bool | None:
         """Whether the CRC-32 is that of this program's Verilog; None if the build has none."""
-        from rtl_model.verilated import build_crc  # with the cycle model, which few hosts need
+        from rtl_model.verilated import build_crc  # imports the cycle model, which few hosts need
 
         return self.build == build_crc(self.geometry) if self.build else None
 
 
 class ImagerInfo(NamedTuple):
-    """Size and build of one of our conventional imagers, as its registers state them."""
+    """Size and build of a conventional imager of this project, from its registers.
+
+    Attributes:
+        imager: its name.
+        rows, columns: pixels.
+        clock_hz: nominal clock, Hz.
+        version: of the register map.
+        build: `ctrl_build`.
+        baud: `clock_hz` divided by the clocks of a bit.
+    """
 
     imager: str
     rows: int
@@ -75,7 +84,7 @@ class ImagerInfo(NamedTuple):
 
 
 def recognised(bone: Uartbone) -> CsrMap:
-    """The register map of an imager of ours by its first register; else our board's.
+    """The register map of the imager that the first register names; else the Viform board's.
 
     Raises LineFault NOT_OURS for an unknown imager.
     """
@@ -95,9 +104,9 @@ class Board:
 
     Attributes:
         bone: the host's side of the protocol.
-        csr: register map of the design; our board's if the argument is None.
-        verify: whether writes are checked by the board's counters; by default if the design is
-            ours.
+        csr: register map of the design; the Viform board's if the argument is None.
+        verify: whether the board's counters check the writes; by default if the design is of this
+            project.
     """
 
     def __init__(
@@ -111,8 +120,8 @@ class Board:
     def read(self, name: str) -> int:
         """Reads a register once.
 
-        After a fault the read is repeated only if it has no side effect, which is known for our own
-        registers only.
+        After a fault the read is repeated only if it has no side effect, which is known for the
+        designs of this project only.
         """
         register = self.csr.register(name)
         known = self.csr.table.get(name)
@@ -128,7 +137,7 @@ class Board:
         known = self.csr.table.get(name)
         if known is not None and known.read_effect:
             raise InputError(
-                "a register read twice", "one that reading leaves alone", name, "read it once"
+                "a register that is read twice", "one without a read effect", name, "read it once"
             )
         stride, places = self.csr.stride, range(register.words)
         if stride == 4:
@@ -136,7 +145,7 @@ class Board:
         return self._join([self.bone.read_twice(register.address + stride * n)[0] for n in places])
 
     def write(self, name: str, value: int) -> None:
-        """Writes a register; on our board checks its arrival and, if possible, reads it again.
+        """Writes a register. A write to a Viform board is checked and, if possible, read again.
 
         Raises InputError for a read-only register or a value that is too large; LineFault as
         `verified_write`.
@@ -147,7 +156,7 @@ class Board:
         mode = known.mode if known is not None else register.mode
         if mode == "ro":
             raise InputError(
-                "a register to be written", "rw or wo", f"{name}, which is ro", "write another"
+                "a written register", "rw or wo", f"{name}, which is ro", "write another"
             )
         if not 0 <= value < 1 << width:
             raise InputError(name, f"0 to {(1 << width) - 1:#x}", f"{value:#x}", "give less")
@@ -183,7 +192,7 @@ class Board:
         if self._written is None:
             self._written = self._counters()
         count, crc = before = self._written
-        self._written = None  # until it is known again
+        self._written = None  # unknown until the check
         self.bone.write(address, values, fixed=fixed)
         data = b"".join(value.to_bytes(4, "big") for value in values)
         after = (count + len(values) & _WORD, zlib.crc32(data, crc))
@@ -192,14 +201,14 @@ class Board:
             return
         got = self.bone.read(address, len(values))
         if got != values:
-            held = self.bone.read_twice(address, len(values))
-            if held == values:
-                self.bone.other_answer(address, got, held)
+            stored = self.bone.read_twice(address, len(values))
+            if stored == values:
+                self.bone.other_answer(address, got, stored)
             else:
-                wrong = sum(one != other for one, other in zip(held, values, strict=True))
+                wrong = sum(one != other for one, other in zip(stored, values, strict=True))
                 raise LineFault(
                     Cause.MISPLACED,
-                    f"{len(values)} words arrived, yet {wrong} of them are not at {address:#x}",
+                    f"{len(values)} words arrived, but {wrong} of them are not at {address:#x}",
                 )
 
     def forget_counters(self) -> None:
@@ -214,7 +223,7 @@ class Board:
         not printable ASCII."""
         base, text = self.csr.base("identifier_mem"), ""
         while len(text) < _IDENTIFIER_WORDS:
-            # Our board counts a bus error beyond the NUL, so it is read word by word.
+            # A Viform board counts a bus error beyond the NUL, so it is read word by word.
             block = 1 if text and self.csr.table else _IDENTIFIER_BLOCK
             for value in self.bone.read_twice(base + 4 * len(text), block):
                 if value & 0xFF == 0:
@@ -223,7 +232,7 @@ class Board:
         return text
 
     def info(self) -> BoardInfo:
-        """Size and build of our board.
+        """Size and build of a Viform board.
 
         Raises LineFault NOT_OURS if another design or another version is loaded.
         """
@@ -237,7 +246,7 @@ class Board:
             raise LineFault(
                 Cause.NOT_OURS,
                 f"the board's register map is version {version >> 16}.{version & 0xFFFF}, "
-                f"this program knows {VERSION >> 16}",
+                f"this program's is {VERSION >> 16}",
             )
         rows, columns, clock_hz, baud = self._head()
         return BoardInfo(
@@ -262,7 +271,7 @@ class Board:
         if name is None or name != self.csr.imager or version >> 16 != IMAGER_VERSION >> 16:
             raise LineFault(
                 Cause.NOT_OURS,
-                f"what answers is {name or f'{magic:#010x}'}, version {version >> 16}, "
+                f"the design is {name or f'{magic:#010x}'}, version {version >> 16}, "
                 f"not {self.csr.imager}, version {IMAGER_VERSION >> 16}",
             )
         rows, columns, clock_hz, baud = self._head()

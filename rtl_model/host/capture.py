@@ -1,8 +1,8 @@
-"""A burst of frames: armed, awaited, drained by FIFO reads, every row checked.
+"""Capture of a burst of frames: arm, wait, drain the FIFO, verify every row.
 
-Reading the FIFO moves it on, so nothing is ever read again blindly: after a fault the board's own
-pointer is read, set back to the first word that is not verified, and read again. A row counts when
-its CRC-32, its sequence number, its frame and its place are right.
+A read of the FIFO advances its pointer. After a fault the pointer is therefore read, set back to
+the first unverified word, and the words are read again. A row is verified if its CRC-32, sequence
+number, frame number and row number are right.
 """
 
 from __future__ import annotations
@@ -31,22 +31,26 @@ SETTINGS = (
     "sensor_level",
     "capture_source",
 )
-"""Registers that a burst depends on; read before and after it."""
+"""Registers that determine a burst, read before and after it."""
 
 _ARMED, _DONE = (mask("capture_state", name) for name in ("armed", "done"))
-_STALLS = 8  # faults in a row without one more verified row, before it is given up
+_STALLS = 8  # consecutive faults without a newly verified row before a fault is raised
 _FRAME_BITS = 20
-_MARGIN = 3  # wait for so many times what the burst should take
+_MARGIN = 3  # ratio of the longest wait to the burst's nominal duration
 
 
 class Captured(NamedTuple):
-    """A burst. Only rows that were verified are in it.
+    """A burst of verified rows.
 
-    planes: (frames, rows, columns) bool, the frames all of whose rows are there; outside the
-        window nothing fires. frames: (n,) their numbers since the clear, modulo 2^20.
-    sequence: (rows,) numbers of all verified rows. lost: rows the board had no memory for.
-    retries: times the pointer was set back. bytes: of the records drained; seconds: that took.
-    settings: the registers `SETTINGS` during the burst.
+    Attributes:
+        planes: complete frames, (n, rows, columns) bool; False outside the window.
+        sequence: numbers of all verified rows, (r,) uint32.
+        frames: numbers of the complete frames since the clear, modulo 2^20, (n,) uint32.
+        lost: rows that did not fit in the board's memory.
+        retries: how often the pointer was set back.
+        bytes: size of the drained records.
+        seconds: duration of the draining, s.
+        settings: registers `SETTINGS` during the burst.
     """
 
     planes: npt.NDArray[np.bool_]
@@ -60,10 +64,17 @@ class Captured(NamedTuple):
 
 
 def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
-    """Takes `frames` frames. A sensor that stands still is run for it and stopped after.
+    """Captures a burst. A stopped sensor is started for it and stopped afterwards.
 
-    clear: the burst begins with frame 0 and no charge (the sensor is stopped for it).
-    InputError for a burst that does not fit; LineFault where it cannot be had verified.
+    Args:
+        board: a Viform board.
+        frames: number of frames.
+        clear: whether the burst begins with frame 0 and without charge. A running sensor is stopped
+            first.
+
+    Raises:
+        InputError: for a burst that does not fit in the board's memory.
+        LineFault: if the rows cannot be verified.
     """
     info = board.info()
     settings = {name: board.read_twice(name) for name in SETTINGS}
@@ -75,7 +86,7 @@ def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
         _await_stop(board, info, settings)
     if clear:
         board.write("sensor_clear", 1)
-    board.write("capture_arm", 0)  # whatever was there is gone, and a lost arm can be told
+    board.write("capture_arm", 0)  # empties the memory, so that a lost write is detected
     board.write("capture_arm", frames)
     if clear or not ran:
         board.write("sensor_run", 1)
@@ -88,8 +99,11 @@ def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
 
 
 def drain(board: Board, frames: int) -> Captured:
-    """Returns a burst of `frames` frames that is over and stands whole in the board's memory, for
-    those who arm it and run the sensor themselves. LineFault where it cannot be had verified."""
+    """Reads a burst of `frames` frames that is complete in the board's memory.
+
+    It is for callers that arm the burst and run the sensor themselves. Raises LineFault if the rows
+    cannot be verified.
+    """
     info = board.info()
     settings = {name: board.read_twice(name) for name in SETTINGS}
     return _drained(board, _Rows(info, settings), frames, settings)
@@ -101,13 +115,13 @@ def _drained(board: Board, rows: _Rows, frames: int, settings: dict[str, int]) -
     if stored + lost != frames * rows.count:
         raise LineFault(
             Cause.LATE,
-            f"the burst has {stored} rows and {lost} lost ones, not {frames * rows.count}",
+            f"the burst has {stored} stored and {lost} lost rows, not {frames * rows.count} in all",
         )
     drained = _Drain(board, rows, stored)
     drained.run()
     for name, value in settings.items():
         if board.read_twice(name) != value:
-            raise LineFault(Cause.MISPLACED, f"{name} changed while the burst was taken")
+            raise LineFault(Cause.MISPLACED, f"{name} changed during the burst")
     planes, numbers = rows.planes(drained.verified)
     return Captured(
         planes=planes,
@@ -122,22 +136,27 @@ def _drained(board: Board, rows: _Rows, frames: int, settings: dict[str, int]) -
 
 
 class _Rows:
-    """Rows of a window as records."""
+    """The records of a window's rows."""
 
     def __init__(self, info: BoardInfo, settings: dict[str, int]) -> None:
         self.info = info
         rows, columns = settings["sensor_rows"], settings["sensor_columns"]
         last = min(rows >> 16, info.rows - 1)
         self.first, self.count = rows & 0xFFFF, max(0, last - (rows & 0xFFFF) + 1)
-        if settings["capture_source"] == 1:  # the sink shows all rows
+        if settings["capture_source"] == 1:  # the sink displays all rows
             self.first, self.count = 0, info.rows
             columns = (info.columns - 1) << 16
         self.columns = slice(columns & 0xFFFF, (columns >> 16) + 1)
         self.words = info.geometry.record_words
 
     def check(self, sequence: int, data: bytes, first: int | None) -> int | None:
-        """Returns the frame number of a record that is what record `sequence` of the burst must
-        be, else None. first: number of the burst's first frame, None where not known yet."""
+        """Verifies a record; returns its frame number, or None if it is wrong.
+
+        Args:
+            sequence: number of the record in the burst.
+            data: the record.
+            first: number of the burst's first frame, None if unknown.
+        """
         body, crc = data[:-4], int.from_bytes(data[-4:], "big")
         if zlib.crc32(body) != crc or int.from_bytes(body[:4], "big") != sequence:
             return None
@@ -151,36 +170,36 @@ class _Rows:
         return frame
 
     def planes(self, records: list[bytes]) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.uint32]]:
-        """Returns the whole frames of verified records, and their numbers."""
-        whole = len(records) // self.count
-        used = records[: whole * self.count]
-        words = np.frombuffer(b"".join(used), ">u4").reshape(whole, self.count, self.words)
+        """The complete frames of verified records, and their numbers."""
+        frames = len(records) // self.count
+        used = records[: frames * self.count]
+        words = np.frombuffer(b"".join(used), ">u4").reshape(frames, self.count, self.words)
         bits = words[:, :, 2:-1].astype("<u4").view(np.uint8)
         spikes = np.unpackbits(bits, axis=2, bitorder="little")[:, :, : self.info.columns]
-        planes = np.zeros((whole, self.info.rows, self.info.columns), bool)
+        planes = np.zeros((frames, self.info.rows, self.info.columns), bool)
         planes[:, self.first : self.first + self.count] = spikes.astype(bool)
         return planes, (words[:, 0, 1] >> 12).astype(np.uint32)
 
 
 class _Drain:
-    """Empties the capture memory, record by record."""
+    """Drains the capture memory record by record."""
 
     def __init__(self, board: Board, rows: _Rows, stored: int) -> None:
         self.board, self.rows, self.stored = board, rows, stored
         self.verified: list[bytes] = []
         self.retries = 0
         self._first: int | None = None
-        self._tail = b""  # of a record that is not complete yet
+        self._tail = b""  # incomplete record
 
     def run(self) -> None:
-        """Reads until all records are verified, or LineFault."""
+        """Reads until all records are verified. Raises LineFault if that fails."""
         bone = self.board.bone
         place = self.board.csr.register("capture_data").address
         stalls = 0
         self._seek(0)
         while len(self.verified) < self.stored:
             left = (self.stored - len(self.verified)) * self.rows.words - len(self._tail) // 4
-            had = len(self.verified)
+            before = len(self.verified)
             try:
                 values = bone.read(place, min(left, bone.words_at_once), fixed=True)
                 fault = self._take(b"".join(value.to_bytes(4, "big") for value in values))
@@ -188,7 +207,7 @@ class _Drain:
                 if exc.cause in (Cause.GONE, Cause.ECHO, Cause.DIFFERS):
                     raise
                 fault = exc
-            stalls = 0 if len(self.verified) > had else stalls
+            stalls = 0 if len(self.verified) > before else stalls
             if fault is None:
                 continue
             stalls += 1
@@ -199,8 +218,7 @@ class _Drain:
             self._seek(len(self.verified) * self.rows.words)
 
     def _take(self, data: bytes) -> LineFault | None:
-        """Verifies what records are complete; returns what is wrong with the first that is not
-        right."""
+        """Verifies the complete records; returns the fault of the first wrong one, if any."""
         self._tail += data
         size = 4 * self.rows.words
         while len(self._tail) >= size:
@@ -209,7 +227,7 @@ class _Drain:
             frame = self.rows.check(number, record, self._first)
             if frame is None:
                 return LineFault(
-                    Cause.GARBLED, f"row {number} of the burst came with a wrong CRC or number"
+                    Cause.GARBLED, f"row {number} of the burst has a wrong CRC or number"
                 )
             if self._first is None:
                 self._first = frame
@@ -217,8 +235,7 @@ class _Drain:
         return None
 
     def _seek(self, word: int) -> None:
-        """Makes sure that the next word read is `word`: asks where the board is, and sets it back
-        only where it is elsewhere."""
+        """Sets the board's read pointer to `word`, unless it already is there."""
         self._tail = b""
         board = self.board
         for _ in range(_STALLS):
@@ -248,7 +265,7 @@ def _check_size(info: BoardInfo, rows: _Rows, frames: int) -> None:
 
 
 def _frame_s(board: Board, info: BoardInfo, settings: dict[str, int]) -> float:
-    """Returns how long a frame takes here."""
+    """Duration of a frame in the host's time, s."""
     clocks = max(settings["sensor_tick_clocks"], board.read_twice("sensor_tick_minimum"))
     period = clocks << settings["sensor_clock_select"]
     return period / info.clock_hz * board.bone.time_scale
@@ -265,11 +282,11 @@ def _await(board: Board, info: BoardInfo, settings: dict[str, int], frames: int)
         if state & _DONE and board.read_twice("capture_state") & _DONE:
             return
         if now > end:
-            what = "never began" if state & _ARMED else "did not end"
+            what = "did not begin" if state & _ARMED else "did not end"
             raise LineFault(Cause.LATE, f"the burst of {frames} frames {what}")
         board.bone.pause(frame_s)
 
 
 def _await_stop(board: Board, info: BoardInfo, settings: dict[str, int]) -> None:
-    """The frame under way is finished before the sensor stands still."""
+    """Waits until the sensor has finished the frame in progress."""
     board.bone.pause(2 * _frame_s(board, info, settings))

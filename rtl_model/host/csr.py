@@ -1,7 +1,7 @@
-"""Registers by name from the `csr.csv` of any LiteX design, or from our own table.
+"""Register maps from the `csr.csv` of any LiteX design, or from a table of this project.
 
 Rows are `csr_base,name,address,,`, `csr_register,name,address,words,mode`, `constant,name,value,,`
-and `memory_region,name,address,bytes,type` (LiteX, soc/integration/export.py); `#` begins a
+and `memory_region,name,address,bytes,type` (LiteX, soc/integration/export.py). `#` begins a
 comment, other rows are ignored. A register of several words has its most significant word first.
 """
 
@@ -23,14 +23,19 @@ __all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "imager_map",
 
 _MODES = ("ro", "rw", "wo")
 _TOP = 1 << 32
-_WORDS_MAX = 1 << 10  # of a register; LiteX's longest are some tens
-
+_WORDS_MAX = 1 << 10  # of a register; the longest of LiteX have some tens
 
 _NOTHING: Mapping[str, Register] = MappingProxyType({})
 
 
 class CsrRegister(NamedTuple):
-    """Byte address of the first word, number of words, "ro", "rw" or "wo"."""
+    """One register.
+
+    Attributes:
+        address: of the first word, bytes.
+        words: number of words.
+        mode: "ro", "rw" or "wo".
+    """
 
     address: int
     words: int
@@ -38,7 +43,13 @@ class CsrRegister(NamedTuple):
 
 
 class MemoryRegion(NamedTuple):
-    """Byte address, size in bytes, LiteX's word for its type ("cached", "io", ..)."""
+    """One memory.
+
+    Attributes:
+        address: of the first word, bytes.
+        size: bytes.
+        kind: LiteX's name of its type, such as "cached" or "io".
+    """
 
     address: int
     size: int
@@ -46,10 +57,19 @@ class MemoryRegion(NamedTuple):
 
 
 class CsrMap(NamedTuple):
-    """What a `csr.csv` says. `data_width` bits of a register stand in each of its words (LiteX's
-    config_csr_data_width, 8 or 32), which are `stride` bytes apart; `ours`: every register of our
-    own board's table is there; `imager`: the kind of imager of ours that it is. `table`: what is
-    known of each register beyond the file, where the design is one of ours."""
+    """The contents of a `csr.csv`.
+
+    Attributes:
+        registers, memories: by name.
+        constants: values by name.
+        bases: byte address of each group of registers by name.
+        data_width: bits of a register in each of its words, 8 or 32 (LiteX's
+            config_csr_data_width).
+        stride: distance of the words of a register, bytes.
+        ours: whether every register of the Viform board exists.
+        imager: name of the imager of this project that the map describes, else None.
+        table: further facts on each register of a Viform board or imager, else empty.
+    """
 
     registers: dict[str, CsrRegister]
     constants: dict[str, int | str]
@@ -62,9 +82,9 @@ class CsrMap(NamedTuple):
     table: Mapping[str, Register] = _NOTHING
 
     def register(self, name: str) -> CsrRegister:
-        """Returns a register, or InputError that names what is like it."""
-        found = self.registers.get(name)
-        if found is None:
+        """A register by name. Raises InputError with similar names if there is none."""
+        register = self.registers.get(name)
+        if register is None:
             import difflib
 
             like = difflib.get_close_matches(name, self.registers, 3, 0.4)
@@ -74,10 +94,10 @@ class CsrMap(NamedTuple):
                 repr(name),
                 "`viform board regs --list` lists them",
             )
-        return found
+        return register
 
     def base(self, name: str) -> int:
-        """Returns the byte address of a memory or of a group of registers; InputError for none."""
+        """Byte address of a memory or a group of registers. Raises InputError if there is none."""
         if name in self.memories:
             return self.memories[name].address
         if name in self.bases:
@@ -88,17 +108,17 @@ class CsrMap(NamedTuple):
 
 
 def default_map(geometry: Geometry | None = None) -> CsrMap:
-    """Returns the map of our own board; sizes of memories are those of `geometry`."""
-    return _parse("our own table", csr_csv(geometry or Geometry()))
+    """The map of the Viform board, with the memory sizes of `geometry`."""
+    return _parse("the register table", csr_csv(geometry or Geometry()))
 
 
 def imager_map(name: str) -> CsrMap:
-    """Returns the map of a conventional imager by its kind's name; InputError for none."""
-    return _parse("our own table", design(name).csr_csv())
+    """The map of a conventional imager by name. Raises InputError for an unknown name."""
+    return _parse("the register table", design(name).csr_csv())
 
 
 def read_csr(path: Path) -> CsrMap:
-    """Returns what a `csr.csv` says. InputError, with the line, for a file that is none."""
+    """Reads a `csr.csv`. Raises InputError, with the line, for another file."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as exc:
@@ -149,22 +169,22 @@ def _parse(name: str, text: str) -> CsrMap:
     width = constants.get("config_csr_data_width", 32)
     if width not in (8, 32):
         raise InputError(
-            f"config_csr_data_width of {name}", "8 or 32", repr(width), "mend the file"
+            f"config_csr_data_width of {name}", "8 or 32", repr(width), "correct the file"
         )
     alignment = constants.get("config_csr_alignment", 32)
     if alignment not in (32, 64):
         raise InputError(
-            f"config_csr_alignment of {name}", "32 or 64", repr(alignment), "mend the file"
+            f"config_csr_alignment of {name}", "32 or 64", repr(alignment), "correct the file"
         )
     ours = {entry.name for entry in REGISTERS} <= registers.keys()
     table = {entry.name: entry for entry in REGISTERS} if ours else {}
     imager = constants.get(CONSTANT)
     if not ours and isinstance(imager, str) and imager in IMAGERS:
         table = {entry.name: entry for entry in design(imager).registers}
-    fitting = bool(table) and table.keys() <= registers.keys()
+    complete = bool(table) and table.keys() <= registers.keys()
     return CsrMap(
         registers, constants, bases, memories, int(width), int(alignment) // 8, ours,
-        str(imager) if fitting and not ours else None, table if fitting else _NOTHING,
+        str(imager) if complete and not ours else None, table if complete else _NOTHING,
     )  # fmt: skip
 
 
@@ -193,5 +213,5 @@ def _constant(text: str) -> int | str:
         return text
 
 
-def _bad(place: str, must: str, given: str) -> InputError:
-    return InputError(place, must, repr(given[:80]), "write the file anew with LiteX's --csr-csv")
+def _bad(place: str, must: str, actual: str) -> InputError:
+    return InputError(place, must, repr(actual[:80]), "write the file again with LiteX's --csr-csv")

@@ -1,4 +1,4 @@
-"""What may be wrong with a line or the board behind it, each with what to do about it."""
+"""Faults of a line or of the board behind it, each with advice."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Cause", "LineFault"]
 
 
 class Cause(enum.Enum):
-    """Why a board does not answer as it must. The value is the name used in documents."""
+    """Why a board does not answer correctly. The value is the name in documents."""
 
     NO_PORT = "no-port"
     BUSY = "busy"
@@ -31,34 +31,40 @@ class Cause(enum.Enum):
 
     @property
     def advice(self) -> str:
-        """What to do about it, one line."""
+        """What to do, one line."""
         return _ADVICE[self]
 
 
 _ADVICE = {
-    Cause.NO_PORT: "plug the board in, or name one of the ports that are there",
-    Cause.BUSY: "end the other program that holds the port (`fuser -v` names it)",
+    Cause.NO_PORT: "plug the board in, or name an existing port",
+    Cause.BUSY: "end the other program that uses the port (`fuser -v` names it)",
     Cause.PERMISSION: "join the group that owns the port (`sudo usermod -aG dialout $USER`) "
-    "and log in anew",
-    Cause.GONE: "check cable and power of the board, then open the port anew",
+    "and log in again",
+    Cause.GONE: "check cable and power of the board, then open the port again",
     Cause.STUCK: "check flow control and that something reads the other end",
     Cause.SILENT: "check power, that TX and RX are crossed, the baud and the board's clock",
-    Cause.SHORT: "bytes were lost: check cable, baud and buffers; the board's counters say whose",
+    Cause.SHORT: "bytes were lost: check cable, baud, buffers and the board's counters",
     Cause.GARBLED: "check cable, ground, levels and baud",
-    Cause.BAUD: "give the board's real baud, or mend its clock or divider",
+    Cause.BAUD: "give the board's real baud, or correct its clock or divider",
     Cause.ECHO: "the line returns what is sent: remove the loop, or turn the adapter's echo off",
     Cause.WATCHDOG: "the board cut the transaction after 100 ms: raise the baud, or give the "
     "time scale of a simulated board",
-    Cause.RESTARTED: "the board started anew: check its supply and its reset",
-    Cause.NOT_OURS: "give the csr.csv of the design that is loaded, or load the right one",
+    Cause.RESTARTED: "the board restarted: check its supply and its reset",
+    Cause.NOT_OURS: "give the csr.csv of the loaded design, or load the right design",
     Cause.MISPLACED: "words went to a wrong address: check the line, then reset the board",
-    Cause.LATE: "what was waited for did not happen: check that the sensor runs",
-    Cause.DIFFERS: "replay with the program and settings that made the log",
+    Cause.LATE: "the expected event did not happen: check that the sensor runs",
+    Cause.DIFFERS: "replay with the program version and settings of the log",
 }
 
 
 class LineFault(ViformError):
-    """The line or the board failed: `cause`, what happened (`text`) and what to do (`advice`)."""
+    """The line or the board failed.
+
+    Attributes:
+        cause: kind of the fault.
+        text: what happened.
+        advice: what to do; that of the cause by default.
+    """
 
     def __init__(self, cause: Cause, text: str, advice: str | None = None) -> None:
         self.cause, self.text = cause, text

@@ -1,10 +1,14 @@
-"""A log of the line as JSON lines, each written as it happens: what was asked, what came, when.
+"""A log of all transactions on the line, as JSON lines that are written at once.
 
 Every line has `monotonic` (seconds of the port's clock), `wall` (UTC) and `event`:
-`write` (`hex`, `command`, `address` in bytes, `words`), `read` (`hex`, `wanted` bytes, `more` hex
-beyond them, `fault` or null), `stray` (`hex`: bytes nobody asked for), `silence` and `chatter`
-(`value`: bytes dropped), `baud` (`value`). The first line is `open` (`format`, `port`, `baud`, and
-what the session was, as far as it said: `simulated`, `time_scale`, `frames`).
+
+    open             First line: `format`, `port`, `baud` and, where known, the session's
+                     `simulated`, `time_scale` and `frames`.
+    write            A request: `command`, `address` (bytes), `words`, `hex`.
+    read             An answer: `wanted` bytes, `hex`, `more` (surplus bytes), `fault` or null.
+    stray            Bytes without a request: `hex`.
+    silence, chatter The line was brought to silence, or could not be: `value` dropped bytes.
+    baud             Another baud: `value`.
 """
 
 from __future__ import annotations
@@ -18,18 +22,21 @@ from types import TracebackType
 from cosim import InputError
 from rtl_model.host.ports import Port
 
-__all__ = ["FORMAT", "Recorder"]
+__all__ = ["FORMAT", "LineLog"]
 
 FORMAT = "viform-line-1"
 
 _COMMANDS = {1: "write", 2: "read", 3: "write fixed", 4: "read fixed"}
 
 
-class Recorder:
-    """Writes the log of one port to `path`. InputError where that cannot be written.
+class LineLog:
+    """Writes the log of one port. Raises InputError if the file cannot be written.
 
-    clock: gives the monotonic time; None is the port's. session: what the first line says besides
-        format, port and baud.
+    Args:
+        path: the file.
+        port: whose transactions are logged.
+        clock: returns the monotonic time, s; the port's if None.
+        session: further fields of the first line.
     """
 
     def __init__(
@@ -52,7 +59,7 @@ class Recorder:
             ) from exc
         self._line("open", format=FORMAT, port=port.name, baud=port.baud, **(session or {}))
 
-    def __enter__(self) -> Recorder:
+    def __enter__(self) -> LineLog:
         return self
 
     def __exit__(
@@ -64,24 +71,24 @@ class Recorder:
         self.close()
 
     def write(self, packet: bytes, address: int, words: int) -> None:
-        """A transaction was begun: all that is sent of it."""
+        """Logs a request: its packet, byte address and number of words."""
         command = _COMMANDS[packet[0]]
         self._line("write", command=command, address=f"{address:#x}", words=words, hex=packet.hex())
 
     def read(self, wanted: int, data: bytes, more: bytes, fault: str | None) -> None:
-        """An answer came, or what there was of it."""
+        """Logs an answer, complete or not: bytes wanted, received and surplus, and its fault."""
         self._line("read", wanted=wanted, hex=data.hex(), more=more.hex(), fault=fault)
 
     def stray(self, data: bytes) -> None:
-        """Bytes came that nobody asked for."""
+        """Logs bytes that came without a request."""
         self._line("stray", hex=data.hex())
 
     def note(self, what: str, value: int) -> None:
-        """Silence, chatter or another baud."""
+        """Logs an event with a value: silence, chatter or baud."""
         self._line(what, value=value)
 
     def close(self) -> None:
-        """Ends the log."""
+        """Closes the file."""
         self._file.close()
 
     def _line(self, event: str, **more: object) -> None:

@@ -11,8 +11,8 @@ from rtl_model.host.faults import Cause, LineFault
 
 __all__ = ["upload"]
 
-_REPEATS = 3  # of a block: writing it again changes nothing
-_MENDABLE = (Cause.SHORT, Cause.GARBLED)
+_REPEATS = 3  # of a block, which may be written again without effect
+_RECOVERABLE = (Cause.SHORT, Cause.GARBLED)
 
 
 def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
@@ -21,10 +21,13 @@ def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
     The words are checked by the board's count and CRC-32.
 
     Args:
-        board: ours.
-        image: electrons in a tick, (rows, columns), 0 to 255. Raises InputError for another size or
-            range.
+        board: a Viform board.
+        image: electrons in a tick, (rows, columns), integers 0 to 255.
         readback: whether the words are read again, which also checks their addresses.
+
+    Raises:
+        InputError: for an image of another size or range.
+        LineFault: if a block fails repeatedly.
     """
     info = board.info()
     pixels = np.asarray(image)
@@ -36,7 +39,7 @@ def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
             "scale it",
         )
     if pixels.dtype.kind not in "uib" or pixels.min() < 0 or pixels.max() > 255:
-        raise InputError("the pattern", "whole numbers, 0 to 255", "others", "scale and round it")
+        raise InputError("the pattern", "integers from 0 to 255", "others", "scale and round it")
     wide = 32 * info.geometry.row_words
     padded = np.zeros((info.rows, wide), np.uint8)
     padded[:, : info.columns] = pixels
@@ -51,7 +54,7 @@ def upload(board: Board, image: npt.ArrayLike, *, readback: bool = True) -> int:
                 board.verified_write(base + 4 * start, block, readback=readback)
                 break
             except LineFault as fault:
-                if not left or fault.cause not in _MENDABLE:
+                if not left or fault.cause not in _RECOVERABLE:
                     raise
                 repeated += 1
                 board.bone.resynchronise()

@@ -1,8 +1,8 @@
 """Serial ports of any kind behind one protocol: devices, ptys, `socket://`, `rfc2217://`, `loop://`.
 
-pyserial's ports differ where it matters: a pty takes any baud, knows no modem lines (ENOTTY), no
-low latency (ValueError) and no parity (EINVAL), and is not among the listed ports; so nothing here
-relies on those. Timeouts are always set, both ways, and every fault has a cause.
+The ports of pyserial differ. A pty accepts any baud, has no modem lines (ENOTTY), no low-latency
+mode (ValueError) and no parity (EINVAL), and is not listed. This file relies on none of these. All
+reads and writes have timeouts, and every fault has a cause.
 """
 
 from __future__ import annotations
@@ -24,45 +24,50 @@ if TYPE_CHECKING:
 
 __all__ = ["Port", "SerialPort", "is_pty", "latency_timer", "open_port", "ports_here"]
 
-_POLL_S = 0.01  # a read looks at its deadline this often
+_POLL_S = 0.01  # interval at which a read checks its deadline
 _TIMERS = Path("/sys/bus/usb-serial/devices")
-_WRITE_S = 1.0  # least time allowed for a write
+_WRITE_S = 1.0  # shortest time limit of a write
 
 
 class Port(Protocol):
-    """Bytes both ways. A test, a log and a model of a board are ports as well."""
+    """A bidirectional stream of bytes: a serial port, a log, or a model of a board.
+
+    Attributes:
+        name: for messages.
+        baud: rate of the host.
+    """
 
     name: str
     baud: int
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that came within `deadline_s` seconds from now."""
+        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
 
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
-        """Hands all bytes on within `deadline_s` seconds, or LineFault."""
+        """Sends all bytes within `deadline_s` seconds. Raises LineFault if that fails."""
 
     def drain(self) -> bytes:
-        """Returns what has come and was not read, without waiting."""
+        """Returns the unread bytes without waiting."""
 
     def set_baud(self, baud: int) -> None:
-        """Changes the host's own rate."""
+        """Changes the host's rate."""
 
     def now(self) -> float:
-        """Returns the port's monotonic time, seconds."""
+        """The port's monotonic time, s."""
 
     def close(self) -> None:
-        """Gives the port back; may be called twice."""
+        """Closes the port; may be called twice."""
 
 
 class SerialPort:
-    """A port of pyserial. Made by `open_port`."""
+    """A port of pyserial, opened by `open_port`."""
 
     def __init__(self, inner: serial.Serial, name: str) -> None:
         self.inner, self.name = inner, name
         self.baud = int(inner.baudrate)
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that came within `deadline_s` seconds."""
+        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
         end = time.monotonic() + deadline_s
         got = b""
         with _named(self.name):
@@ -75,14 +80,14 @@ class SerialPort:
                     return got
 
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
-        """Hands all bytes to the system, or LineFault STUCK after `deadline_s` seconds."""
+        """Passes all bytes to the system. Raises LineFault STUCK after `deadline_s` seconds."""
         with _named(self.name):
             if deadline_s > self.inner.write_timeout:  # each change reconfigures the port
                 self.inner.write_timeout = 2 * deadline_s
             self.inner.write(data)
 
     def drain(self) -> bytes:
-        """Returns what stands in the input buffer."""
+        """Returns the contents of the input buffer."""
         got = b""
         with _named(self.name):
             while waiting := self.inner.in_waiting:
@@ -93,7 +98,10 @@ class SerialPort:
         return got
 
     def set_baud(self, baud: int) -> None:
-        """Changes the host's rate. InputError where the adapter cannot, LineFault GONE."""
+        """Changes the host's rate.
+
+        Raises InputError if the adapter does not support it, LineFault GONE.
+        """
         try:
             with _named(self.name):
                 self.inner.baudrate = baud
@@ -102,19 +110,21 @@ class SerialPort:
         self.baud = baud
 
     def now(self) -> float:
-        """Returns the system's monotonic time, seconds."""
+        """The system's monotonic time, s."""
         return time.monotonic()
 
     def modem_lines(self) -> dict[str, bool] | None:
-        """Returns CTS, DSR, RI and CD, or None where the port has none (a pty, a socket)."""
+        """The lines CTS, DSR, RI and CD; None if the port has none, as a pty or a socket."""
         try:
             return {name: bool(getattr(self.inner, name)) for name in ("cts", "dsr", "ri", "cd")}
         except (OSError, ValueError, AttributeError):
             return None
 
     def low_latency(self, wanted: bool = True) -> bool:
-        """Asks the driver for low latency (1 ms with FTDI's); returns whether it granted it. A pty
-        and a socket never do."""
+        """Requests the driver's low-latency mode (1 ms for FTDI); returns whether it is granted.
+
+        Ptys and sockets do not have it.
+        """
         try:
             self.inner.set_low_latency_mode(wanted)
         except (OSError, ValueError, AttributeError, NotImplementedError):
@@ -122,15 +132,15 @@ class SerialPort:
         return True
 
     def close(self) -> None:
-        """Gives the port back."""
+        """Closes the port."""
         try:
             self.inner.close()
         except OSError:
-            return  # it had gone; there is nothing left to give back
+            return  # the device has been removed
 
 
 class _named:
-    """Turns what pyserial and the system raise inside the block into a LineFault."""
+    """Context that turns the errors of pyserial and the system into LineFault."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -145,18 +155,24 @@ class _named:
 
         if isinstance(error, serial.SerialTimeoutException):
             raise LineFault(
-                Cause.STUCK, f"{self.name} took no more bytes to send in the time allowed"
+                Cause.STUCK, f"{self.name} did not accept the bytes to send within the time limit"
             ) from error
-        # TypeError: pyserial, closed under a read; termios.error is no OSError
+        # TypeError: pyserial, if the port closes during a read; termios.error is not an OSError
         if isinstance(error, OSError | TypeError | termios.error):
-            raise LineFault(Cause.GONE, f"{self.name} went away ({_plain(error)})") from error
+            raise LineFault(Cause.GONE, f"{self.name} disappeared ({_plain(error)})") from error
 
 
 def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
     """Opens a port by any URL of pyserial, 8 data bits, no parity, one stop bit.
 
-    exclusive: no other program may open it meanwhile (where the system can).
-    LineFault NO_PORT, BUSY or PERMISSION; InputError for a URL or baud that cannot be.
+    Args:
+        url: a device or a URL of pyserial.
+        baud: of the line.
+        exclusive: whether other programs are locked out, if the system supports it.
+
+    Raises:
+        LineFault: NO_PORT, BUSY or PERMISSION.
+        InputError: for an invalid URL or baud.
     """
     import serial
 
@@ -165,7 +181,7 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
     if not url.strip():
         raise _bad_url(url, ValueError("nothing"))
     if url.lower().startswith("socket://") and not _names_a_port(url):
-        raise _bad_url(url, ValueError("its port is missing or no number up to 65535"))
+        raise _bad_url(url, ValueError("its port is missing or not a number up to 65535"))
     try:
         inner = serial.serial_for_url(
             url,
@@ -177,12 +193,12 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
         )
     except (ValueError, re.error) as exc:
         raise _bad_url(url, exc) from exc
-    except OSError as exc:  # hwgrep:// looks for its port at once
+    except OSError as exc:  # hwgrep:// searches its port at once
         raise _refused(url, exc) from exc
     try:
         inner.open()
     except (OSError, termios.error, LookupError, TypeError) as exc:
-        # The last two are what URL handlers let through of parts that they cannot read.
+        # URL handlers raise the last two for parts that they cannot parse.
         raise _refused(url, exc) from exc
     except ValueError as exc:
         if "baud" in str(exc).lower():
@@ -192,7 +208,7 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
 
 
 def _names_a_port(url: str) -> bool:
-    """Whether a URL ends its host in :port; pyserial compares a missing one with a number."""
+    """Whether a URL has a port, which pyserial does not check before it compares numbers."""
     try:
         return bool(urlsplit(url).port)
     except ValueError:
@@ -200,14 +216,16 @@ def _names_a_port(url: str) -> bool:
 
 
 def is_pty(name: str) -> bool:
-    """Whether a port is a pseudo-terminal: then no hardware is behind it."""
+    """Whether a port is a pseudo-terminal, which has no hardware behind it."""
     return os.path.realpath(name).startswith("/dev/pts/")
 
 
 def latency_timer(name: str) -> tuple[Path, int | None]:
-    """Returns the file that says how long the FTDI adapter behind a port holds bytes back, and
-    those milliseconds (16 as it comes: some 62 questions and answers a second); None for a port
-    that has no such timer."""
+    """The file of an FTDI adapter's latency timer, and its value, ms; None without a timer.
+
+    The adapter delays bytes by that time. Its default of 16 ms allows some 62 round trips per
+    second.
+    """
     path = _TIMERS / Path(os.path.realpath(name)).name / "latency_timer"
     try:
         return path, int(path.read_text())
@@ -216,8 +234,7 @@ def latency_timer(name: str) -> tuple[Path, int | None]:
 
 
 def ports_here() -> list[str]:
-    """Returns the serial ports that the system lists, `device (what it is)`; ptys are never among
-    them."""
+    """The serial ports that the system lists, as `device (description)`. Ptys are not listed."""
     from serial.tools import list_ports
 
     found = sorted(list_ports.comports(), key=lambda port: str(port.device))
@@ -228,7 +245,7 @@ _CAUSES = {
     errno.EACCES: Cause.PERMISSION,
     errno.EPERM: Cause.PERMISSION,
     errno.EBUSY: Cause.BUSY,
-    errno.EAGAIN: Cause.BUSY,  # flock: another program holds it
+    errno.EAGAIN: Cause.BUSY,  # flock: another program uses it
     errno.EWOULDBLOCK: Cause.BUSY,
 }
 
@@ -239,16 +256,18 @@ def _refused(url: str, error: BaseException) -> LineFault:
     if cause is Cause.BUSY:
         return LineFault(cause, f"{url} is in use by another program")
     if cause is Cause.PERMISSION:
-        return LineFault(cause, f"{url} may not be opened by this user", _group_advice(url))
+        return LineFault(cause, f"this user may not open {url}", _group_advice(url))
     here = ", ".join(ports_here()) or "none"
     if getattr(error.__context__, "args", ())[:1] == (errno.ENOTTY,):  # of termios, in pyserial's
         return LineFault(
-            cause, f"{url} is there and is no serial port; ports here: {here}", "name one that is"
+            cause,
+            f"{url} exists but is not a serial port; ports here: {here}",
+            "name a serial port",
         )
     return LineFault(
         cause,
         f"no serial port answers to {url} ({_plain(error)}); ports here: {here}",
-        "plug the board in, or name a port that is there (`viform board virtual` makes one)",
+        "plug the board in, or name an existing port (`viform board virtual` creates one)",
     )
 
 
@@ -260,8 +279,8 @@ def _group_advice(url: str) -> str:
     except (OSError, KeyError):
         group = "dialout"
     if group == "root":
-        group = "dialout"  # a rule of udev gives ports to it, not to root
-    return f"join the group {group} (`sudo usermod -aG {group} $USER`) and log in anew"
+        group = "dialout"  # a udev rule assigns ports to it, not to root
+    return f"join the group {group} (`sudo usermod -aG {group} $USER`) and log in again"
 
 
 def _plain(error: BaseException) -> str:
@@ -271,7 +290,7 @@ def _plain(error: BaseException) -> str:
 
 def _bad_baud(url: str, baud: int) -> InputError:
     return InputError(
-        f"the baud of {url}", "one that the adapter can make", str(baud), "give another --baud"
+        f"the baud of {url}", "one that the adapter supports", str(baud), "give another --baud"
     )
 
 

@@ -1,4 +1,4 @@
-"""Bit errors of the line, by pseudo-random words in both directions."""
+"""Measures bit errors of the line with pseudo-random words in both directions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtl_model.prbs import ORDERS, Prbs
 
 __all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
 
-_FAULTS = 3  # of one run, before the measurement is given up
+_FAULTS = 3  # most interrupted answers of one measurement
 
 
 class PrbsReport(NamedTuple):
@@ -43,7 +43,7 @@ class PrbsReport(NamedTuple):
 
 
 class Exchanged(NamedTuple):
-    """Words exchanged in both directions.
+    """Result of an exchange in both directions.
 
     Attributes:
         wrong: wrong bits of each word from the board, as 1s.
@@ -59,10 +59,10 @@ class Exchanged(NamedTuple):
 
 
 def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchanged:
-    """Reads words of the board's sequence and sends it as many.
+    """Reads words of the board's sequence, and sends it the same number.
 
     Args:
-        board: ours.
+        board: a Viform board.
         order: of the sequence.
         words: number of words in each direction.
         faults: most interrupted answers; the LineFault of the next one is raised.
@@ -100,12 +100,14 @@ def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchan
 def check(board: Board, order: int, words: int) -> PrbsReport:
     """Counts wrong bits of words in both directions.
 
-    Raises LineFault if more than three answers are interrupted.
-
     Args:
-        board: ours.
+        board: a Viform board.
         order: of the sequence, 7, 15, 23 or 31.
         words: number of words in each direction.
+
+    Raises:
+        InputError: for another order.
+        LineFault: if more than three answers are interrupted.
     """
     if order not in ORDERS:
         raise InputError("the order of a PRBS", "7, 15, 23 or 31", str(order), "choose one")

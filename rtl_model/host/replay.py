@@ -1,7 +1,7 @@
 """A port that answers from a log, without a board.
 
-What the host asks must be what it asked then; at the first difference a LineFault DIFFERS says
-what was asked, what the log holds, and on which line.
+The host must send the logged requests. At the first difference LineFault DIFFERS states what the
+host sent, what the log contains, and the line.
 """
 
 from __future__ import annotations
@@ -17,15 +17,21 @@ from rtl_model.host.log import FORMAT
 __all__ = ["ReplayPort"]
 
 _HEX = {"write": ("hex",), "read": ("hex", "more"), "stray": ("hex",)}
-_ANSWER = 4 * 255  # bytes of the longest
+_ANSWER = 4 * 255  # bytes of the longest answer
 _VALUES = {"silence", "chatter", "baud"}
 
 
 class ReplayPort:
-    """A port over the log at `path`. InputError, with the line, for a file that is none.
+    """Implements `Port` over the log at `path`.
 
-    logged_port: the one that was spoken to. simulated: whether nothing real was behind it, None
-    where the log does not say; time_scale, frames: of the session, likewise.
+    Raises InputError, with the line, for a file that is not a log.
+
+    Attributes:
+        name: for messages.
+        baud: of the line.
+        logged_port: name of the port in the log.
+        simulated: whether a simulated board was behind the port; None if the log does not state it.
+        time_scale, frames: of the session; None if the log does not state them.
     """
 
     def __init__(self, path: Path) -> None:
@@ -37,53 +43,53 @@ class ReplayPort:
         self.simulated, self.time_scale, self.frames = _session(first)
         self._time = float(first["monotonic"])
         self._next = 1
-        self._more = b""  # beyond the answer that was read last
+        self._more = b""  # surplus bytes of the last answer
 
     @property
     def finished(self) -> bool:
-        """Whether the host has asked all that the log holds."""
+        """Whether the log has no more events."""
         return self._next >= len(self._events)
 
     def now(self) -> float:
-        """Returns the time of the log, and of waiting in it."""
+        """The time in the log, advanced by waits, s."""
         return self._time
 
     def write(self, data: bytes, deadline_s: float = 0.0) -> None:
-        """Holds a request against the log."""
+        """Compares a request with the log. Raises LineFault DIFFERS."""
         event = self._peek()
         if event is None or event["event"] != "write" or bytes.fromhex(event["hex"]) != data:
-            held = "the end of the log" if event is None else _told(event)
+            event_text = "the end of the log" if event is None else _describe(event)
             raise LineFault(
                 Cause.DIFFERS,
                 f"line {self._next + 1} of the {self.name}: the host sends {data.hex()}, "
-                f"the log holds {held}",
+                f"the log contains {event_text}",
             )
         self._take()
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns what the log has come back with."""
+        """The answer in the log. Raises LineFault DIFFERS if another event follows."""
         event = self._peek()
         if count == 1 and self._more:
             got, self._more = self._more[:1], self._more[1:]
             return got
-        if count == 1 or count > _ANSWER:  # the host waits, for time to pass or for silence
+        if count == 1 or count > _ANSWER:  # the host waits for time to pass or for silence
             if count > 1 and event is not None and event["event"] in ("silence", "chatter"):
                 self._take()
             self._time += deadline_s
             return b""
         if event is None or event["event"] != "read" or event["wanted"] != count:
-            held = "the end of the log" if event is None else _told(event)
+            event_text = "the end of the log" if event is None else _describe(event)
             raise LineFault(
                 Cause.DIFFERS,
                 f"line {self._next + 1} of the {self.name}: the host waits for {count} bytes, "
-                f"the log holds {held}",
+                f"the log contains {event_text}",
             )
         self._take()
         self._more = bytes.fromhex(event["more"])
         return bytes.fromhex(event["hex"])
 
     def drain(self) -> bytes:
-        """Returns bytes that came unasked at this place of the log."""
+        """The bytes that came without a request at this place in the log."""
         got, self._more = self._more, b""
         event = self._peek()
         if event is not None and event["event"] == "stray":
@@ -92,14 +98,14 @@ class ReplayPort:
         return got
 
     def set_baud(self, baud: int) -> None:
-        """Goes with the log."""
+        """Takes the change of baud from the log, if one follows."""
         self.baud = baud
         event = self._peek()
         if event is not None and event["event"] == "baud":
             self._take()
 
     def close(self) -> None:
-        """Does nothing: a replay holds no port."""
+        """Does nothing: no port is open."""
 
     def _peek(self) -> dict[str, Any] | None:
         return None if self.finished else self._events[self._next]
@@ -118,13 +124,13 @@ def _session(first: dict[str, Any]) -> tuple[bool | None, float | None, int | No
     )
 
 
-def _told(event: dict[str, Any]) -> str:
+def _describe(event: dict[str, Any]) -> str:
     if event["event"] == "write":
         return (
             f"a {event['command']} of {event['words']} words at {event['address']} ({event['hex']})"
         )
     if event["event"] == "read":
-        return f"an answer of {event['wanted']} bytes ({event['hex'] or 'none came'})"
+        return f"an answer of {event['wanted']} bytes ({event['hex'] or 'none'})"
     return str(event["event"])
 
 
@@ -136,8 +142,8 @@ def _events(path: Path) -> list[dict[str, Any]]:
             f"{path}", "a log of a line", f"unreadable ({exc})", "give one written with --log"
         ) from exc
     lines = text.split("\n")
-    whole = lines if lines[-1] else lines[:-1]
-    events = [_event(path, number, line) for number, line in enumerate(whole, 1)]
+    complete = lines if lines[-1] else lines[:-1]
+    events = [_event(path, number, line) for number, line in enumerate(complete, 1)]
     if not events:
         raise _bad(path, 1, "nothing")
     return events
@@ -149,26 +155,26 @@ def _event(path: Path, number: int, line: str) -> dict[str, Any]:
         kind = event["event"]
         event["monotonic"] = float(event["monotonic"])
         if number == 1:
-            sound = kind == "open" and event["format"] == FORMAT and type(event["baud"]) is int
+            valid = kind == "open" and event["format"] == FORMAT and type(event["baud"]) is int
         elif kind in _HEX:
             for name in _HEX[kind]:
                 bytes.fromhex(event[name])
-            sound = kind != "read" or type(event["wanted"]) is int
+            valid = kind != "read" or type(event["wanted"]) is int
             if kind == "write":
-                sound = all(name in event for name in ("command", "words", "address"))
+                valid = all(name in event for name in ("command", "words", "address"))
         else:
-            sound = kind in _VALUES and type(event["value"]) is int
+            valid = kind in _VALUES and type(event["value"]) is int
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as exc:
         raise _bad(path, number, line[:60]) from exc
-    if not sound:
+    if not valid:
         raise _bad(path, number, line[:60])
     return dict(event)
 
 
-def _bad(path: Path, number: int, given: str) -> InputError:
+def _bad(path: Path, number: int, actual: str) -> InputError:
     return InputError(
         f"line {number} of {path}",
         f"an event of a {FORMAT} log",
-        repr(given),
-        "give a log written with --log, as it was written",
+        repr(actual),
+        "give an unchanged log, written with --log",
     )

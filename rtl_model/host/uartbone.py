@@ -1,11 +1,10 @@
 """LiteX's uartbone from the host's side: words at byte addresses, over any port.
 
-The wire has no acknowledgement, no CRC and no status; the board forgets a transaction 100 ms after
-its first byte (litex/soc/cores/uart.py). So a transaction is kept under 50 ms of line time, an
-answer is read to its exact length with one request outstanding, and after any fault the line is
-kept silent until the board has forgotten. What a plain read returns can be wrong without a sign
-(one flipped bit): `read_twice`, the counters of writes (`Board.write`) and the CRC of captured rows
-are there for that.
+The protocol has no acknowledgement, no CRC and no status. The board drops a transaction 100 ms
+after its first byte (litex/soc/cores/uart.py). Therefore a transaction takes less than 50 ms of
+line time, only one request is outstanding, and after any fault the host keeps silent until the
+board has dropped the transaction. A plain read cannot detect a flipped bit. `read_twice`, the
+counters of writes (`Board.write`) and the CRC of captured rows can.
 """
 
 from __future__ import annotations
@@ -20,54 +19,60 @@ from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.ports import Port
 
 if TYPE_CHECKING:
-    from rtl_model.host.log import Recorder
+    from rtl_model.host.log import LineLog
 
 __all__ = ["BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone"]
 
 PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
-"""For an answer, beyond line time. A simulated board on a busy machine may be late: its thread does
-not run for long, and no line is to blame for that."""
+"""Longest wait for an answer beyond line time, s. A busy machine may suspend the thread of a
+simulated board."""
 
 _WRITE, _READ, _WRITE_FIXED, _READ_FIXED = 1, 2, 3, 4
 _HEADER = 6  # bytes: command, length, word address
 _BITS = 10  # of a byte on the line, 8N1
-_WORDS = 255  # of a transaction; length 0 would be 256
+_WORDS = 255  # most words of a transaction; length 0 would be 256
 _TRANSACTION_S = 0.05  # half of the board's watchdog
 _FORGOTTEN_S = 0.11  # silence after which a board has dropped a transaction
-_CHATTER = 20  # silences waited for before a line is said never to be silent
+_CHATTER = 20  # failed waits for silence before a fault is raised
 _GULP = 1 << 16  # bytes; more than any answer, so that a read of them waits for silence
-_TAIL = 2  # bytes' time that the line must be silent after an answer; a board slower than life is
-# not waited for: what it sends later counts as strays before the next request
+_TAIL = 2  # bytes' time of silence that is checked after an answer; later bytes of a board slower
+# than real time count as strays before the next request
 _TEXT = re.compile(rb"[ -~\t\r\n]+")
-_MORE_TEXT = 4  # bytes beyond an answer, from which on printable ones are taken for text
-_SLACK = 1.25  # of line time: stop bits, gaps, a clock that is off
+_MORE_TEXT = 4  # least surplus bytes of an answer that is taken for text
+_SLACK = 1.25  # factor of line time for stop bits, gaps and clock error
 
 FINAL = (Cause.GONE, Cause.STUCK, Cause.ECHO, Cause.DIFFERS)
-"""Causes that asking again mends none of, nor another baud."""
+"""Causes that neither a repeated request nor another baud can remove."""
 
 BAUD_MIN = int((_HEADER + 4) * _BITS / _TRANSACTION_S) + 1
-"""Slowest line on which one word still fits the time."""
+"""Lowest baud at which a transaction of one word takes less than 50 ms."""
 
 
 class Uartbone:
     """Master of a bus behind a port.
 
-    baud: of the line; None is the port's.
-    time_scale: seconds that a second of the board's clock takes here; more than 1 for a simulated
-        board that is slower than life.
-    patience_s: beyond line time, for the adapter's buffers and the system.
-    retries: of a read without effect, each after a silence. Writes and reads of a FIFO are never
-        sent twice.
-    log: takes every byte both ways.
+    Args:
+        port: to the board.
+        baud: of the line; the port's if None.
+        time_scale: seconds of the host's time to a second of the board's clock; more than 1 for a
+            simulated board that is slower than real time.
+        patience_s: wait for an answer beyond line time, s, for the buffers of adapter and system.
+        retries: of a read without side effect, each after a silence. Writes and reads of a FIFO are
+            never repeated.
+        log: records every transaction, None for no log.
 
     Attributes:
-        bytes_sent, bytes_read, strays, dropped: to the board; of answers; that came unasked; thrown
-            away while the line was brought to silence. The last three are all that ever came.
-        bytes_asked: that answers had to have, those that failed included.
-        words_written, written_crc: words sent to be written, and the CRC-32 of them, which goes on
-            from whatever it is set to.
-        on_other_answer: told (address, words that came, words that are right) of an answer that was
-            of the right length and wrong, as far as `read_twice` finds one.
+        bytes_sent: sent to the board.
+        bytes_read: received as answers.
+        strays: bytes received without a request.
+        dropped: bytes discarded while the line was brought to silence.
+        bytes_asked: total length of all requested answers, including failed ones.
+        words_written: words sent in writes.
+        written_crc: CRC-32 of these words, continued from any value that is assigned.
+        retried: number of repeated reads.
+        round_trips: number of answers, including failed ones.
+        on_other_answer: called with (address, received words, right words) for an answer of the
+            right length that a second reading has proved wrong; None for no call.
     """
 
     def __init__(
@@ -78,7 +83,7 @@ class Uartbone:
         time_scale: float = 1.0,
         patience_s: float = PATIENCE_S,
         retries: int = 2,
-        log: Recorder | None = None,
+        log: LineLog | None = None,
     ) -> None:
         self.port, self.time_scale = port, time_scale
         self.patience_s, self.retries, self.log = patience_s, retries, log
@@ -92,7 +97,7 @@ class Uartbone:
             )
         if not time_scale > 0:
             raise InputError("the time scale", "above 0", str(time_scale), "give another")
-        self._owed = 0  # bytes sent since the last answer: they may still be in a buffer
+        self._outstanding = 0  # bytes sent since the last answer, possibly still in a buffer
         self.bytes_sent = self.bytes_read = self.bytes_asked = self.dropped = 0
         self.retried = self.strays = self.round_trips = 0
         self.words_written = self.written_crc = 0
@@ -100,22 +105,29 @@ class Uartbone:
 
     @property
     def bytes_heard(self) -> int:
-        """All bytes that came from the board's side, wanted or not."""
+        """All bytes received: answers, strays and dropped ones."""
         return self.bytes_read + self.strays + self.dropped
 
     @property
     def words_at_once(self) -> int:
-        """Words of one transaction: under 50 ms of line time, at most 255."""
+        """Most words of one transaction: less than 50 ms of line time, at most 255."""
         bytes_at_once = _TRANSACTION_S * self.baud / _BITS
         return max(1, min(_WORDS, int((bytes_at_once - _HEADER - 1e-9) // 4)))
 
     def read(
         self, address: int, words: int = 1, *, fixed: bool = False, retry: bool | None = None
     ) -> list[int]:
-        """Returns `words` words from a byte address on, or all from that one where `fixed`.
+        """Reads words.
 
-        retry: whether reading twice is harmless; None: where not `fixed`. LineFault SILENT, SHORT,
-        GARBLED or ECHO; the line is then silent and the board ready for a command.
+        Args:
+            address: of the first word, bytes.
+            words: number of words.
+            fixed: whether all are read from the same address.
+            retry: whether the read may be repeated; by default unless `fixed`.
+
+        Raises:
+            LineFault: SILENT, SHORT, GARBLED or ECHO. The line is then silent and the board ready
+                for a command.
         """
         _check_address(address, 1 if fixed else words)
         again = self.retries if (not fixed if retry is None else retry) else 0
@@ -128,10 +140,10 @@ class Uartbone:
         return values
 
     def read_twice(self, address: int, words: int = 1) -> list[int]:
-        """Returns words that stand still, read until two readings in a row are the same: that a
-        flipped, lost or added byte goes unnoticed takes the same error twice.
+        """Reads words that do not change by themselves, until two consecutive readings agree.
 
-        LineFault GARBLED where they never are.
+        An error remains undetected only if it occurs identically in both. Raises LineFault GARBLED
+        if no two consecutive readings agree.
         """
         before: list[int] | None = None
         others: list[list[int]] = []
@@ -157,22 +169,33 @@ class Uartbone:
             fault, before = None, now
         if fault is not None:
             raise fault
-        raise LineFault(
-            Cause.GARBLED, f"two readings of {address:#x} that must be the same never were"
-        )
+        raise LineFault(Cause.GARBLED, f"no two consecutive readings of {address:#x} agreed")
 
     def other_answer(
         self, address: int, got: list[int], right: list[int], *, counted: bool = False
     ) -> None:
-        """An answer was of the right length and wrong: it counts as repeated, unless it is
-        `counted` already, and `on_other_answer` is told."""
+        """Reports an answer of the right length that was wrong to `on_other_answer`.
+
+        Args:
+            address: of the first word, bytes.
+            got: received words.
+            right: words of the repeated reading.
+            counted: whether `retried` already includes it.
+        """
         self.retried += not counted
         if self.on_other_answer is not None:
             self.on_other_answer(address, got, right)
 
     def write(self, address: int, values: Sequence[int] | int, *, fixed: bool = False) -> None:
-        """Writes words from a byte address on, or all to that one where `fixed`. Nothing says
-        whether they arrive; what was sent in part is never sent again. LineFault STUCK or GONE."""
+        """Writes words, without confirmation that they arrive.
+
+        A write that was sent in part is never repeated. Raises LineFault STUCK or GONE.
+
+        Args:
+            address: of the first word, bytes.
+            values: one word, or several, of which the lower 32 bits are written.
+            fixed: whether all are written to the same address.
+        """
         values = [values] if isinstance(values, int) else list(values)
         _check_address(address, 1 if fixed else len(values))
         for start in range(0, len(values), self.words_at_once):
@@ -185,25 +208,25 @@ class Uartbone:
             self.written_crc = zlib.crc32(data, self.written_crc)
 
     def resynchronise(self) -> int:
-        """Keeps silent until the board has forgotten what it was told in part and nothing comes
-        any more; returns the number of bytes dropped. LineFault GARBLED where bytes never end."""
-        silence = _FORGOTTEN_S * self.time_scale + self._line_s(self._owed)
+        """Keeps silent until the board has dropped an incomplete transaction and sends nothing.
+
+        Returns the number of dropped bytes. Raises LineFault GARBLED if the board keeps sending.
+        """
+        silence = _FORGOTTEN_S * self.time_scale + self._line_s(self._outstanding)
         dropped = 0
         for _ in range(_CHATTER):
             got = self.port.read(_GULP, silence)
             if not got:
                 self._note("silence", dropped)
-                self._owed = 0
+                self._outstanding = 0
                 return dropped
             dropped += len(got)
             self.dropped += len(got)
         self._note("chatter", dropped)
-        raise LineFault(
-            Cause.GARBLED, f"{self.port.name} keeps sending though nothing was asked of it"
-        )
+        raise LineFault(Cause.GARBLED, f"{self.port.name} keeps sending without a request")
 
     def pause(self, seconds: float) -> None:
-        """Waits; bytes that come meanwhile are counted as strays and dropped."""
+        """Waits. Bytes that arrive meanwhile are counted as strays and dropped."""
         end = self.port.now() + seconds
         while (left := end - self.port.now()) > 0:
             got = self.port.read(1, left)
@@ -212,7 +235,7 @@ class Uartbone:
             self._stray(got + self.port.drain())
 
     def set_baud(self, baud: int) -> None:
-        """Changes the host's rate, and all times with it."""
+        """Changes the host's rate, and all waiting times accordingly."""
         self.port.set_baud(baud)
         self.baud = baud
         self._note("baud", baud)
@@ -231,16 +254,16 @@ class Uartbone:
                 self.retried += 1
 
     def _read_once(self, address: int, count: int, fixed: bool) -> bytes:
-        if late := self.port.drain():
-            self._stray(late)
-            self.resynchronise()  # more may be on its way, and would be taken for the answer
+        if strays := self.port.drain():
+            self._stray(strays)
+            self.resynchronise()  # later bytes would be taken for the answer
         packet = _header(_READ_FIXED if fixed else _READ, count, address)
         self._send(packet, address, count)
         wanted = 4 * count
         self.bytes_asked += wanted
-        data = self.port.read(wanted, self._line_s(self._owed + wanted) + self.patience_s)
+        data = self.port.read(wanted, self._line_s(self._outstanding + wanted) + self.patience_s)
         more = b""
-        if len(data) == wanted:  # a byte too many shows that these may not be the ones asked for
+        if len(data) == wanted:  # a surplus byte shows that this may be another answer
             more = self.port.read(1, self._line_s(_TAIL) / self.time_scale)
             more += self.port.drain() if more else b""
         self.bytes_read += len(data) + len(more)
@@ -250,18 +273,18 @@ class Uartbone:
             self.log.read(wanted, data, more, None if fault is None else fault.cause.value)
         if fault is not None:
             raise fault
-        self._owed = 0
+        self._outstanding = 0
         return data
 
     def _send(self, packet: bytes, address: int, words: int) -> None:
         if self.log is not None:
             self.log.write(packet, address, words)
-        self._owed += len(packet)
-        self.port.write(packet, self._line_s(self._owed) + self.patience_s)
+        self._outstanding += len(packet)
+        self.port.write(packet, self._line_s(self._outstanding) + self.patience_s)
         self.bytes_sent += len(packet)
 
     def _line_s(self, count: int) -> float:
-        """Returns the longest that `count` bytes may take on the line, seconds."""
+        """Longest duration of `count` bytes on the line, s."""
         return _SLACK * count * _BITS / self.baud * self.time_scale
 
     def _stray(self, data: bytes) -> None:
@@ -279,31 +302,31 @@ def _header(command: int, count: int, address: int) -> bytes:
 
 
 def _judge(packet: bytes, wanted: int, data: bytes, more: bytes, name: str) -> LineFault | None:
-    """Returns what is wrong with an answer of `data` and, beyond its length, `more`."""
+    """The fault of an answer with the surplus bytes `more`; None for a right one."""
     got = data + more
     if len(got) == wanted:
         return None
     if not got:
         return LineFault(Cause.SILENT, f"nothing came back from {name}")
     if got.startswith(packet):
-        return LineFault(Cause.ECHO, f"{name} sent back the very bytes it was sent")
+        return LineFault(Cause.ECHO, f"{name} sent back the bytes of the request")
     if len(got) < wanted:
         return LineFault(Cause.SHORT, f"{len(got)} of {wanted} bytes came back from {name}")
-    told = f"{len(got)} bytes came back from {name} where {wanted} were asked for"
+    text = f"{len(got)} bytes came back from {name}, not {wanted}"
     if len(got) >= wanted + _MORE_TEXT and _TEXT.fullmatch(got):
-        text = " ".join(got.decode("ascii").split())[:40]
+        words = " ".join(got.decode("ascii").split())[:40]
         return LineFault(
-            Cause.GARBLED, f"{told}, as text: {text!r}",
+            Cause.GARBLED, f"{text}, as text: {words!r}",
             "that is another device or a console on this line: name the board's port",
         )  # fmt: skip
-    return LineFault(Cause.GARBLED, told)
+    return LineFault(Cause.GARBLED, text)
 
 
 def _check_address(address: int, words: int) -> None:
     if address % 4 or not 0 <= address <= (1 << 32) - 4 * words or words < 0:
         raise InputError(
             "an address",
-            "that of words in 32 bits of bytes",
+            "that of words below 2^32 bytes",
             f"{address:#x} for {words} words",
             "give a multiple of 4",
         )

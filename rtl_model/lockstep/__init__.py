@@ -1,4 +1,4 @@
-"""Verilog and cycle model in lockstep under random programs."""
+"""Lockstep comparison of Verilog and cycle model under random programs."""
 
 from rtl_model.lockstep.compare import run
 from rtl_model.lockstep.program import Program

@@ -1,8 +1,8 @@
-"""Verilog and cycle model side by side under one program: stopped at the first difference.
+"""Runs Verilog and cycle model under the same program and stops at the first difference.
 
-Tiles are compared as they are computed (clock, frame, row, tile, bits), and what the sink shows.
-Between chunks of the program every register that can be read is read at the same clock on both
-sides, and what stands in the capture memory once a burst is over.
+All tiles of the pixels and of the sink are compared (clock, frame, row, tile, bits). Between chunks
+of the program every readable register is read at the same clock on both sides, as is the capture
+memory after a burst.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rtl_model.verilated import VerilatedSystem, Waves, trace_format
 __all__ = ["Outcome", "run"]
 
 _ENDLESS = 1 << 62
-# armed: a burst may begin between two reads
+# States in which the capture registers may change between two reads.
 _MOVING = mask("capture_state", "armed") | mask("capture_state", "busy")
 _DONE = mask("capture_state", "done")
 _NAMES = {entry.address: entry.name for entry in REGISTERS}
@@ -33,8 +33,14 @@ _CAPTURE = {ADDRESS[f"capture_{name}"] for name in ("state", "level", "pointer",
 
 @dataclass
 class Outcome:
-    """What a run came to: clocks and pixel-cycles (pixels of the tiles that were compared, whether
-    in the window or not), what was covered, and the first difference if there is one."""
+    """Result of a run.
+
+    Attributes:
+        clock: number of clocks.
+        pixels: pixel-cycles, which are the pixels of all compared tiles, in the window or not.
+        coverage: of the sensor's settings.
+        difference: the first one, None if there is none.
+    """
 
     clock: int
     pixels: int
@@ -43,7 +49,7 @@ class Outcome:
 
 
 class _Stop(Exception):
-    """The clock to stop at is reached."""
+    """Ends the run: its last clock is reached, or there is a difference."""
 
 
 def run(
@@ -56,14 +62,20 @@ def run(
     window: int = 256,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcome:
-    """Compares until `pixels` pixel-cycles are reached, clock `until`, or a difference.
+    """Compares until `pixels` pixel-cycles, clock `until`, or the first difference.
 
-    sources: folder of Verilog; None is the design's own.
-    waves: file for waveforms of the `window` clocks before the difference and a quarter as many
-        after it, .fst or .vcd; nothing is written where there is no difference.
-    progress: called after each chunk with clocks and pixel-cycles so far; it may raise.
+    Args:
+        program: for both sides.
+        pixels: pixel-cycles after which the run ends.
+        until: clock at which the run ends, None for no limit.
+        sources: folder of the Verilog; the design's if None.
+        waves: file for waveforms around the difference, .fst or .vcd. Without a difference it is
+            not written.
+        window: clocks of the waveforms before the difference; a quarter as many follow it.
+        progress: called after each chunk with the clocks and pixel-cycles so far; it may raise.
 
-    Raises InputError where Verilator is missing or the waveforms' name cannot be used.
+    Raises:
+        InputError: if Verilator is missing or the name of the waveforms cannot be used.
     """
     if waves is not None:
         trace_format(waves)
@@ -71,27 +83,29 @@ def run(
         outcome = _Lockstep(program, verilog, _ENDLESS if until is None else until).run(
             pixels, progress
         )
-    found = outcome.difference
-    if found is not None:
-        found.sources = sources
-    if waves is not None and found is not None:
-        first, last = max(0, found.clock - window), found.until + window // 4
+    difference = outcome.difference
+    if difference is not None:
+        difference.sources = sources
+    if waves is not None and difference is not None:
+        first, last = max(0, difference.clock - window), difference.until + window // 4
         with contextlib.closing(
             VerilatedSystem(program.geometry, sources=sources, waves=Waves(waves, first, last))
         ) as verilog:
-            _Lockstep(program, verilog, found.until).run(_ENDLESS, None)
+            _Lockstep(program, verilog, difference.until).run(_ENDLESS, None)
             verilog.run(max(0, last - verilog.clock))
-        found.waves = waves
+        difference.waves = waves
     return outcome
 
 
 class _Lockstep:
+    """One run, up to clock `until`."""
+
     def __init__(self, program: Program, verilog: VerilatedSystem, until: int) -> None:
         self.program, self.verilog, self.until = program, verilog, until
         self.model = System(program.geometry)
         self.coverage = Coverage(program.geometry)
         self.pixels = 0
-        self.found: Difference | None = None
+        self.difference: Difference | None = None
 
     def run(self, pixels: float, progress: Callable[[int, int], None] | None) -> Outcome:
         number = 0
@@ -99,38 +113,39 @@ class _Lockstep:
             while self.pixels < pixels:
                 chunk = self.program.chunk(number, self.model.clock)
                 self._run(chunk)
-                self._look(chunk)
+                self._compare_registers(chunk)
                 number += 1
                 if progress is not None:
                     progress(self.model.clock, self.pixels)
-        return Outcome(self.model.clock, self.pixels, self.coverage, self.found)
+        return Outcome(self.model.clock, self.pixels, self.coverage, self.difference)
 
     def _run(self, chunk: Chunk) -> None:
         """Runs the writes of a chunk and compares the tiles."""
         clocks = min(chunk.stop, self.until) - self.model.clock
         if clocks > 0:
             writes = [write for write in chunk.writes if write.clock < self.until]
-            made = self.verilog.run(clocks, writes), self.model.run(clocks, writes)
-            self.coverage.wrote(writes)
-            self._compare(*made)
+            tiles = self.verilog.run(clocks, writes), self.model.run(clocks, writes)
+            self.coverage.add_writes(writes)
+            self._compare(*tiles)
         if self.model.clock >= self.until:
             raise _Stop
 
-    def _compare(self, made: Tiles, wanted: Tiles) -> None:
-        shown, due = self.verilog.shown(), self.model.shown()
-        self.coverage.shown += len(due)
-        found = []
-        if not np.array_equal(made, wanted):
-            found.append(first_difference(self.program, made, wanted, ""))
-        if not np.array_equal(shown, due):
-            found.append(first_difference(self.program, shown, due, "the sink's "))
-        if found:
-            self.found = min(found, key=lambda difference: difference.clock)
+    def _compare(self, verilog: Tiles, model: Tiles) -> None:
+        """Compares the tiles of the pixels, and those of the sink."""
+        sinks = self.verilog.sink_tiles(), self.model.sink_tiles()
+        self.coverage.sink_tiles += len(sinks[1])
+        differences = []
+        if not np.array_equal(verilog, model):
+            differences.append(first_difference(self.program, verilog, model, ""))
+        if not np.array_equal(*sinks):
+            differences.append(first_difference(self.program, *sinks, "the sink's "))
+        if differences:
+            self.difference = min(differences, key=lambda difference: difference.clock)
             raise _Stop
-        self.pixels += self.coverage.saw(wanted)
+        self.pixels += self.coverage.add_tiles(model)
 
-    def _look(self, chunk: Chunk) -> None:
-        """Reads the registers, and the capture memory where it stands still."""
+    def _compare_registers(self, chunk: Chunk) -> None:
+        """Reads and compares the registers, and the capture memory if no burst is in progress."""
         state = self._read(ADDRESS["capture_state"], compared=False)
         still = not (state[0] | state[1]) & _MOVING
         for address in chunk.reads:
@@ -149,7 +164,7 @@ class _Lockstep:
         self._compare(self.verilog.run(0), self.model.run(0))
 
     def _room_for(self, clocks: int) -> None:
-        """Ends the run at its last clock where an access of `clocks` clocks finds no room."""
+        """Ends the run at its last clock if an access of `clocks` clocks would exceed it."""
         left = self.until - self.model.clock
         if clocks > left:
             self._compare(self.verilog.run(left), self.model.run(left))
@@ -166,9 +181,9 @@ class _Lockstep:
         values = self.verilog.read(address), self.model.read(address)
         self.coverage.reads += compared
         if compared and values[0] != values[1]:
-            self._tiles()  # a tile that differs earlier says more
+            self._tiles()  # an earlier difference of a tile takes precedence
             what = _NAMES.get(address, f"word 0x{address:x}")
-            self.found = Difference(
+            self.difference = Difference(
                 self.program, what, clock, None, None, None, *values, until=clock + 2
             )
             raise _Stop

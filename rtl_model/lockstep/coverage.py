@@ -1,4 +1,4 @@
-"""What of the sensor a lockstep run has seen: the settings under which each tile was computed."""
+"""Coverage of a lockstep run: the settings under which each tile was computed."""
 
 from __future__ import annotations
 
@@ -25,15 +25,18 @@ class Coverage:
 
     Attributes:
         pixels: pixels of those tiles by (threshold, reset rule, pattern, clock select), int64.
-        windows: of "whole", "one pixel", "one tile", "partly-filled tile", "part", by tiles.
-        spikes, bursts, shown, reads: spikes compared, bursts drained, sink tiles, bus reads.
+        windows: number of tiles by kind of window, such as "whole", "one pixel" or "one tile".
+        spikes: compared spikes.
+        bursts: drained bursts.
+        sink_tiles: compared tiles of the sink.
+        reads, writes: accesses to the bus.
     """
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry = geometry
         self.pixels = np.zeros(_SHAPE, np.int64)
         self.windows: Counter[str] = Counter()
-        self.spikes = self.bursts = self.shown = self.reads = self.writes = 0
+        self.spikes = self.bursts = self.sink_tiles = self.reads = self.writes = 0
         values = parameters(geometry)
         self._resets = {
             entry.name: reset_value(entry, values)
@@ -46,45 +49,45 @@ class Coverage:
             name: (np.array([-1]), np.array([value])) for name, value in self._resets.items()
         }
 
-    def wrote(self, writes: Iterable[Write]) -> None:
-        """Follows the registers that count; writes in order of clock."""
-        made: dict[str, list[tuple[int, int]]] = {}
+    def add_writes(self, writes: Iterable[Write]) -> None:
+        """Records writes to the sensor's registers, in order of clock."""
+        changes: dict[str, list[tuple[int, int]]] = {}
         for clock, address, value in writes:
             self.writes += 1
             if address in self._names:
                 name = self._names[address]
-                made.setdefault(name, []).append((clock, value & self._masks[name]))
+                changes.setdefault(name, []).append((clock, value & self._masks[name]))
             elif address == ADDRESS["ctrl_reset"] and value & 1:
                 for name, reset in self._resets.items():
-                    made.setdefault(name, []).append((clock, reset))
-        for name, added in made.items():
+                    changes.setdefault(name, []).append((clock, reset))
+        for name, added in changes.items():
             clocks, values = self._lines[name]
             new = np.array(added)
             self._lines[name] = np.append(clocks, new[:, 0]), np.append(values, new[:, 1])
 
-    def saw(self, tiles: Tiles) -> int:
-        """Counts tiles that came after those writes; returns their pixels."""
+    def add_tiles(self, tiles: Tiles) -> int:
+        """Counts tiles computed after the recorded writes; returns the number of their pixels."""
         if not tiles.size:
             return 0
         size = self.geometry
         clock = tiles["clock"].astype(np.int64)
         start = clock - 1 - tiles["row"].astype(np.int64) * size.row_clocks - tiles["tile"]
-        first, seen = int(start[0]), {}
+        first, settings = int(start[0]), {}
         for name, (clocks, values) in self._lines.items():
             at = clock if name in _AT_TILE else start
-            # A write at edge w is seen at the edges after it.
-            seen[name] = values[np.searchsorted(clocks, at, side="left") - 1]
+            # A write at edge w takes effect at later edges.
+            settings[name] = values[np.searchsorted(clocks, at, side="left") - 1]
             keep = max(0, int(np.searchsorted(clocks, first, side="left")) - 1)
             self._lines[name] = clocks[keep:], values[keep:]
         last = size.columns - (size.tiles - 1) * size.lanes
         pixels = np.where(tiles["tile"] == size.tiles - 1, last, size.lanes)
         code = np.ravel_multi_index(
-            tuple(seen[name] for name in (*_AT_TILE, "sensor_clock_select")), _SHAPE
+            tuple(settings[name] for name in (*_AT_TILE, "sensor_clock_select")), _SHAPE
         )
         counts = np.bincount(code, weights=pixels, minlength=self.pixels.size)
         self.pixels += counts.astype(np.int64).reshape(_SHAPE)
         self.spikes += int(np.bitwise_count(tiles["bits"]).sum())
-        self._count_windows(seen["sensor_rows"], seen["sensor_columns"])
+        self._count_windows(settings["sensor_rows"], settings["sensor_columns"])
         return int(pixels.sum())
 
     def _count_windows(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> None:

@@ -1,4 +1,4 @@
-"""The first difference between Verilog and cycle model: where it is and how to see it again."""
+"""The first difference between Verilog and cycle model, and the command that reproduces it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ __all__ = ["Difference", "first_difference"]
 
 @dataclass
 class Difference:
-    """One disagreement.
+    """A difference.
 
     Attributes:
-        what: "bit", "frame", "row", "tile", "tile clock", "row missing", "row too many" of a tile;
-            else the register, or the sink's tile, that differs.
+        program: of the run.
+        what: the value that differs: "spike", "tile" or a field of a tile, after "the sink's " for
+            one of the sink; or the name of a register.
         clock: edge at which the tile was computed, or the read strobed.
         frame, row, column: of the pixel; None for a register.
-        verilog, model: the two values; None where there is none.
-        sources: the folder of the Verilog; None is ours.
+        verilog, model: the two values; None for a missing tile.
+        until: clock after which the difference is visible.
+        waves: file of waveforms, None if not written.
+        sources: folder of the Verilog; None for the design's.
     """
 
     program: Program
@@ -41,7 +44,7 @@ class Difference:
 
     @property
     def reproducer(self) -> str:
-        """The command that shows it again."""
+        """The command that reproduces the difference."""
         program = self.program
         return (
             f"viform board compare --lockstep --rows {program.rows} --columns {program.columns} "
@@ -65,14 +68,17 @@ class Difference:
 
 def _value(value: int | None) -> str:
     if value is None:
-        return "not there"
+        return "missing"
     return str(value) if value < 10 else f"{value} (0x{value:x})"
 
 
 def first_difference(program: Program, verilog: Tiles, model: Tiles, what: str) -> Difference:
-    """Returns where two lists of tiles that are not equal first differ.
+    """The first difference of two unequal lists of tiles.
 
-    what: "" for tiles of the pixels, else what goes before the field's name.
+    Args:
+        program: of the run.
+        verilog, model: the lists.
+        what: prefix of the field's name, "" for tiles of the pixels.
     """
     count = min(len(verilog), len(model))
     unequal = np.flatnonzero(verilog[:count] != model[:count])
@@ -81,7 +87,7 @@ def first_difference(program: Program, verilog: Tiles, model: Tiles, what: str) 
     there = None if at >= len(model) else model[at]
     lanes = program.lanes
 
-    def found(name: str, tile: np.void, one: int | None, two: int | None, bit: int = 0):  # type: ignore[no-untyped-def]
+    def difference(name: str, tile: np.void, one: int | None, two: int | None, bit: int = 0):  # type: ignore[no-untyped-def]
         clock = int(tile["clock"]) & 0xFFFFFFFF if one is None else int(tile["clock"])
         return Difference(
             program,
@@ -96,14 +102,14 @@ def first_difference(program: Program, verilog: Tiles, model: Tiles, what: str) 
         )
 
     if there is not None and (here is None or there["clock"] < here["clock"]):
-        return found("tile", there, None, int(there["bits"]))  # the model has one more
+        return difference("tile", there, None, int(there["bits"]))  # the model has one more
     if here is not None and (there is None or here["clock"] < there["clock"]):
-        return found("tile", here, int(here["bits"]), None)
+        return difference("tile", here, int(here["bits"]), None)
     assert here is not None and there is not None, "the lists are equal"
     for name in ("clock", "frame", "row", "tile"):
         if here[name] != there[name]:
-            return found(f"{name} of the tile", there, int(here[name]), int(there[name]))
+            return difference(f"{name} of the tile", there, int(here[name]), int(there[name]))
     wrong = int(here["bits"]) ^ int(there["bits"])
     bit = (wrong & -wrong).bit_length() - 1
     one, two = (int(tile["bits"]) >> bit & 1 for tile in (here, there))
-    return found("spike", there, one, two, bit)
+    return difference("spike", there, one, two, bit)

@@ -1,7 +1,7 @@
-"""Random programs: register writes at random clocks, that try every corner of the sensor's map.
+"""Random programs: register writes at random clocks, with all corner cases of the sensor's map.
 
-A program is a function of its seed alone: chunk n is drawn from (seed, n), so that a run may stop
-and start again anywhere and be the same.
+A program depends on size and seed only. Chunk n is drawn from (seed, n), so that runs of any length
+are reproducible.
 """
 
 from __future__ import annotations
@@ -24,13 +24,19 @@ ADDRESS = {entry.name: entry.address for entry in REGISTERS} | {
 """Byte address of every register and memory."""
 
 _NOWHERE = (0x0000_0028, 0x0000_0128, 0x0000_05F0, 0x0010_0000 - 4, 0x7FFF_FFFC)
-_CLOCK_HZ = 4_000_000  # 100 clocks of a nominal tick: small arrays are bound by the minimum
+_CLOCK_HZ = 4_000_000  # 100 clocks in a nominal tick, so that the shortest tick decides
 
 _LENGTH = 9  # binary logarithm of the longest chunk, in ticks
 
 
 class Write(NamedTuple):
-    """A bus write: clock of its strobe, byte address, 32 bits."""
+    """A bus write.
+
+    Attributes:
+        clock: of its strobe.
+        address: bytes.
+        value: 32 bits.
+    """
 
     clock: int
     address: int
@@ -38,10 +44,15 @@ class Write(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """Writes until clock `stop` - 1, and then the bus at leisure.
+    """A part of a program: timed writes, then accesses without a fixed clock.
 
-    reads: byte addresses to be read; the capture's registers count only when no burst is on.
-    pointer: where the capture's pointer is set then; drain: words of it that are read.
+    Attributes:
+        stop: clock after the timed writes.
+        writes: timed writes.
+        reads: byte addresses to read. The capture registers are compared only if no burst is in
+            progress.
+        pointer: value written to the capture's pointer.
+        drain: words of the capture memory that are read.
     """
 
     stop: int
@@ -53,9 +64,12 @@ class Chunk(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A program for a board of `rows` by `columns` pixels in tiles of `lanes`.
+    """A program, determined by size and seed.
 
-    seed: 0 to 2^32 - 1; together with the size it fixes every write.
+    Attributes:
+        rows, columns: pixels of the board.
+        lanes: pixels of a tile, 32 or 64.
+        seed: 0 to 2^32 - 1.
     """
 
     rows: int = 32
@@ -65,7 +79,7 @@ class Program:
 
     @cached_property
     def geometry(self) -> Geometry:
-        """The build that this is for: its memories are so small that they overflow."""
+        """The build, with memories small enough to overflow."""
         words = 4 * (self.rows * (self.columns // 32 + 4))
         capture = 1 << max(6, min(12, words.bit_length()))
         return Geometry(
@@ -78,12 +92,12 @@ class Program:
         )
 
     def chunk(self, number: int, clock: int) -> Chunk:
-        """Returns chunk `number`, which begins at `clock`."""
+        """Chunk `number`, which begins at `clock`."""
         return _Draw(self.geometry, np.random.default_rng((self.seed, number)), number, clock).chunk
 
 
 class _Draw:
-    """Draws one chunk. A move is one thing that a user may do, of one or several writes."""
+    """Draws one chunk. A move is one action of a user, which takes one or several writes."""
 
     def __init__(
         self, geometry: Geometry, rng: np.random.Generator, number: int, clock: int
@@ -115,7 +129,7 @@ class _Draw:
         )
 
     def _put(self, clock: int, address: int, value: int) -> None:
-        """One write at this clock of the chunk, or the first free one after it."""
+        """Adds a write at this clock of the chunk, or at the next free one."""
         clock = max(clock, self._first)
         while clock in self._due:
             clock += 1
@@ -131,7 +145,7 @@ class _Draw:
         return int(self.rng.integers(1, frames * self.size.tick_minimum))
 
     def _moves(self) -> list[tuple[int, Callable[[int], None]]]:
-        """What may be done, each with its chance relative to the others."""
+        """The moves with their relative probabilities."""
         return [
             (30, lambda clock: self._set(clock, "sensor_threshold", self.rng.integers(16))),
             (8, lambda clock: self._set(clock, "sensor_reset_rule", self.rng.integers(4))),
@@ -152,17 +166,17 @@ class _Draw:
         ]
 
     def _slow(self, clock: int) -> None:
-        """20 kHz for some frames; it costs as much time as two frames each."""
+        """20 kHz for some frames, each of which takes twice as long."""
         self._set(clock, "sensor_clock_select", 1)
         self._set(clock + self._later(24), "sensor_clock_select", 0)
 
     def _pattern(self, clock: int) -> None:
-        first = int(self.rng.integers(self.size.pattern_bytes // 4 + 1))  # the last is beyond it
+        first = int(self.rng.integers(self.size.pattern_bytes // 4 + 1))  # the last lies beyond it
         for word in range(first, first + int(self.rng.integers(1, 6))):
             self._put(clock, ADDRESS["pattern_mem"] + 4 * word, self._word())
 
     def _window(self, clock: int) -> None:
-        """A window for some frames: of a pixel, a tile, any, none, or reaching beyond the array."""
+        """A window for some frames: one pixel, one tile, any part, nothing, or beyond the array."""
         size, rng = self.size, self.rng
         row, column = int(rng.integers(size.rows)), int(rng.integers(size.columns))
         last = size.columns - 1
@@ -213,7 +227,7 @@ class _Draw:
             self._set(clock + self._later(1), "prbs_check", self._word())
 
     def _stray(self, clock: int) -> None:
-        """To no register, to one that is only read, or one that does nothing here."""
+        """A write to no register, to a read-only one, or to one without effect here."""
         read_only = [entry.address for entry in REGISTERS if entry.mode == "ro"]
         places = [*_NOWHERE, *read_only, ADDRESS["uart_clear"], ADDRESS["identifier_mem"]]
         self._put(clock, int(self.rng.choice(places)), self._word())

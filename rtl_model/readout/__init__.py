@@ -1,5 +1,4 @@
-"""The chip's output at full size: words of pixels to the raw words of the row scan, with the time
-of every block."""
+"""The readout of the full chip: spike words to the raw words of the row scan, with their timing."""
 
 from rtl_model.readout.reference import read_in_numpy
 from rtl_model.readout.scan import Readout

@@ -1,4 +1,4 @@
-"""The row scan in numpy: the reference of the OpenCL kernel, in results and in speed."""
+"""The row scan in numpy: reference of the OpenCL kernel for results and for speed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ __all__ = ["read_in_numpy"]
 
 
 def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
-    """Raw bytes of `cycles` cycles, (cycles, blocks, 64) uint8. words: (n, 1000, 1000)."""
+    """Raw bytes of the chip's output, (cycles, blocks, 64) uint8.
+
+    Args:
+        words: spike words, (n, 1000, 1000) uint32.
+        cycles: number of latch cycles.
+        window: that is read; the whole chip if None.
+    """
     window = Window() if window is None else window.checked()
     halves = unpack_planes(words, 0, cycles).reshape(cycles, 2 * RAW_SIZE[1], HALF)
     places = window.places

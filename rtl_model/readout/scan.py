@@ -16,13 +16,22 @@ from rtl_model.readout.window import Window
 __all__ = ["Readout"]
 
 _LOCAL: Final = 8
-"""Blocks of a work-group, given so that PoCL compiles the kernel once."""
+"""Blocks of a work-group; a fixed size lets PoCL compile the kernel only once."""
 
 Bytes = npt.NDArray[np.uint8]
 
 
 class Readout:
-    """Makes raw words of a window. device: OpenCL."""
+    """The row scan of a window.
+
+    Args:
+        device: OpenCL device.
+        window: that is read; the whole chip if None. Raises InputError for one outside the chip.
+
+    Attributes:
+        window: that is read.
+        blocks: number of blocks in a cycle.
+    """
 
     def __init__(self, device: Device, window: Window | None = None) -> None:
         self.window = Window() if window is None else window.checked()
@@ -37,10 +46,15 @@ class Readout:
         self._tables = [device.upload(table) for table in (places, self.window.markers, mask)]
 
     def read(self, words: Words, cycles: int, into: Bytes | None = None) -> Bytes:
-        """Raw bytes of `cycles` cycles, (cycles, blocks, 64) uint8, as they leave the chip.
+        """Raw bytes in the order in which they leave the chip, (cycles, blocks, 64) uint8.
 
-        words: (n, 1000, 1000) uint32 that hold them. into: an array for them, used again and again
-        by callers who stream. Raises ValueError for other shapes.
+        Args:
+            words: spike words of the cycles, (n, 1000, 1000) uint32.
+            cycles: number of latch cycles.
+            into: array for the result, which streaming callers reuse; a new one if None.
+
+        Raises:
+            ValueError: for another shape or dtype.
         """
         shape = (words_for(cycles), *RAW_SIZE[::-1])
         if cycles < 1 or words.shape != shape or words.dtype != np.uint32:
@@ -49,13 +63,13 @@ class Readout:
         raw = np.empty(size, np.uint8) if into is None else into
         if raw.shape != size or raw.dtype != np.uint8 or not raw.flags.c_contiguous:
             raise ValueError(f"bytes must be {size} uint8, not {raw.shape} {raw.dtype}")
-        device, given = self._device, np.ascontiguousarray(words)
-        held = device.share(given)
-        made = device.share(raw, write=True)
+        device, contiguous = self._device, np.ascontiguousarray(words)
+        source = device.share(contiguous)
+        result = device.share(raw, write=True)
         across = -(-self.blocks // _LOCAL) * _LOCAL
         self._kernel(
-            device.queue, (across, len(words)), (_LOCAL, 1), held, *self._tables, made,
+            device.queue, (across, len(words)), (_LOCAL, 1), source, *self._tables, result,
             np.uint32(self.blocks), np.uint32(cycles),
         )  # fmt: skip
-        device.settle(made, raw)
+        device.settle(result, raw)
         return raw

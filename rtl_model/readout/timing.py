@@ -1,8 +1,8 @@
-"""When every block of the row scan leaves the chip, in integer picoseconds.
+"""Times at which the blocks of the row scan leave the chip, in integer picoseconds.
 
-What is latched in cycle k is read in the order of the blocks while cycle k + 1 runs, from its edge
-on, at 40.96 Gbit/s: that rate reads 1000 rows of 1024 bits in exactly a 40 kHz cycle. That the scan
-starts with the edge, without a pause, is assumed: no publication says.
+The plane that is latched in cycle k is read during cycle k + 1, block by block, at 40.96 Gbit/s. At
+this rate, 1000 rows of 1024 bits take exactly one cycle at 40 kHz. It is assumed that the scan
+starts at the edge of the cycle and does not pause; no publication states this.
 """
 
 from __future__ import annotations
@@ -20,19 +20,31 @@ from rtl_model.readout.window import Window
 __all__ = ["BIT_RATE", "BLOCK_PS", "ScanTiming"]
 
 BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
-"""Bits a second of the chip's output: 40.96 Gbit/s."""
+"""Rate of the chip's output, bit/s: 40.96 Gbit/s."""
 BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE
-"""Picoseconds of a block of 512 bits: 12 500, exactly."""
+"""Duration of a block of 512 bits, ps: exactly 12 500."""
 
 
 class ScanTiming:
-    """The scan of `window` at `clock`. InputError where it takes longer than a cycle."""
+    """Timing of the scan of a window.
+
+    Args:
+        clock: of the latch cycles.
+        window: that is read; the whole chip if None.
+
+    Attributes:
+        clock, window: as above.
+        blocks: number of blocks in a cycle.
+
+    Raises:
+        InputError: if the scan takes longer than a cycle.
+    """
 
     def __init__(self, clock: Clock, window: Window | None = None) -> None:
         self.clock = clock
         self.window = Window() if window is None else window.checked()
         self.blocks = len(self.window.read)
-        least = PS * clock.den // clock.num  # of any cycle: an edge is a floor
+        least = PS * clock.den // clock.num  # shortest cycle, because edges are rounded down
         if self.scan_ps > least:
             raise InputError(
                 "the clock of a readout",
@@ -43,10 +55,9 @@ class ScanTiming:
 
     @property
     def scan_ps(self) -> int:
-        """Picoseconds of a scan, which is the shortest cycle: 25 000 a row."""
+        """Duration of a scan and so of the shortest cycle, ps: 25 000 for each row."""
         return self.blocks * BLOCK_PS
 
     def starts(self, cycle: int) -> npt.NDArray[np.int64]:
-        """When the first bit of each block of this cycle's plane leaves: (blocks,) int64 ps; the
-        last has left BLOCK_PS later."""
+        """Start of each block of a cycle's plane, (blocks,) int64 ps. A block takes `BLOCK_PS`."""
         return self.clock.edge(cycle + 1) + BLOCK_PS * np.arange(self.blocks, dtype=np.int64)

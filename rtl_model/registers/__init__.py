@@ -1,4 +1,4 @@
-"""The register map: one table, and what is made from it."""
+"""The register map: one table, and the files that are generated from it."""
 
 from rtl_model.registers.csr_csv import csr_csv, csr_text
 from rtl_model.registers.parameters import identifier, parameters, reset_value

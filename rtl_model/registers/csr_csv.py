@@ -1,9 +1,9 @@
-"""The register map as LiteX's `csr.csv`: what host tools of that world read a board by.
+"""The register map as LiteX's `csr.csv`, which LiteX's host tools read.
 
 Rows are `csr_base,name,address,,`, `csr_register,name,address,words,mode`, `constant,name,value,,`
 and `memory_region,name,address,bytes,type`, all addresses in bytes (LiteX,
-soc/integration/export.py). LiteX knows no register that is only written, so those stand as rw and
-read 0.
+soc/integration/export.py). LiteX has no write-only registers, so these are listed as rw. They read
+0.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
 
 __all__ = ["csr_csv", "csr_text"]
 
-_CSR_BYTES = 0x1000  # registers and identifier lie below
+_CSR_BYTES = 0x1000  # registers and identifier have lower addresses
 
 
 def csr_csv(geometry: Geometry) -> str:
-    """Returns the text of the `csr.csv` of a build, lines ending in a newline."""
+    """The text of the `csr.csv` of a build."""
     return csr_text(REGISTERS, MEMORIES, parameters(geometry), geometry.clock_hz)
 
 
@@ -31,8 +31,14 @@ def csr_text(
     clock_hz: int,
     constants: Mapping[str, int | str] | None = None,
 ) -> str:
-    """Returns the `csr.csv` of any map. values: of the parameters that name memories' sizes.
-    constants: further ones, after LiteX's."""
+    """The text of the `csr.csv` of any register map.
+
+    Args:
+        registers, memories: the map.
+        values: parameters of the build, which give the sizes of the memories.
+        clock_hz: of the bus, Hz.
+        constants: further constants, listed after LiteX's.
+    """
     groups: dict[str, int] = {}
     for register in registers:
         group = register.name.split("_")[0]
@@ -40,7 +46,7 @@ def csr_text(
     for memory in memories:
         if memory.address < _CSR_BYTES:
             groups[memory.name] = memory.address
-    told: dict[str, int | str] = {
+    listed: dict[str, int | str] = {
         "config_clock_frequency": clock_hz,
         "config_csr_data_width": 32,
         "config_csr_alignment": 32,
@@ -56,7 +62,7 @@ def csr_text(
         + ("ro" if register.mode == "ro" else "rw")
         for register in registers
     ]
-    rows += [f"constant,{name},{value},," for name, value in told.items()]
+    rows += [f"constant,{name},{value},," for name, value in listed.items()]
     rows.append(f"memory_region,csr,0x{0:08x},{_CSR_BYTES},io")
     rows += [
         f"memory_region,{memory.name},0x{memory.address:08x},{values[memory.size]},io"

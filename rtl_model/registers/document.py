@@ -1,6 +1,6 @@
-"""docs/registers.md, written from the register map.
+"""Generates docs/registers.md from the register map.
 
-`python -m rtl_model.registers.document > docs/registers.md` makes it anew.
+Command: `python -m rtl_model.registers.document > docs/registers.md`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ __all__ = ["document", "register_tables"]
 _HEAD = """\
 # Registers of the board
 
-Made from `rtl_model/registers/table.py` by `python -m rtl_model.registers.document`; do not edit.
+Generated from `rtl_model/registers/table.py` by `python -m rtl_model.registers.document`. Do not
+edit.
 
-Registers are 32 bits wide, one word each. Addresses are in bytes; on the wire (LiteX uartbone) an
-address is counted in words, so 0x300 is sent as 0xC0. Bits beyond a register's width read 0. A
-register marked **reads once** changes when it is read: never read it twice to be sure. `wo`
-registers read 0. The value after reset may name a parameter of the build, listed at the end.
+A register is one word of 32 bits. Addresses are in bytes. On the line (LiteX uartbone) an address
+is counted in words, so 0x300 is sent as 0xC0. Bits beyond a register's width read 0. A register
+marked **reads once** changes when it is read, so a read must not be repeated. `wo` registers read
+0. The value after reset is a number or a parameter of the build, listed at the end.
 """
 
 
@@ -38,7 +39,7 @@ def _row(register: Register) -> list[str]:
 
 
 def register_tables(registers: Sequence[Register], heading: str = "##") -> list[str]:
-    """Returns the lines of a Markdown table for each group of registers, each under a heading."""
+    """Lines of Markdown: a heading and a table for each group of registers."""
     lines: list[str] = []
     for group in dict.fromkeys(register.name.split("_")[0] for register in registers):
         lines += [
@@ -55,7 +56,7 @@ def register_tables(registers: Sequence[Register], heading: str = "##") -> list[
 
 
 def document() -> str:
-    """Returns docs/registers.md as text."""
+    """The text of docs/registers.md."""
     values = parameters(Geometry())
     lines = [_HEAD, *register_tables(REGISTERS)]
     lines += [

@@ -1,4 +1,4 @@
-"""The parameters of a build that the register map names, worked out from a Geometry."""
+"""The parameters of a build that the register map uses, derived from a Geometry."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ PARAMETERS: dict[str, str] = {
     "IDENTIFIER_BYTES": "four for each character of the identifier and the NUL",
     "PATTERN_BYTES": "a byte for each pixel of each row of whole tiles",
 }
-"""Every parameter the table may name, and what it is."""
+"""Every parameter that the register map may name, with its meaning."""
 
 
 def identifier(geometry: Geometry) -> str:
-    """Returns what a board says it is, without the NUL that ends it on the board."""
+    """The identifier of a board, without the final NUL."""
     return f"Viform spike board {geometry.rows}x{geometry.columns}"
 
 
 def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
-    """Returns the value of every name in `PARAMETERS` for this build."""
+    """The value of every parameter in `PARAMETERS`; `build` is the CRC-32 of the build."""
     return {
         "GEOMETRY": geometry.rows << 16 | geometry.columns,
         "LANES": geometry.lanes,
@@ -50,5 +50,5 @@ def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
 
 
 def reset_value(register: Register, values: dict[str, int]) -> int:
-    """Returns what `register` reads after reset, with the `parameters` of the build."""
+    """The value of `register` after reset, given the `parameters` of the build."""
     return register.reset if isinstance(register.reset, int) else values[register.reset]

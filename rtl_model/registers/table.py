@@ -1,10 +1,8 @@
-"""The register map of the board, as one table: the cycle model, the Verilog header, `csr.csv` and
-docs/registers.md are all made from it.
+"""The register map of the board, as one table.
 
-Registers are 32 bits wide, one word each, at byte addresses; on the wire (LiteX uartbone) an
-address is counted in words. The value after reset may depend on the build: then `reset` names a
-parameter of it. A register marked `read_effect` changes when it is read (a FIFO, a generator): it
-must never be read twice to be sure.
+The cycle model, the Verilog header, `csr.csv` and docs/registers.md are derived from it. A register
+is one word of 32 bits at a byte address. On the line (LiteX uartbone) an address is counted in
+words.
 """
 
 from __future__ import annotations
@@ -16,15 +14,21 @@ __all__ = [
 ]  # fmt: skip
 
 MAGIC = 0x53504B32
-"""ASCII "SPK2": the first word of a Viform board."""
+"""First word of a Viform board, ASCII "SPK2"."""
 VERSION = 0x0001_0000
-"""Major in the upper half, minor in the lower: of the register map."""
+"""Version of the register map: major number in the upper half, minor in the lower."""
 
 Mode = Literal["ro", "rw", "wo"]
 
 
 class Field(NamedTuple):
-    """Bits `high` to `low` of a register, both inclusive, and what they say."""
+    """A field of a register.
+
+    Attributes:
+        name: of the field.
+        high, low: its first and last bit, both inclusive.
+        text: meaning.
+    """
 
     name: str
     high: int
@@ -33,8 +37,18 @@ class Field(NamedTuple):
 
 
 class Register(NamedTuple):
-    """One register. `reset` is its value after reset, or the name of the parameter that gives it
-    (see docs/registers.md); `width` bits are kept, the others read 0."""
+    """One register.
+
+    Attributes:
+        name: its group and its name, with an underscore between.
+        address: bytes.
+        mode: "ro", "rw" or "wo".
+        reset: value after reset, or the name of the parameter that gives it (docs/registers.md).
+        width: number of implemented bits; the others read 0.
+        text: meaning.
+        read_effect: whether a read changes it (a FIFO, a generator), so that it must not be
+        repeated. fields: of the register.
+    """
 
     name: str
     address: int
@@ -47,7 +61,15 @@ class Register(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """A region of words: its byte address, the parameter that gives its size in bytes, its mode."""
+    """A memory of 32-bit words.
+
+    Attributes:
+        name: of the memory.
+        address: of the first word, bytes.
+        size: name of the parameter that gives the size in bytes.
+        mode: "ro", "rw" or "wo".
+        text: meaning.
+    """
 
     name: str
     address: int
@@ -66,7 +88,7 @@ def _range(what: str, unit: str) -> tuple[Field, ...]:
 REGISTERS: tuple[Register, ...] = (
     # name, address, mode, reset, width, text
     Register("ctrl_magic", 0x000, "ro", MAGIC, 32, 'ASCII "SPK2"'),
-    Register("ctrl_scratch", 0x004, "rw", 0x12345678, 32, "for trying the bus; changes nothing"),
+    Register("ctrl_scratch", 0x004, "rw", 0x12345678, 32, "for tests of the bus; without effect"),
     Register("ctrl_version", 0x008, "ro", VERSION, 32, "of the register map: major, minor"),
     Register(
         "ctrl_geometry",
@@ -80,29 +102,27 @@ REGISTERS: tuple[Register, ...] = (
     Register("ctrl_lanes", 0x010, "ro", "LANES", 32, "pixels computed in one clock"),
     Register("ctrl_clock_hz", 0x014, "ro", "CLOCK_HZ", 32, "nominal clock of the board, Hz"),
     Register("ctrl_build", 0x018, "ro", "BUILD", 32, "CRC-32 of the sources and parameters"),
-    Register("ctrl_reset", 0x01C, "wo", 0, 1, "1 resets all but the counters of the line"),
+    Register("ctrl_reset", 0x01C, "wo", 0, 1, "1 resets all but the line's counters"),
     Register("ctrl_bus_errors", 0x020, "ro", 0, 32, "accesses to no register or memory"),
     Register("ctrl_uptime", 0x024, "ro", 0, 32, "clocks since power-on, modulo 2^32"),
     Register("uart_rx_bytes", 0x100, "ro", 0, 32, "bytes received"),
     Register("uart_tx_bytes", 0x104, "ro", 0, 32, "bytes sent"),
     Register("uart_framing_errors", 0x108, "ro", 0, 32, "bytes whose stop bit was low; dropped"),
     Register("uart_watchdog_aborts", 0x10C, "ro", 0, 32, "transactions cut after 100 ms"),
-    Register("uart_unknown_commands", 0x110, "ro", 0, 32, "transactions with no known command"),
+    Register("uart_unknown_commands", 0x110, "ro", 0, 32, "transactions with an unknown command"),
     Register("uart_writes", 0x114, "ro", 0, 32, "words written over the line"),
     Register(
         "uart_writes_crc", 0x118, "ro", 0, 32, "CRC-32 of those words, most significant byte first"
     ),
-    Register("uart_bit_clocks", 0x11C, "ro", "BIT_CLOCKS", 32, "clocks a bit of the line lasts"),
-    Register("uart_shortest_low", 0x120, "ro", 0xFFFFFFFF, 32, "shortest low pulse seen, clocks"),
-    Register(
-        "uart_clear", 0x124, "wo", 0, 1, "1 clears the counters of the line, itself uncounted"
-    ),
+    Register("uart_bit_clocks", 0x11C, "ro", "BIT_CLOCKS", 32, "clocks of a bit on the line"),
+    Register("uart_shortest_low", 0x120, "ro", 0xFFFFFFFF, 32, "shortest low pulse, clocks"),
+    Register("uart_clear", 0x124, "wo", 0, 1, "1 clears the line's counters; not counted itself"),
     Register("prbs_order", 0x200, "rw", 31, 5, "7, 15, 23 or 31; a write restarts both registers"),
     Register("prbs_source", 0x204, "ro", 0, 32, "next 32 bits, first in bit 31", read_effect=True),
-    Register("prbs_check", 0x208, "wo", 0, 32, "32 bits to be held against the same sequence"),
+    Register("prbs_check", 0x208, "wo", 0, 32, "32 bits to compare with the same sequence"),
     Register("prbs_checked", 0x20C, "ro", 0, 32, "words checked since the restart"),
-    Register("prbs_errors", 0x210, "ro", 0, 32, "bits that were wrong in them"),
-    Register("sensor_run", 0x300, "rw", 0, 1, "1 scans frame after frame; a begun one is finished"),
+    Register("prbs_errors", 0x210, "ro", 0, 32, "wrong bits in these words"),
+    Register("sensor_run", 0x300, "rw", 0, 1, "1 scans frames; a started frame is completed"),
     Register("sensor_threshold", 0x304, "rw", 7, 4, "level k: a threshold of 255 + 256 k"),
     Register("sensor_clock_select", 0x308, "rw", 0, 1, "0: 40 kHz, 1: 20 kHz; from the next frame"),
     Register("sensor_reset_rule", 0x30C, "rw", 0, 2, "0 residual, 1 hard, 2 subtract (3 as 0)"),
@@ -133,16 +153,16 @@ REGISTERS: tuple[Register, ...] = (
         "clocks of a 40 kHz tick; from the next frame",
     ),
     Register(
-        "sensor_tick_minimum", 0x31C, "ro", "TICK_MINIMUM", 32, "fewer are taken as this many"
+        "sensor_tick_minimum", 0x31C, "ro", "TICK_MINIMUM", 32, "lower limit of the tick, clocks"
     ),
     Register("sensor_pattern", 0x320, "rw", 0, 2, "0 memory, 1 constant, 2 ramp, 3 checker"),
-    Register("sensor_level", 0x324, "rw", 0, 8, "of the patterns that are not memory"),
+    Register("sensor_level", 0x324, "rw", 0, 8, "level of all patterns but memory"),
     Register(
-        "sensor_clear", 0x328, "wo", 0, 1, "1: the next frame is number 0 and starts from no charge"
+        "sensor_clear", 0x328, "wo", 0, 1, "1: the next frame is number 0 and starts without charge"
     ),
     Register("sensor_frames", 0x32C, "ro", 0, 32, "frames begun since the clear"),
     Register("sensor_frame_clock", 0x330, "ro", 0, 32, "ctrl_uptime when the last frame began"),
-    Register("sensor_rows_read", 0x334, "ro", 0, 32, "rows inside the window read since the clear"),
+    Register("sensor_rows_read", 0x334, "ro", 0, 32, "rows of the window read since the clear"),
     Register("sensor_spikes", 0x338, "ro", 0, 32, "spikes read since the clear, modulo 2^32"),
     Register(
         "capture_source", 0x400, "rw", 0, 1, "0 pixels, 1 the display sink; from the next burst"
@@ -156,46 +176,48 @@ REGISTERS: tuple[Register, ...] = (
         "ro",
         0,
         4,
-        "what the burst does",
+        "state of the burst",
         fields=(
             Field("armed", 0, 0, "waits for a frame to begin"),
             Field("busy", 1, 1, "rows are being stored"),
             Field("done", 2, 2, "the burst is over"),
-            Field("overflow", 3, 3, "rows were lost, the memory being full"),
+            Field("overflow", 3, 3, "rows were lost because the memory was full"),
         ),
     ),
-    Register("capture_level", 0x40C, "ro", 0, 32, "words that stand between pointer and end"),
+    Register("capture_level", 0x40C, "ro", 0, 32, "words between pointer and end"),
     Register(
         "capture_data", 0x410, "ro", 0, 32, "the next word; 0 beyond the end", read_effect=True
     ),
-    Register("capture_pointer", 0x414, "rw", 0, 32, "word that is read next; may be set back"),
+    Register(
+        "capture_pointer", 0x414, "rw", 0, 32, "index of the next word to read; may be set back"
+    ),
     Register("capture_rows", 0x418, "ro", 0, 32, "rows stored in this burst"),
-    Register("capture_lost", 0x41C, "ro", 0, 32, "rows of this burst that found no room"),
+    Register("capture_lost", 0x41C, "ro", 0, 32, "rows of this burst that did not fit"),
     Register("capture_size", 0x420, "ro", "CAPTURE_WORDS", 32, "words of the memory"),
     Register(
-        "sink_data", 0x500, "wo", 0, 32, "next 32 pixels of the planes to show, first in bit 0"
+        "sink_data", 0x500, "wo", 0, 32, "next 32 pixels of the planes to display, first in bit 0"
     ),
-    Register("sink_run", 0x504, "wo", 0, 32, "planes to show from the next frame on"),
+    Register("sink_run", 0x504, "wo", 0, 32, "planes to display from the next frame on"),
     Register(
         "sink_state",
         0x508,
         "ro",
         0,
         3,
-        "what the sink does",
+        "state of the sink",
         fields=(
-            Field("running", 0, 0, "planes are waiting or being shown"),
-            Field("underrun", 1, 1, "a row was due and its words had not come"),
-            Field("overflow", 2, 2, "words came that found no room"),
+            Field("running", 0, 0, "planes are waiting or displayed"),
+            Field("underrun", 1, 1, "a row was due before its words arrived"),
+            Field("overflow", 2, 2, "words arrived that did not fit"),
         ),
     ),
     Register("sink_level", 0x50C, "ro", 0, 32, "words waiting"),
-    Register("sink_rows", 0x510, "ro", 0, 32, "rows shown since the clear"),
+    Register("sink_rows", 0x510, "ro", 0, 32, "rows displayed since the clear"),
     Register(
-        "sink_crc", 0x514, "ro", 0, 32, "CRC-32 of the words shown, most significant byte first"
+        "sink_crc", 0x514, "ro", 0, 32, "CRC-32 of the displayed words, most significant byte first"
     ),
-    Register("sink_underruns", 0x518, "ro", 0, 32, "words that were due and had not come"),
-    Register("sink_lost", 0x51C, "ro", 0, 32, "words that found no room"),
+    Register("sink_underruns", 0x518, "ro", 0, 32, "words that were due before they arrived"),
+    Register("sink_lost", 0x51C, "ro", 0, 32, "words that did not fit"),
     Register("sink_size", 0x520, "ro", "SINK_WORDS", 32, "words of the memory"),
     Register("sink_clear", 0x524, "wo", 0, 1, "1 empties the sink and clears its counters"),
 )
@@ -206,7 +228,7 @@ MEMORIES: tuple[Memory, ...] = (
         0x0000_0800,
         "IDENTIFIER_BYTES",
         "ro",
-        "one character a word, NUL at the end",
+        "one character in each word, NUL at the end",
     ),
     Memory(
         "pattern_mem",
@@ -220,12 +242,12 @@ MEMORIES: tuple[Memory, ...] = (
 
 
 def mask(register: str, field: str) -> int:
-    """Bits that a field of a register has, in place. StopIteration where there is none such."""
+    """Bit mask of a field in its register. Raises StopIteration for an unknown name."""
     entry = next(entry for entry in REGISTERS if entry.name == register)
-    found = next(each for each in entry.fields if each.name == field)
-    return (2 << found.high) - (1 << found.low)
+    bits = next(each for each in entry.fields if each.name == field)
+    return (2 << bits.high) - (1 << bits.low)
 
 
 def quantum(level: int) -> int:
-    """Electrons of `sensor_threshold` at a level, 0 to 15."""
+    """Threshold of a level of `sensor_threshold`, 0 to 15, electrons."""
     return 255 + 256 * level

@@ -1,8 +1,8 @@
-"""The Verilog header of the register map, made from the table: `verilog/viform_registers.vh`.
+"""Generates the Verilog header of the register map, `verilog/viform_registers.vh`.
 
-Registers stand in groups of 64 words: an address is a group (upper 24 bits of the word address) and
-an offset in it (lower 6 bits). The offsets of a group are without gaps, so that an address is known
-if its offset is less than the group's count.
+Registers form groups of 64 words. The upper 24 bits of a word address are the group, the lower 6
+bits the offset. The offsets of a group have no gaps, so an address is valid if its offset is less
+than the number of registers in the group.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ GROUP_BYTES = 256
 
 
 def verilog_header() -> str:
-    """Returns the header's text: macros, so that a module which needs few of them is not warned of
-    the others."""
+    """The text of the header. It defines macros, because unused parameters would cause warnings."""
     lines = [
         "// Made from rtl_model/registers/table.py by rtl_model/registers/verilog.py: do not edit.",
         "`ifndef VIFORM_REGISTERS_VH",

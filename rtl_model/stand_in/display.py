@@ -1,6 +1,6 @@
-"""A board as display: planes are sent to its sink and shown tick by tick.
+"""A board as display. Planes are sent to its sink and displayed tick by tick.
 
-The CRC-32 of the shown planes is compared; optionally the planes are captured and read back.
+The CRC-32 of the displayed planes is compared. Optionally the planes are captured and read back.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rtl_model.registers import mask
 from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
-__all__ = ["BoardDisplay", "Shown"]
+__all__ = ["BoardDisplay", "DisplayCheck"]
 
 _DONE: Final = mask("capture_state", "done")
 _RUNNING: Final = mask("sink_state", "running")
@@ -26,13 +26,13 @@ _POLLS: Final = 200
 Planes = npt.NDArray[np.bool_]
 
 
-class Shown(NamedTuple):
-    """Result of showing planes.
+class DisplayCheck(NamedTuple):
+    """Result of a check of displayed planes.
 
     Attributes:
         planes: number of planes.
-        wrong_crc: whether the CRC-32 of the shown planes differs.
-        wrong_bits: bits that differ in the planes read back, 0 if none were read back.
+        wrong_crc: whether the CRC-32 of the displayed planes differs.
+        wrong_bits: wrong bits in the planes that were read back, 0 if none were.
     """
 
     planes: int
@@ -47,11 +47,11 @@ class BoardDisplay:
 
     Args:
         opened: the board.
-        back: whether planes are captured as they are shown, and read back.
+        back: whether the displayed planes are captured and read back.
 
     Attributes:
-        bytes: of the planes sent so far.
-        burst: planes sent at once.
+        bytes: size of the planes sent so far.
+        burst: number of planes sent at once.
     """
 
     def __init__(self, opened: OpenBoard, *, back: bool = False) -> None:
@@ -63,11 +63,11 @@ class BoardDisplay:
         sizes = [("sink", "SINK_WORDS", info.sink_words, words)]
         if back:
             sizes.append(("capture", "CAPTURE_WORDS", info.capture_words, record))
-        for what, parameter, held, need in sizes:
-            if held < need:
+        for what, parameter, size_words, need in sizes:
+            if size_words < need:
                 raise InputError(
                     opened.name, f"one whose {what} memory holds a plane, {need} words",
-                    f"one of {held} words", f"build it with a larger {parameter}",
+                    f"one of {size_words} words", f"build it with a larger {parameter}",
                 )  # fmt: skip
         self.burst = min(size // need for _, _, size, need in sizes)
         self.bytes = self._crc = 0
@@ -81,10 +81,10 @@ class BoardDisplay:
         """Rows and columns of a plane."""
         return self._info.rows, self._info.columns
 
-    def show(self, planes: Planes) -> Shown:
-        """Shows planes, (n, rows, columns) bool, one a tick.
+    def show(self, planes: Planes) -> DisplayCheck:
+        """Displays planes, (n, rows, columns) bool, one in each tick.
 
-        Raises LineFault if the sink was empty or full, or did not show all of them.
+        Raises LineFault if the sink was empty or full, or did not display all of them.
         """
         wrong_crc, wrong_bits = False, 0
         for first in range(0, len(planes), self.burst):
@@ -92,7 +92,7 @@ class BoardDisplay:
             crc, bits = self._show(part)
             wrong_crc |= crc
             wrong_bits += bits
-        return Shown(len(planes), wrong_crc, wrong_bits)
+        return DisplayCheck(len(planes), wrong_crc, wrong_bits)
 
     def _show(self, planes: Planes) -> tuple[bool, int]:
         board, count = self._board, len(planes)
@@ -109,24 +109,24 @@ class BoardDisplay:
         self._stepper.step(count)
         self._wait("sink_state", _RUNNING, 0)
         wrong = [name for name in ("underruns", "lost") if board.read_twice(f"sink_{name}")]
-        shown = board.read_twice("sink_rows") - rows & 0xFFFFFFFF
-        if wrong or shown != count * self._info.rows:
+        displayed = board.read_twice("sink_rows") - rows & 0xFFFFFFFF
+        if wrong or displayed != count * self._info.rows:
             raise LineFault(
                 Cause.LATE,
-                f"the sink showed {shown} of {count * self._info.rows} rows"
+                f"the sink displayed {displayed} of {count * self._info.rows} rows"
                 + "".join(f", words counted in sink_{name}" for name in wrong),
             )
         self.bytes += 4 * len(words)
         self._crc = zlib.crc32(words.astype(">u4").tobytes(), self._crc)
-        held = board.read_twice("sink_crc")
+        crc = board.read_twice("sink_crc")
         if not self._back:
-            return held != self._crc, 0
+            return crc != self._crc, 0
         self._wait("capture_state", _DONE, _DONE)
         back = capture.drain(board, count)
-        return held != self._crc, int((back.planes != planes).sum())
+        return crc != self._crc, int((back.planes != planes).sum())
 
     def _wait(self, name: str, mask: int, value: int) -> None:
         for _ in range(_POLLS):
             if self._board.read_twice(name) & mask == value:
                 return
-        raise LineFault(Cause.LATE, f"{name} does not say that the planes are over")
+        raise LineFault(Cause.LATE, f"{name} does not report the end of the planes")

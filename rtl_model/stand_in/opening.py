@@ -19,7 +19,7 @@ __all__ = ["DEFAULT_BAUD", "OpenBoard", "open_board", "parse_address"]
 DEFAULT_BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
-"""Of a virtual board; it decides how long a step takes (see `stepping`)."""
+"""Baud of a virtual board, which determines the duration of a step (see `stepping`)."""
 
 
 class OpenBoard(NamedTuple):
@@ -43,7 +43,10 @@ def parse_address(address: str, key: str) -> tuple[str, int]:
 
     Args:
         address: the text.
-        key: of the scenario, for the InputError that any other text raises.
+        key: of the scenario, for messages.
+
+    Raises:
+        InputError: for another text.
     """
     kind, _, port = address.partition(":")
     port, comma, baud = port.partition(",")
@@ -51,8 +54,8 @@ def parse_address(address: str, key: str) -> tuple[str, int]:
     if not right:
         raise InputError(
             key,
-            "serial:PORT or serial:PORT,BAUD, PORT a device, a URL of pyserial or virtual, BAUD a "
-            "whole number above 0",
+            "serial:PORT or serial:PORT,BAUD, with PORT a device, a URL of pyserial or virtual, "
+            "and BAUD a positive integer",
             repr(address), "write it like serial:virtual or serial:/dev/ttyUSB0,115200",
         )  # fmt: skip
     return port, int(baud) if baud else DEFAULT_BAUD
@@ -62,7 +65,7 @@ def parse_address(address: str, key: str) -> tuple[str, int]:
 def open_board(address: str, key: str, virtual: Geometry | None = None) -> Iterator[OpenBoard]:
     """Opens the board at an address, and closes it at the end of the context.
 
-    A fault of the line, at the start or during use, is raised as InputError.
+    A fault of the line, at the start or during use, raises InputError.
 
     Args:
         address: `serial:PORT[,BAUD]`.

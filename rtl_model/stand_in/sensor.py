@@ -1,11 +1,11 @@
-"""A board as sensor: electrons a tick in, spike planes out.
+"""A board as sensor: it takes the electrons of each tick and returns spike planes.
 
 A pixel of the board receives an integer number of electrons, 0 to 255, in each tick and fires at
 255 + 256 k of them. The scene's light is scaled such that the spike rate (light divided by
 threshold) is the same. Rounding changes the rate by at most half an electron divided by the
 threshold, so k is the largest level at which the brightest light still fits in 255 electrons.
 
-The cycle model is imported in the function that needs it: it brings numba with it.
+The cycle model is imported in the function that needs it, because it imports numba.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["BoardSensor", "finest_level", "quantise"]
 LEVELS: Final = 16
 STEP_MOST: Final = 255
 FRAMES_MOST: Final = 1 << 20
-"""Most frames of a run: the frame number of a captured row has 20 bits."""
+"""Most frames of a run, because the frame number of a captured row has 20 bits."""
 RESETS: Final = {"residual": 0, "hard": 1, "subtract": 2}
 _DONE: Final = mask("capture_state", "done")
 _POLLS: Final = 200
@@ -35,10 +35,10 @@ Planes = npt.NDArray[np.bool_]
 
 
 def finest_level(rate: float) -> int:
-    """The threshold level with the finest steps.
+    """The highest threshold level that the light allows, which has the smallest rounding error.
 
     Args:
-        rate: highest of the scene, spikes a tick.
+        rate: highest rate of the scene, spikes per tick.
     """
     fits = [k for k in range(LEVELS) if rate * quantum(k) <= STEP_MOST]
     return max(fits, default=0)
@@ -47,13 +47,17 @@ def finest_level(rate: float) -> int:
 def quantise(
     rate: npt.NDArray[np.float64], level: int
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float64]]:
-    """Electrons a tick for a spike rate, uint8, and the error of the rate by rounding.
+    """Rounds spike rates to integer electrons in a tick.
 
-    A pixel with more than one spike a tick fires at every tick, so its rate is limited to 1.
+    Rates are limited to 1, because a pixel fires at most once in a tick.
 
     Args:
-        rate: spikes a tick.
+        rate: spikes per tick, float64.
         level: of the threshold.
+
+    Returns:
+        Electrons in a tick, uint8, and the error of the rate, spikes per tick. Both have the shape
+        of `rate`.
     """
     exact = np.minimum(rate, 1.0)
     steps = np.minimum(np.rint(exact * quantum(level)), STEP_MOST)
@@ -61,21 +65,22 @@ def quantise(
 
 
 class BoardSensor:
-    """An open board, stopped, without charge, with all its pixels read.
-
-    Raises InputError if its memory does not hold a frame, or if it cannot number so many frames.
+    """An open board, which is stopped, without charge, and reads all its pixels.
 
     Args:
         opened: the board.
         level: of the threshold.
         reset: reset rule, a key of `RESETS`.
-        frames: of the run.
+        frames: number of frames of the run.
 
     Attributes:
-        bytes: captured so far.
-        wrong_bits: bits that differ from the cycle model's.
-        uploads: of the pattern memory.
-        burst: frames captured at once.
+        bytes: size of the captured records so far.
+        wrong_bits: bits that differ from the cycle model so far.
+        uploads: number of uploads of the pattern memory.
+        burst: number of frames captured at once.
+
+    Raises:
+        InputError: if the memory does not hold a frame, or if the frames are too many to number.
     """
 
     def __init__(self, opened: OpenBoard, level: int, reset: str, frames: int) -> None:
@@ -130,9 +135,7 @@ class BoardSensor:
             raise LineFault(Cause.LATE, f"the burst of {frames} frames did not end")
         captured = capture.drain(board, frames)
         if captured.lost or captured.frames.tolist() != list(range(first, first + frames)):
-            raise LineFault(
-                Cause.LATE, f"frames {first} to {first + frames - 1} did not come whole"
-            )
+            raise LineFault(Cause.LATE, f"frames {first} to {first + frames - 1} are incomplete")
         self.bytes += captured.bytes
         return captured.planes
 

@@ -1,10 +1,10 @@
 """Stepping of a board: exactly as many frames as requested.
 
-A frame starts when `sensor_run` is 1 and no frame is in progress; a started frame is completed. The
+A frame starts when `sensor_run` is 1 and no frame is in progress. A started frame is completed. The
 host writes 1 and then 0 in one packet, and the tick is longer than a word on the line. Such a pulse
-makes one frame, or none if the previous frame has not ended, and never two. The board's frame
-counter shows how many are missing. The tick is then longer than at 40 kHz: a stepped board makes
-the planes of the ticks, but not in their time.
+starts one frame, or none if the previous frame has not ended, and never two. The board's frame
+counter shows how many are missing. The tick is longer than at 40 kHz, so a stepped board computes
+the planes of the ticks but does not run in real time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rtl_model.host import Board, BoardInfo, Cause, LineFault
 __all__ = ["Stepper"]
 
 _TICK_WORDS: Final = 6
-"""Shortest tick, in words on the line: a pulse is one word, and the line may pause briefly."""
+"""Shortest tick, words on the line. A pulse is one word, and the line may pause briefly."""
 _APART: Final = 4 / 3
 """Distance of pulses, ticks."""
 _PACKET: Final = 240
@@ -33,7 +33,7 @@ class Stepper:
     """Steps the sensor of a board.
 
     Attributes:
-        frames: made since `restart`.
+        frames: number of frames since `restart`.
     """
 
     def __init__(self, board: Board, info: BoardInfo) -> None:
@@ -42,7 +42,7 @@ class Stepper:
         self.frames = 0
 
     def restart(self) -> None:
-        """Stops the sensor; its next frame is number 0 and starts from no charge."""
+        """Stops the sensor. Its next frame is number 0 and starts without charge."""
         board = self._board
         was = board.read_twice("sensor_tick_clocks")
         board.write("sensor_run", 0)
@@ -58,13 +58,13 @@ class Stepper:
         self.frames = 0
 
     def step(self, frames: int) -> None:
-        """Makes frames and waits until the last has ended.
+        """Runs the given number of frames and waits until the last has ended.
 
-        Raises LineFault if a frame does not start, or if a pause of the line made one too many.
+        Raises LineFault if a frame does not start, or if a pause of the line caused a surplus one.
         """
         target, stalls = self.frames + frames, 0
         while self.frames < target:
-            # The count is of before the clear until a first frame has begun.
+            # Until the first frame has begun, the counter holds its value before the clear.
             most = 1 if self.frames == 0 else _PACKET // self._apart
             pulses = min(target - self.frames, most)
             words = [1, *[0] * (self._apart - 1)] * pulses
@@ -73,8 +73,8 @@ class Stepper:
             if count > self.frames + pulses:
                 raise LineFault(
                     Cause.LATE,
-                    f"the board made {count - self.frames} frames of {pulses} pulses: the line "
-                    "stood still within a packet",
+                    f"the board started {count - self.frames} frames by {pulses} pulses: the line "
+                    "paused within a packet",
                 )
             stalls = 0 if count > self.frames else stalls + 1
             if stalls > _STALLS:
@@ -84,7 +84,7 @@ class Stepper:
         self._board.bone.pause(seconds * self._board.bone.time_scale)
 
     def _word_clocks(self) -> int:
-        """Clocks of the board from one word on the line to the next, the maximum of a few."""
+        """Clocks of the board from one word on the line to the next, the largest of several."""
         place = self._board.csr.register("ctrl_uptime").address
         times = self._board.bone.read(place, _PROBED, fixed=True, retry=True)
         return max(1, *(b - a & 0xFFFFFFFF for a, b in pairwise(times)))

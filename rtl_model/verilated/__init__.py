@@ -1,4 +1,4 @@
-"""The Verilog as it is written, compiled by Verilator to shared libraries that Python steps."""
+"""The unmodified Verilog, compiled by Verilator to shared libraries that Python steps."""
 
 from rtl_model.verilated.build import (
     VERILOG,

@@ -1,9 +1,9 @@
-"""A shared library from the Verilog: verilated, compiled together with a shim, and cached.
+"""Builds shared libraries from the Verilog with Verilator and a shim, and caches them.
 
-The name of a library has a hash of its inputs (sources, shim, geometry, trace, tools, flags),
-so that it is built once and never outdated. It is built in a temporary folder and then renamed; a
-lock makes a second process wait instead of building the same library. Libraries that have not been
-used for long are removed when another is built.
+The name of a library contains a hash of its inputs (sources, shim, geometry, trace, tools, flags),
+so that it is built once and never outdated. It is built in a temporary folder and then renamed. A
+lock keeps a second process from building the same library. Libraries that have not been used for
+long are removed when another is built.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PACKAGES = {"verilator": "verilator", "g++": "g++"}
 """Programs that a build needs, and their system packages."""
 
 Trace = Literal["", "fst", "vcd"]
-"""Format of the waveforms a library can write."""
+"""Format of the waveforms that a library can write; "" for none."""
 
 # Code that runs at every clock is optimised; code that runs once is not, which compiles faster.
 # -fno-gnu-unique and -Bsymbolic keep two libraries in one process from sharing their statics.
@@ -80,9 +80,9 @@ class BuildFailed(ViformError):
     """The Verilog or a shim does not compile: a fault of the sources.
 
     Attributes:
-        tool: that has refused them.
+        tool: program that failed.
         first: its first error, `file:line: message`.
-        log: file with its whole output, None if it could not be written.
+        log: file with its complete output, None if it could not be written.
     """
 
     def __init__(self, tool: str, first: str, log: Path | None = None) -> None:
@@ -90,17 +90,17 @@ class BuildFailed(ViformError):
         super().__init__(tool, first, log)
 
     def __str__(self) -> str:
-        where = "" if self.log is None else f" (all that it said: {self.log})"
+        where = "" if self.log is None else f" (complete output: {self.log})"
         return " ".join(f"{self.tool} failed: {self.first}{where}".split())
 
 
 def missing() -> list[str]:
-    """System packages that a build needs and that are not installed."""
+    """System packages that a build needs and that are missing."""
     return [package for name, package in PACKAGES.items() if shutil.which(name) is None]
 
 
 def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
-    """CRC-32 of a build's parameters and Verilog, for `ctrl_build`."""
+    """CRC-32 of the parameters and the Verilog of a build, for `ctrl_build`."""
     crc = zlib.crc32(repr(sorted(geometry.verilog.items())).encode())
     for path in verilog_files(VERILOG if sources is None else sources):
         crc = zlib.crc32(path.name.encode() + b"\0" + path.read_bytes(), crc)
@@ -116,17 +116,21 @@ def library(
     trace: Trace = "",
     build: int = 0,
 ) -> Path:
-    """Returns the shared library of a module and a shim, built where it is not cached.
+    """The shared library of a module and a shim, built unless it is cached.
 
-    top: the Verilog module; to the shim its class is `Vtop`, from "Vtop.h", whatever its name.
-    shim: C++ source with `extern "C"` functions. It sees the macros VIFORM_ROWS, VIFORM_COLUMNS,
-        VIFORM_LANES, VIFORM_CLOCK_HZ, VIFORM_BIT_CLOCKS and, with a trace, VIFORM_FST or
-        VIFORM_VCD.
-    sources: folder of Verilog; None is the design's own.
-    trace: format of the waveforms that the shim writes, if any.
-    build: parameter BUILD, which `ctrl_build` says; `build_crc` makes one.
+    Args:
+        top: name of the Verilog module. The shim sees its class as `Vtop` of "Vtop.h".
+        geometry: of the build.
+        shim: C++ source with `extern "C"` functions. It sees the macros VIFORM_ROWS,
+            VIFORM_COLUMNS, VIFORM_LANES, VIFORM_CLOCK_HZ, VIFORM_BIT_CLOCKS and, with a trace,
+            VIFORM_FST or VIFORM_VCD.
+        sources: folder of the Verilog; the design's if None.
+        trace: format of the waveforms that the shim writes.
+        build: parameter BUILD, the value of `ctrl_build` (see `build_crc`).
 
-    Raises InputError where a tool is missing, BuildFailed where the sources do not compile.
+    Raises:
+        InputError: if a tool or the module is missing.
+        BuildFailed: if the sources do not compile.
     """
     _need_tools("the simulator of the Verilog")
     if trace == "fst":
@@ -137,7 +141,7 @@ def library(
         text = (folder / f"{top}.v").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as exc:
         raise InputError(
-            "a folder of Verilog", f"one that holds {top}.v, readable", f"{sources}",
+            "a folder of Verilog", f"one with a readable {top}.v", f"{sources}",
             "name another, or add that file",
         ) from exc  # fmt: skip
     known = {name: value for name, value in parameters.items() if f"] {name} =" in text}
@@ -151,17 +155,19 @@ def library(
     key = hashlib.sha256(repr((verilate, flags, _LINK, _versions())).encode())
     for path in [*verilog_files(folder), shim, *sorted(shim.parent.glob("*.h"))]:
         key.update(f"\0{path.name}\0".encode() + path.read_bytes())
-    made = _cache() / f"{top}-{key.hexdigest()[:24]}.so"
-    with _locked(made.with_suffix(".lock"), unless=made):
-        if not made.is_file():
-            _build(made, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
+    output = _cache() / f"{top}-{key.hexdigest()[:24]}.so"
+    with _locked(output.with_suffix(".lock"), unless=output):
+        if not output.is_file():
+            _build(output, [*verilate, f"-I{folder}", f"{folder / top}.v"], flags, shim, trace)
             prune()
-    return _used(made)
+    return _used(output)
 
 
 def fst_library() -> Path:
-    """Returns the FST library that Verilator brings (gtkwave's fstapi), as a shared library, built
-    where it is not cached. InputError where a tool for it is missing."""
+    """Verilator's FST library (gtkwave's fstapi) as a shared library, built unless it is cached.
+
+    Raises InputError if a tool is missing.
+    """
     _need_tools("the writer of .fst")
     _need_zlib()
     folder = Path(_versions()[-1]) / "include" / "gtkwave"
@@ -171,14 +177,14 @@ def fst_library() -> Path:
     key = hashlib.sha256(repr((flags, _versions())).encode())
     for unit in units:
         key.update(unit.read_bytes())
-    made = _cache() / f"fstapi-{key.hexdigest()[:24]}.so"
-    with _locked(made.with_suffix(".lock"), unless=made):
-        if not made.is_file():
-            with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as part:
-                command = ["gcc", *flags, *map(str, units), "-lz", "-lpthread", "-o", "made.so"]
+    output = _cache() / f"fstapi-{key.hexdigest()[:24]}.so"
+    with _locked(output.with_suffix(".lock"), unless=output):
+        if not output.is_file():
+            with tempfile.TemporaryDirectory(prefix=".build-", dir=output.parent) as part:
+                command = ["gcc", *flags, *map(str, units), "-lz", "-lpthread", "-o", "output.so"]
                 _tool(command, Path(part))
-                os.replace(Path(part) / "made.so", made)
-    return _used(made)
+                os.replace(Path(part) / "output.so", output)
+    return _used(output)
 
 
 def _need_tools(what: str) -> None:
@@ -203,13 +209,17 @@ def _need_zlib() -> None:
         )
 
 
-def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path, t: Trace) -> None:
+def _build(
+    output: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path, t: Trace
+) -> None:
     runtime = _runtime(t)
-    with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
+    with tempfile.TemporaryDirectory(prefix=".build-", dir=output.parent) as name:
         part = Path(name)
         _tool(["verilator", *verilate, "-Mdir", name], part)
         units = sorted(path.name for path in part.glob("Vtop*.cpp"))
-        slow = [unit for unit in units if "Slow" in unit or "Syms" in unit]  # run once, or to trace
+        slow = [
+            unit for unit in units if "Slow" in unit or "Syms" in unit
+        ]  # run once, or for the trace
         often = [unit for unit in units if unit not in slow]
         (part / "once.cpp").write_text(_include(slow), encoding="utf-8")
         (part / "often.cpp").write_text(_include([*often, str(shim.resolve())]), encoding="utf-8")
@@ -220,9 +230,9 @@ def _build(made: Path, verilate: Sequence[str], flags: Sequence[str], shim: Path
         ]
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(_tool, commands, [part, part]))
-        link = ["g++", "often.o", "once.o", str(runtime), *_LINK, "-o", "made.so"]
+        link = ["g++", "often.o", "once.o", str(runtime), *_LINK, "-o", "output.so"]
         _tool([*link, *(["-lz"] if t == "fst" else [])], part)
-        os.replace(part / "made.so", made)
+        os.replace(part / "output.so", output)
 
 
 def _include(files: Iterable[str]) -> str:
@@ -230,27 +240,27 @@ def _include(files: Iterable[str]) -> str:
 
 
 def _runtime(trace: Trace) -> Path:
-    """Returns Verilator's runtime as one object file, the same for every design."""
+    """Verilator's runtime as one object file, which all designs share."""
     flags = [*_FLAGS, *_runtime_flags(trace)]
     key = hashlib.sha256(repr((flags, _versions())).encode()).hexdigest()[:24]
-    made = _cache() / f"runtime-{key}.o"
-    with _locked(made.with_suffix(".lock"), unless=made):
-        if not made.is_file():
-            with tempfile.TemporaryDirectory(prefix=".build-", dir=made.parent) as name:
+    output = _cache() / f"runtime-{key}.o"
+    with _locked(output.with_suffix(".lock"), unless=output):
+        if not output.is_file():
+            with tempfile.TemporaryDirectory(prefix=".build-", dir=output.parent) as name:
                 names = ["verilated", "verilated_threads"]
                 names += [f"verilated_{trace}_c"] if trace else []
                 text = _include(f"{unit}.cpp" for unit in names)
                 (Path(name) / "runtime.cpp").write_text(text, encoding="utf-8")
-                _tool(["g++", *flags, "-O1", "-c", "runtime.cpp", "-o", "made.o"], Path(name))
-                os.replace(Path(name) / "made.o", made)
-    return _used(made)
+                _tool(["g++", *flags, "-O1", "-c", "runtime.cpp", "-o", "output.o"], Path(name))
+                os.replace(Path(name) / "output.o", output)
+    return _used(output)
 
 
-def _used(made: Path) -> Path:
-    """Marks a file of the cache as just used."""
-    with suppress(OSError):  # of another user's cache, or gone: then it is built anew next time
-        os.utime(made)
-    return made
+def _used(output: Path) -> Path:
+    """Marks a file of the cache as recently used."""
+    with suppress(OSError):  # not permitted, or removed: then it is built again next time
+        os.utime(output)
+    return output
 
 
 def prune(now: float | None = None) -> list[Path]:
@@ -263,19 +273,19 @@ def prune(now: float | None = None) -> list[Path]:
         now: s since 1970; the present time if None.
     """
     now = time.time() if now is None else now
-    found = []
+    files = []
     for path in _cache().iterdir():
-        with suppress(OSError):  # another process may be at it too
+        with suppress(OSError):  # another process may have removed it
             if path.suffix in (".so", ".o"):
                 stat = path.stat()
-                found.append((stat.st_mtime, stat.st_size, path))
+                files.append((stat.st_mtime, stat.st_size, path))
     total, gone = 0, []
-    for used, size, path in sorted(found, reverse=True):
+    for used, size, path in sorted(files, reverse=True):
         total += size
         idle = now - used
         if idle > UNUSED_DAYS * 86_400 or (total > CACHE_BYTES and idle > _IN_USE_S):
             with suppress(OSError):
-                if path.stat().st_mtime != used:  # by another process meanwhile
+                if path.stat().st_mtime != used:  # another process has used it meanwhile
                     continue
                 path.unlink()
                 path.with_suffix(".lock").unlink(missing_ok=True)
@@ -306,14 +316,17 @@ def _tool(command: Sequence[str], folder: Path) -> str:
 
 
 def _first_error(words: str) -> str:
-    """`file:line: message` of a tool's first error: Verilator's `%Error: file:line:column: ..`, or
-    a compiler's `file:line:column: error: ..`; its first line where there is neither."""
+    """`file:line: message` of a tool's first error.
+
+    It parses Verilator's `%Error: file:line:column: ..` and a compiler's
+    `file:line:column: error: ..`. Without either it is the first line that mentions an error.
+    """
     for form in (_VERILATORS, _COMPILERS):
-        found = form.search(words)
-        if found:
-            return f"{Path(found['file']).name}:{found['line']}: {found['text'].strip()}"
+        match = form.search(words)
+        if match:
+            return f"{Path(match['file']).name}:{match['line']}: {match['text'].strip()}"
     plain = [line.strip() for line in words.splitlines() if line.strip()]
-    return next((line for line in plain if "rror" in line), plain[0] if plain else "without a word")
+    return next((line for line in plain if "rror" in line), plain[0] if plain else "no message")
 
 
 def _write_log(command: Sequence[str], words: str) -> Path | None:
@@ -329,14 +342,14 @@ def _write_log(command: Sequence[str], words: str) -> Path | None:
 
 @cache
 def _has_zlib() -> bool:
-    """Whether the compiler finds zlib's header, which Verilator's writer of FST includes."""
+    """Whether the compiler finds zlib's header, which Verilator's FST writer includes."""
     command = ["g++", "-E", "-x", "c++", "-include", "zlib.h", os.devnull]
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
 @cache
 def _versions() -> tuple[str, str, str]:
-    """Verilator's version, the compiler's, and where Verilator's runtime stands."""
+    """Version of Verilator, version of the compiler, folder of Verilator's runtime."""
     here = Path()
     version = _tool(["verilator", "--version"], here).strip()
     compiler = _tool(["g++", "-dumpfullversion"], here).strip()
@@ -344,7 +357,7 @@ def _versions() -> tuple[str, str, str]:
 
 
 def verilog_files(folder: Path) -> list[Path]:
-    """Returns the Verilog in a folder, headers too, by name."""
+    """Verilog files and headers in a folder, sorted by name."""
     return sorted((*folder.glob("*.v"), *folder.glob("*.vh")))
 
 
@@ -356,7 +369,7 @@ def _cache() -> Path:
 
 @contextmanager
 def _locked(path: Path, *, unless: Path) -> Iterator[None]:
-    """Holds a lock among processes, unless the file `unless` exists."""
+    """Context that holds a lock between processes, unless the file `unless` exists."""
     if unless.is_file():
         yield
         return

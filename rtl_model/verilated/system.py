@@ -1,4 +1,4 @@
-"""The verilated system, stepped as `cycle.System` is: writes at their clocks, tiles out."""
+"""The verilated system, with the interface of `cycle.System`: timed writes in, tiles out."""
 
 from __future__ import annotations
 
@@ -27,7 +27,13 @@ _READ_CLOCKS = 2
 
 
 class Waves:
-    """Where waveforms go, and of which clocks: `first` to `last` - 1."""
+    """Waveforms to write.
+
+    Attributes:
+        path: file.
+        first, last: first clock, and the clock after the last one.
+        format: of the file.
+    """
 
     def __init__(self, path: Path, first: int = 0, last: int = 1 << 62) -> None:
         self.path, self.first, self.last = path, first, last
@@ -35,7 +41,7 @@ class Waves:
 
 
 def trace_format(path: Path) -> Trace:
-    """Returns the format of waveforms in a file by its name's ending; InputError for no known."""
+    """Format of waveforms by the file's ending. Raises InputError for another ending."""
     endings: dict[str, Trace] = {".fst": "fst", ".vcd": "vcd"}
     if path.suffix.lower() not in endings:
         raise InputError(
@@ -47,10 +53,12 @@ def trace_format(path: Path) -> Trace:
 class VerilatedSystem:
     """`viform_system` in Verilator. Clock n is the n-th edge after reset.
 
-    geometry, sources, build: as `build.library` takes them.
-    waves: waveforms to write, closed with the system.
+    Args:
+        geometry, sources, build: as in `build.library`.
+        waves: waveforms to write, None for none. The file is complete when the system is closed.
 
-    Raises InputError where Verilator is missing or the waveforms cannot be written.
+    Raises:
+        InputError: if Verilator is missing or the waveforms cannot be written.
     """
 
     def __init__(
@@ -68,9 +76,9 @@ class VerilatedSystem:
         self._board: int | None = self._library.viform_open()
         self._clock = 0
         self._tiles: list[Tiles] = []
-        self._shown: list[Tiles] = []
-        self._made = np.empty((2, _ROOM), TILE)
-        self._rooms = [room.ctypes.data for room in self._made]
+        self._sink_tiles: list[Tiles] = []
+        self._buffers = np.empty((2, _ROOM), TILE)
+        self._pointers = [buffer.ctypes.data for buffer in self._buffers]
         self._counts = (ctypes.c_uint64 * 3)()
         if waves is not None and not self._library.viform_waves(
             self._board, str(waves.path).encode(), waves.first, waves.last
@@ -110,8 +118,8 @@ class VerilatedSystem:
         self._advance(self._clock + 1, np.array([(self._clock, address, value)], _WRITE))
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address, as seen at this clock; takes two clocks."""
-        word = self._library.viform_read(self._board, address, *self._rooms, self._counts)
+        """The 32 bits at a byte address at this clock; takes two clocks."""
+        word = self._library.viform_read(self._board, address, *self._pointers, self._counts)
         self._clock += _READ_CLOCKS
         self._keep()
         if word < 0:
@@ -119,11 +127,14 @@ class VerilatedSystem:
         return int(word)
 
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
-        """Runs `clocks` clocks and returns the tiles computed in them, and before them in `write`
-        and `read` since the last run.
+        """Runs `clocks` clocks; returns the tiles computed since the last run.
 
-        writes: (clock, byte address, value) at clocks of this run, at most one each. InputError
-            for any other.
+        Args:
+            clocks: number of clocks.
+            writes: (clock, byte address, value) at clocks of this run, at most one each.
+
+        Raises:
+            InputError: for a write at another clock.
         """
         stop = self._clock + clocks
         due = np.array(list(writes), dtype=np.int64).reshape(-1, 3)
@@ -143,25 +154,24 @@ class VerilatedSystem:
         self._advance(stop, batch)
         return _joined(self._tiles)
 
-    def shown(self) -> Tiles:
-        """Returns what the sink showed since this was last asked, as tiles whose frame is 0."""
-        return _joined(self._shown)
+    def sink_tiles(self) -> Tiles:
+        """The tiles that the sink displayed since the last call; their frame is 0."""
+        return _joined(self._sink_tiles)
 
     def _advance(self, stop: int, writes: npt.NDArray[np.void] | None = None) -> None:
         left = _NO_WRITES if writes is None else writes
         while self._clock < stop:
             self._clock = self._library.viform_run(
-                self._board, stop, left.ctypes.data, len(left), *self._rooms, _ROOM, self._counts
+                self._board, stop, left.ctypes.data, len(left), *self._pointers, _ROOM, self._counts
             )
             self._keep()
             left = left[self._counts[2] :]
 
     def _keep(self) -> None:
-        for kept, made, count in zip(
-            (self._tiles, self._shown), self._made, self._counts, strict=False
-        ):
+        lists = self._tiles, self._sink_tiles
+        for tiles, buffer, count in zip(lists, self._buffers, self._counts, strict=False):
             if count:
-                kept.append(made[:count].copy())
+                tiles.append(buffer[:count].copy())
 
 
 def _joined(parts: list[Tiles]) -> Tiles:
@@ -171,11 +181,11 @@ def _joined(parts: list[Tiles]) -> Tiles:
 
 
 def _load(path: Path) -> Any:
-    made = ctypes.CDLL(str(path))
-    made.viform_open.restype = ctypes.c_void_p
-    made.viform_close.argtypes = [ctypes.c_void_p]
-    made.viform_run.restype = ctypes.c_uint64
-    made.viform_run.argtypes = [
+    loaded = ctypes.CDLL(str(path))
+    loaded.viform_open.restype = ctypes.c_void_p
+    loaded.viform_close.argtypes = [ctypes.c_void_p]
+    loaded.viform_run.restype = ctypes.c_uint64
+    loaded.viform_run.argtypes = [
         ctypes.c_void_p,
         ctypes.c_uint64,
         ctypes.c_void_p,
@@ -185,19 +195,19 @@ def _load(path: Path) -> Any:
         ctypes.c_uint64,
         ctypes.c_void_p,
     ]
-    made.viform_read.restype = ctypes.c_int64
-    made.viform_read.argtypes = [
+    loaded.viform_read.restype = ctypes.c_int64
+    loaded.viform_read.argtypes = [
         ctypes.c_void_p,
         ctypes.c_uint32,
         ctypes.c_void_p,
         ctypes.c_void_p,
         ctypes.c_void_p,
     ]
-    if hasattr(made, "viform_waves"):
-        made.viform_waves.argtypes = [
+    if hasattr(loaded, "viform_waves"):
+        loaded.viform_waves.argtypes = [
             ctypes.c_void_p,
             ctypes.c_char_p,
             ctypes.c_uint64,
             ctypes.c_uint64,
         ]
-    return made
+    return loaded

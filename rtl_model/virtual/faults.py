@@ -1,17 +1,17 @@
-"""What can be wrong with a virtual board, as it is written on a command line.
+"""Faults of a virtual board, in the notation of the command line.
 
-    drop:rx@100  flip:tx@5000  extra:rx@3   a byte lost, with one bit turned over, sent twice;
+    drop:rx@100  flip:tx@5000  extra:rx@3   byte lost, byte with an inverted bit, byte sent twice;
                                             rx is towards the board, tx towards the host
     drop:rx%100                             every hundredth byte
-    cut@20  cut:tx@6                        the line carries nothing for 150 ms from that byte on
-    power-cycle@50                          the board starts anew; nothing for 200 ms
-    silent                                  nothing ever comes back
-    slow  slow=500                          every answer comes so many milliseconds late
-    baud=6  noise=0.001                     host's baud off by percent; share of bits inverted
-    stuck=3,7  stuck=3,7,0                  a pixel's bit stuck at 1 or at 0
-    foreign                                 some other design: the magic is not ours
+    cut@20  cut:tx@6                        no transmission for 150 ms from that byte on
+    power-cycle@50                          the board restarts; no transmission for 200 ms
+    silent                                  no answers at all
+    slow  slow=500                          delay of every answer, ms
+    baud=6  noise=0.001                     error of the host's baud, percent; share of bits
+    inverted stuck=3,7  stuck=3,7,0                  output bit of a pixel stuck at 1 or at 0
+    foreign                                 another design, with another magic word
 
-Bytes are counted from 1 since the board began to listen.
+Bytes are counted from 1 since the start of the board.
 """
 
 from __future__ import annotations
@@ -34,11 +34,18 @@ _FORMS = (
     "noise=SHARE, stuck=ROW,COLUMN[,0|1] or foreign"
 )
 _BYTE_MAX = 10**12
-_SLOW_MS = 500.0  # of `slow` alone; longer than hosts commonly wait
+_SLOW_MS = 500.0  # default of `slow`, longer than hosts commonly wait
 
 
 class ByteFault(NamedTuple):
-    """A fault of the `number`-th byte of a way, or of every `number`-th."""
+    """A fault of single bytes.
+
+    Attributes:
+        kind: of the fault.
+        way: direction of the byte.
+        number: of the byte, from 1.
+        every: whether every `number`-th byte is affected.
+    """
 
     kind: Kind
     way: Way
@@ -46,26 +53,26 @@ class ByteFault(NamedTuple):
     every: bool = False
 
     def hits(self, count: int) -> bool:
-        """Whether byte `count`, from 1, is one of its bytes."""
+        """Whether byte `count`, from 1, is affected."""
         return count % self.number == 0 if self.every else count == self.number
 
 
 class Faults(NamedTuple):
-    """All faults of a board; without arguments, none.
+    """All faults of a board; none by default.
 
     Attributes:
-        line: of single bytes.
-        silent: whether nothing ever comes back.
-        late_s: seconds by which every answer is late.
-        baud_error: of the host's baud, as a share: 0.06 is 6 % too fast.
+        line: faults of single bytes.
+        silent: whether the board never answers.
+        delay_s: delay of every answer, s.
+        baud_error: relative error of the host's baud; 0.06 is 6 % too fast.
         noise: probability that a bit on the line is inverted.
-        stuck: (row, column, bit) of pixels.
-        foreign: whether the magic is not ours.
+        stuck: (row, column, bit) of pixels with a stuck output.
+        foreign: whether the magic word is another design's.
     """
 
     line: tuple[ByteFault, ...] = ()
     silent: bool = False
-    late_s: float = 0.0
+    delay_s: float = 0.0
     baud_error: float = 0.0
     noise: float = 0.0
     stuck: tuple[tuple[int, int, int], ...] = ()
@@ -73,18 +80,25 @@ class Faults(NamedTuple):
 
     @property
     def of_pins(self) -> bool:
-        """Whether there must be pins and bits for these to happen on."""
+        """Whether some of the faults need the level "pins"."""
         return bool(self.baud_error or self.noise)
 
     @property
     def of_design(self) -> bool:
-        """Whether these are faults of the design, not of the line."""
+        """Whether some of the faults are of the design, not of the line."""
         return self.foreign or bool(self.stuck)
 
 
 def parse(texts: Sequence[str], geometry: Geometry | None = None) -> Faults:
-    """Returns the faults that `texts` name. InputError in one line for what is none, and for a
-    pixel outside `geometry`."""
+    """Parses faults.
+
+    Args:
+        texts: in the notation above.
+        geometry: of the board; the default one if None.
+
+    Raises:
+        InputError: for another text, or a pixel outside the board.
+    """
     size = Geometry() if geometry is None else geometry
     faults = Faults()
     for text in texts:
@@ -100,14 +114,14 @@ def _with(faults: Faults, text: str, size: Geometry) -> Faults:
         if name == "foreign":
             return faults._replace(foreign=True)
         if name == "slow":
-            return faults._replace(late_s=_SLOW_MS / 1e3)
+            return faults._replace(delay_s=_SLOW_MS / 1e3)
         return faults._replace(line=(*faults.line, _line_fault(text)))
     if name == "baud":
         return faults._replace(baud_error=_number(text, value, -50.0, 50.0, "PERCENT") / 100)
     if name == "noise":
         return faults._replace(noise=_number(text, value, 0.0, 1.0, "SHARE"))
     if name == "slow":
-        return faults._replace(late_s=_number(text, value, 0.0, 60_000.0, "MS") / 1e3)
+        return faults._replace(delay_s=_number(text, value, 0.0, 60_000.0, "MS") / 1e3)
     if name == "stuck":
         return faults._replace(stuck=(*faults.stuck, _pixel(text, value, size)))
     raise _bad(text)
@@ -155,5 +169,5 @@ def _pixel(text: str, value: str, size: Geometry) -> tuple[int, int, int]:
     return row, column, bit
 
 
-def _bad(text: str, must: str = _FORMS, mend: str = "write it like one of these") -> InputError:
-    return InputError("a fault of the board", must, repr(text[:60]), mend)
+def _bad(text: str, must: str = _FORMS, remedy: str = "write one of these") -> InputError:
+    return InputError("a fault of the board", must, repr(text[:60]), remedy)

@@ -1,4 +1,4 @@
-"""Faults of single bytes on the line, both ways, and the time in which it carries nothing."""
+"""Faults of single bytes on the line in both directions, and interruptions of the line."""
 
 from __future__ import annotations
 
@@ -7,30 +7,34 @@ from typing import NamedTuple
 
 from rtl_model.virtual.faults import ByteFault, Faults, Way
 
-__all__ = ["CUT_S", "POWER_UP_S", "Bytes", "Dead", "FaultyLine"]
+__all__ = ["CUT_S", "POWER_UP_S", "Bytes", "FaultyLine", "Interruption"]
 
 CUT_S = 0.15
-"""How long a cut line carries nothing: longer than the board's watchdog of 0.1 s, in its time."""
+"""Interruption by a cut, s of the board's time; longer than the board's watchdog of 0.1 s."""
 POWER_UP_S = 0.2
-"""How long a board says and hears nothing when its power was cycled (assumed: an FPGA loads its
-configuration), in its time."""
+"""Interruption by a power cycle, s of the board's time (assumed: time to configure an FPGA)."""
 
 
 class Bytes(NamedTuple):
-    """Bytes that go on."""
+    """Bytes that are transmitted."""
 
     data: bytes
 
 
-class Dead(NamedTuple):
-    """From here on the line carries nothing for `seconds`, and the board may start anew."""
+class Interruption(NamedTuple):
+    """An interruption of the line.
+
+    Attributes:
+        seconds: its duration, s of the board's time.
+        power_cycle: whether the board restarts.
+    """
 
     seconds: float
     power_cycle: bool
 
 
 class FaultyLine:
-    """Counts bytes both ways and does to them what the faults say."""
+    """Counts the bytes in both directions and applies the faults to them."""
 
     def __init__(self, faults: Faults) -> None:
         self._silent = faults.silent
@@ -40,9 +44,11 @@ class FaultyLine:
         }
         self._count: dict[Way, int] = {"rx": 0, "tx": 0}
 
-    def carry(self, way: Way, data: bytes) -> Iterator[Bytes | Dead]:
-        """Yields what becomes of `data`. Bytes after a Dead are yielded too; whoever keeps time
-        loses them."""
+    def carry(self, way: Way, data: bytes) -> Iterator[Bytes | Interruption]:
+        """Yields the transmitted bytes and the interruptions that `data` leads to.
+
+        Bytes after an interruption are yielded too. The caller, which knows the time, drops them.
+        """
         if way == "tx" and self._silent:
             return
         faults = self._faults[way]
@@ -60,7 +66,7 @@ class FaultyLine:
                     yield Bytes(bytes(passed))
                     passed.clear()
                 cycled = "power-cycle" in kinds
-                yield Dead(POWER_UP_S if cycled else CUT_S, cycled)
+                yield Interruption(POWER_UP_S if cycled else CUT_S, cycled)
             if "drop" in kinds:
                 continue
             if "flip" in kinds:
@@ -71,6 +77,6 @@ class FaultyLine:
 
 
 def _bit(count: int) -> int:
-    """Returns which bit of byte `count` is turned over: the top three bits of Knuth's
-    multiplicative hash, so that all eight come about as often."""
+    """Index of the bit to invert in byte `count`: the top three bits of Knuth's multiplicative
+    hash, by which all eight are about equally frequent."""
     return (count * 2_654_435_761 & 0xFFFFFFFF) >> 29

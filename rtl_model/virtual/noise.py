@@ -1,4 +1,4 @@
-"""Noise of the serial line: which of a byte's ten bits are inverted."""
+"""Noise of the serial line: random inversion of a byte's ten bits."""
 
 from __future__ import annotations
 
@@ -12,15 +12,24 @@ from rtl_model.virtual.faults import Way
 __all__ = ["BITS", "noise"]
 
 BITS = 10
-"""Of a byte on the line: start, eight of data, stop."""
+"""Bits of a byte on the line: start, eight data bits, stop."""
 
 _WORDS = 4  # of one draw
 _DRAWS = -(-BITS // _WORDS)
 
 
 def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDArray[np.uint16]:
-    """Returns masks of the bytes `first` to `first + count - 1` of a way, the start bit in bit 0;
-    each bit is set with probability `share`, by byte and bit alone."""
+    """Masks of inverted bits, (count,) uint16, start bit in bit 0.
+
+    A bit depends only on seed, direction, number of the byte and number of the bit.
+
+    Args:
+        share: probability that a bit is inverted.
+        seed: of the noise.
+        way: direction.
+        first: number of the first byte.
+        count: number of bytes.
+    """
     if share <= 0.0 or count == 0:
         return np.zeros(count, np.uint16)
     index = first + np.arange(count, dtype=np.uint64)

@@ -1,6 +1,7 @@
-"""What stands behind the virtual board's line: the cycle model, or the Verilog at bytes or pins.
+"""Simulators behind the virtual board's line: cycle model, or Verilog at byte or pin level.
 
-All of them take bytes, run a number of clocks and give bytes back.
+Each takes bytes, runs a number of clocks and returns bytes. Verilator and the models are imported
+in the functions that need them, because they take long to load.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ __all__ = ["ROOM", "Level", "Simulator", "make_simulator"]
 Level = Literal["bytes", "pins", "model"]
 
 ROOM = 4096
-"""Bytes taken, and given back, at once."""
+"""Most bytes taken, and returned, in one step."""
 _SEED = 1  # of the noise
 
 
@@ -34,50 +35,66 @@ class Simulator(Protocol):
 
     Attributes:
         clock: edges since power-on.
-        backlog: bytes that wait or are under way on the line.
+        backlog: bytes that wait or are in transmission.
     """
 
     clock: int
     backlog: int
 
     def step(self, data: bytes, clocks: int) -> bytes:
-        """Takes at most ROOM bytes for the board and runs: while anything is under way until it is
-        over, otherwise `clocks` clocks, and never more; returns the bytes that came out."""
+        """Takes at most `ROOM` bytes and runs at most `clocks` clocks; returns the output bytes.
+
+        A transmission in progress may end the step earlier, when it is complete.
+        """
         ...
 
     def set_baud(self, baud: int) -> None:
-        """The host speaks at `baud` from now on."""
+        """Sets the host's baud."""
         ...
 
     def power_cycle(self) -> None:
-        """The board starts anew, at clock 0."""
+        """Restarts the board at clock 0."""
         ...
 
     def close(self) -> None:
-        """Gives back what it holds."""
+        """Releases the simulator."""
         ...
 
 
 def make_simulator(
     level: Level, geometry: Geometry, faults: Faults, imager: str | None = None
 ) -> Simulator:
-    """Returns a board of `level`, or an imager by its kind's name. The Verilog is compiled where it
-    was not before: InputError where the tools for it are missing."""
+    """The simulator of a board or of an imager.
+
+    The Verilog is compiled if it is not cached.
+
+    Args:
+        level: of simulation.
+        geometry: of the build.
+        faults: of the design and, at level "pins", of the line.
+        imager: name of a conventional imager; None for the board.
+
+    Raises:
+        InputError: if the tools for the Verilog are missing.
+    """
     if imager is not None:
         from rtl_model.imagers.catalogue import bus_target
         from rtl_model.imagers.device.bus import ImagerBus
 
         return _Model(lambda: ImagerBus(bus_target(imager), geometry))
     if level == "model":
-        from rtl_model.virtual.planted import FaultySystem
+        from rtl_model.virtual.design_faults import FaultySystem
 
         return _Model(lambda: FaultySystem(geometry, faults, keep=False))
     return _Verilog(level, geometry, faults)
 
 
 class _Model:
-    """A cycle model behind its bridge, whose line takes a clock a byte. make: gives one that has
-    just been switched on."""
+    """A cycle model behind its bridge, on a line that takes one clock for each byte.
+
+    Args:
+        make: returns the model after power-on.
+    """
 
     def __init__(self, make: Callable[[], Behind]) -> None:
         self._make = make
@@ -100,10 +117,10 @@ class _Model:
         return reply.data
 
     def set_baud(self, baud: int) -> None:
-        """Its line knows none."""
+        """Does nothing: at byte level the line has no baud."""
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Does nothing."""
 
 
 class _Verilog:
@@ -113,13 +130,13 @@ class _Verilog:
         self._geometry, self._faults = geometry, faults
         self._library = _load(level, geometry, faults)
         self._out = ctypes.create_string_buffer(ROOM)
-        self._clock, self._made = ctypes.c_uint64(), ctypes.c_uint64()
-        self._taken = self._given = 0  # bytes, which is what noise hangs on
+        self._clock, self._count = ctypes.c_uint64(), ctypes.c_uint64()
+        self._received = self._sent = 0  # bytes in each direction, which index the noise
         self._baud = geometry.baud
         self._board: int | None = None
         self._masks = (np.zeros(ROOM, np.uint16), np.zeros(2 * ROOM, np.uint16))
         self._pointers = (self._masks[0].ctypes.data, self._masks[1].ctypes.data)
-        self._masked = -2 * ROOM  # the byte that the second array's first mask is for
+        self._masked = -2 * ROOM  # number of the byte of the first mask in the second array
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -133,23 +150,22 @@ class _Verilog:
         if self._faults.noise:
             tx += self._draw(len(data))
         self.backlog = self._library.viform_step(
-            self._board, data, rx, len(data), clocks, self._out, tx, ROOM, self._clock, self._made
+            self._board, data, rx, len(data), clocks, self._out, tx, ROOM, self._clock, self._count
         )
-        made = self._made.value
+        count = self._count.value
         self.clock = self._clock.value
-        self._taken += len(data)
-        self._given += made
-        return self._out.raw[:made] if made else b""
+        self._received += len(data)
+        self._sent += count
+        return self._out.raw[:count] if count else b""
 
     def _draw(self, count: int) -> int:
-        """Draws the masks of the next bytes; returns by how many bytes of memory those that come
-        out have moved on."""
+        """Draws the masks of the next bytes; returns the offset of the output masks, bytes."""
         share = self._faults.noise
-        self._masks[0][:count] = noise(share, _SEED, "rx", self._taken, count)
-        if self._given - self._masked > ROOM:
-            self._masked = self._given
-            self._masks[1][:] = noise(share, _SEED, "tx", self._given, 2 * ROOM)
-        return (self._given - self._masked) * self._masks[1].itemsize
+        self._masks[0][:count] = noise(share, _SEED, "rx", self._received, count)
+        if self._sent - self._masked > ROOM:
+            self._masked = self._sent
+            self._masks[1][:] = noise(share, _SEED, "tx", self._sent, 2 * ROOM)
+        return (self._sent - self._masked) * self._masks[1].itemsize
 
     def set_baud(self, baud: int) -> None:
         self._baud = baud
@@ -164,7 +180,7 @@ class _Verilog:
 
 def _load(level: Level, geometry: Geometry, faults: Faults) -> ctypes.CDLL:
     from rtl_model.verilated import VERILOG, build_crc, library
-    from rtl_model.virtual.planted import plant
+    from rtl_model.virtual.design_faults import inject_faults
 
     name = "core" if level == "bytes" else "board"
     shim = Path(__file__).with_name(f"{name}.cpp")
@@ -172,7 +188,7 @@ def _load(level: Level, geometry: Geometry, faults: Faults) -> ctypes.CDLL:
         sources = VERILOG
         if faults.of_design:
             sources = Path(text)
-            plant(VERILOG, sources, geometry, faults)
+            inject_faults(VERILOG, sources, geometry, faults)
         build = build_crc(geometry, sources)
         path = library(f"viform_{name}", geometry, shim, sources=sources, build=build)
     loaded = ctypes.CDLL(str(path))

@@ -1,4 +1,4 @@
-"""The pty a virtual board stands behind: its master, the host's baud, and a link to its slave."""
+"""The pty of a virtual board: its master, the host's baud, and a link to its slave."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cosim import InputError
 __all__ = ["Terminal"]
 
 # struct termios2 of Linux (asm-generic/termbits.h): four words of flags, line discipline, 19
-# control characters, input and output speed. Its speeds are plain numbers, custom ones too.
+# control characters, input and output speed. Speeds are plain numbers, so any baud is possible.
 _TERMIOS2 = struct.Struct("=4IB19B2I")
 _TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: _IOR('T', 0x2A, struct termios2)
 _TCSETS2 = 0x402C542B
@@ -26,10 +26,18 @@ _PTYS = "/dev/pts/"
 
 
 class Terminal:
-    """An open pty. The slave is held open too, so that a host may come and go.
+    """An open pty. The slave stays open too, so that hosts may open and close it.
 
-    baud: what the slave is set to at first: a host that sets none speaks at the board's own.
-    link: symlink to make for the slave; None makes none.
+    Args:
+        baud: initial rate of the slave, which applies to a host that sets none.
+        link: symbolic link to create for the slave, None for none.
+
+    Attributes:
+        master: file descriptor of the master.
+        slave: path of the slave.
+
+    Raises:
+        InputError: if the link cannot be created.
     """
 
     def __init__(self, baud: int, link: Path | None = None) -> None:
@@ -51,12 +59,11 @@ class Terminal:
 
     @property
     def port(self) -> str:
-        """What a host opens."""
+        """Path that a host opens."""
         return self.slave if self._link is None else str(self._link)
 
     def baud(self) -> int:
-        """Returns the baud that the host has set, custom ones too; the board's where the system
-        does not tell."""
+        """The baud that the host has set; the initial one if the system does not provide it."""
         try:
             fields = _TERMIOS2.unpack(fcntl.ioctl(self.master, _TCGETS2, bytes(_TERMIOS2.size)))
         except OSError:
@@ -65,21 +72,21 @@ class Terminal:
         return speed or self._nominal
 
     def read(self, count: int) -> bytes:
-        """Returns what the host has sent, at most `count` bytes."""
+        """Reads at most `count` bytes that the host has sent."""
         try:
             return os.read(self.master, count)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> int:
-        """Returns how many bytes the host's side took."""
+        """Writes to the host; returns the number of accepted bytes."""
         try:
             return os.write(self.master, data)
         except BlockingIOError:
             return 0
 
     def close(self) -> None:
-        """Closes both ends and removes the link, where it is still ours."""
+        """Closes both ends, and removes the link unless another board has replaced it."""
         if self._link is not None:
             with suppress(OSError):
                 if os.readlink(self._link) == self.slave:
@@ -111,14 +118,14 @@ def _set_baud(end: int, baud: int) -> None:
 
 
 def _make_link(link: Path, slave: str) -> None:
-    """Makes a symlink; one that an ended board has left is replaced, nothing else."""
+    """Creates a symbolic link. It replaces only the stale link of an ended board."""
     stale = link.is_symlink() and os.readlink(link).startswith(_PTYS)
     if (link.is_symlink() or link.exists()) and not (stale and not _alive(link)):
         raise InputError(
             "the link to the board",
             "a new name",
-            f"{link}, which is there",
-            "choose another, or end the board that has it",
+            f"{link}, which exists",
+            "choose another, or end the board that uses it",
         )
     part = link.with_name(f".{link.name}.{os.getpid()}")
     try:

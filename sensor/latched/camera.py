@@ -1,4 +1,4 @@
-"""The spike camera as one stage of a run: `Light` in, `Viform` out, block by block."""
+"""The spike camera as a stage of a run: it turns `Light` into a `Viform`, block by block."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ __all__ = ["SpikeCamera"]
 
 
 class SpikeCamera:
-    """Exposes the chip's pixels to light. device: OpenCL, or None for numba; the bits of the exact
-    tier are the same.
+    """Exposes the pixels of a chip, or of some of its rows, to light.
 
-    rows: the rows of the chip that are simulated, all unless given; a pixel's number, and so its
-    noise, is its place on the whole chip. Cross-talk takes the light beyond them to be as theirs.
-    tier, flags: see `tier_pixels`. late: (height of the chip,) int64 picoseconds by which the light
-    is early at each row: what is at an instant in the light given comes to that row so much later
-    (a source whose own rows are late); it moves each row's sampling, at most a few cycles.
+    Args:
+        setting: setting of the camera.
+        device: OpenCL device, or None for numba. The exact tier gives the same bits on both.
+        rows: (first, stop) rows of the chip to simulate, by default all. A pixel keeps its number
+            on the whole chip, and so its noise. For cross-talk the light continues beyond these
+            rows as at their edge.
+        tier: arithmetic of the pixels.
+        flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
+        row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
+            than `step` is given it, such as that of a source with a rolling shutter; at most a few
+            cycles. It moves the sampling instant of each row. None for 0.
     """
 
     def __init__(
@@ -35,7 +40,7 @@ class SpikeCamera:
         rows: tuple[int, int] | None = None,
         tier: Tier = "exact",
         flags: npt.NDArray[np.uint8] | None = None,
-        late: npt.NDArray[np.int64] | None = None,
+        row_delay: npt.NDArray[np.int64] | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
@@ -44,12 +49,20 @@ class SpikeCamera:
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
         self._light_map = setting.light_map
         self._pixels = tier_pixels(
-            tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, late
+            tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, row_delay
         )
 
     def step(self, light: Light, block: Block) -> Viform:
-        """The latched flags of one block. light: lux on the pixels, at least this block's time and
-        as many cycles around it as `CameraSetting.reach` and `late` say."""
+        """Latched bits of one block.
+
+        Args:
+            light: lux on the pixels. It covers the block and, around it, `CameraSetting.reach` and
+                the row delays.
+            block: cycles to simulate.
+
+        Raises:
+            ValueError: the light has another shape or does not cover these cycles.
+        """
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         if self._light_map is not None:
@@ -58,9 +71,9 @@ class SpikeCamera:
         return Viform(words, block.cycles, self._clock, block.start)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """The state that the next block depends on."""
         return self._pixels.state()
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self._pixels.restore(state)

@@ -1,4 +1,4 @@
-"""A latched camera on a few patches of its chip, with the very bits that they have on it."""
+"""A latched camera on a few patches of its chip, with the same bits as on the whole chip."""
 
 from __future__ import annotations
 
@@ -21,8 +21,19 @@ Words = npt.NDArray[np.uint32]
 
 
 class PatchCamera:
-    """Films the patches. flags: of the fast tier's work-items, (rows of the plane, groups). late:
-    of the chip's rows; see `SpikeCamera`."""
+    """Exposes the pixels of patches to light.
+
+    Args:
+        setting: setting of the camera.
+        plane: places of the patches on the chip.
+        tier: arithmetic of the pixels.
+        device: OpenCL device, or None for numba.
+        flags: (rows of the plane, groups) uint8, effects that the fast tier keeps in each group.
+        row_delay: (height of the chip,) int64 ps; see `SpikeCamera`.
+
+    Attributes:
+        bits: (pixels,) int64, latched spikes so far.
+    """
 
     def __init__(
         self,
@@ -31,32 +42,31 @@ class PatchCamera:
         tier: Tier,
         device: Device | None = None,
         flags: npt.NDArray[np.uint8] | None = None,
-        late: npt.NDArray[np.int64] | None = None,
+        row_delay: npt.NDArray[np.int64] | None = None,
     ) -> None:
         self._pixels = tier_pixels(
-            tier, setting, plane.shape, plane.numbers, plane.row, device, flags, late
+            tier, setting, plane.shape, plane.numbers, plane.row, device, flags, row_delay
         )
         self._inner = PlaneMap(plane.inner, None)
         self._light_map: Callable[[Light], Light] = setting.light_map or (lambda light: light)
         self.bits = np.zeros(plane.numbers.size, np.int64)
-        """Latched spikes so far."""
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
-        """Words of so many cycles. light: of `PatchPlane.cut`."""
+        """Words (ceil(cycles / 32), pixels) of the next cycles. light: cut by `PatchPlane.cut`."""
         words = self._pixels.expose(self._inner(self._light_map(light)), start, cycles)
         assert len(words) == words_for(cycles)
         self.bits += np.bitwise_count(words).sum(axis=0, dtype=np.int64)
         return words
 
     def phase(self) -> npt.NDArray[np.float64]:
-        """Spikes so far, with the fraction of the one under way."""
+        """Spikes so far, including the fraction of the current interval, (pixels,)."""
         return self.bits + self._pixels.fraction()
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next step depends on."""
+        """The state that the next step depends on."""
         return {"bits": self.bits.copy(), **self._pixels.state()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self.bits = state["bits"].astype(np.int64)
         self._pixels.restore({k: v for k, v in state.items() if k != "bits"})

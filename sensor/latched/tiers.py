@@ -1,4 +1,8 @@
-"""The pixels of a plane in any tier: light in, words out, whatever arithmetic is in between."""
+"""The pixels of a plane in any tier: they turn light into words.
+
+Modules of a tier are imported when that tier is chosen: they import numba or OpenCL, which would
+slow the start of every command.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,7 @@ Words = npt.NDArray[np.uint32]
 def make_pixels(
     model: ExactModel, numbers: npt.NDArray[np.uint32], device: Device | None
 ) -> ExactPixels:
-    """Pixels with these numbers on an OpenCL device, or compiled by numba when it is None."""
+    """Pixels with these numbers on an OpenCL device, or compiled by numba if it is None."""
     if device is not None:
         from sensor.latched.pixel.kernel import KernelPixels
 
@@ -37,8 +41,8 @@ def make_pixels(
 
 
 class TierPixels(Protocol):
-    """Pixels of one tier, numbered by their place on the chip. Calls follow each other without
-    gaps; no result depends on how a run is split."""
+    """Pixels of one tier, numbered by their place on the chip. Calls of `expose` follow each other
+    without gaps; results do not depend on how a run is split into calls."""
 
     def expose(self, light: Light, start: int, cycles: int) -> Words: ...
     def fraction(self) -> npt.NDArray[np.float64]: ...
@@ -47,7 +51,7 @@ class TierPixels(Protocol):
 
 
 class _Exact:
-    """The exact tier, with the light's integration in it."""
+    """Pixels of the exact tier, including the integration of light."""
 
     def __init__(
         self,
@@ -65,8 +69,8 @@ class _Exact:
         return self._pixels.expose(self._exposure.each(light, start, cycles), cycles)
 
     def fraction(self) -> npt.NDArray[np.float64]:
-        """Stored charge over the running interval's own threshold. That of the first interval is
-        drawn from a law of its own."""
+        """Stored charge over the threshold of the current interval. The threshold of the first
+        interval has another distribution."""
         now, model = self._pixels.state(), self._model
         running = np.full(now.deficit.shape, model.q, np.int64)
         if model.noisy:
@@ -92,36 +96,45 @@ def tier_pixels(
     rows: npt.NDArray[np.int64],
     device: Device | None = None,
     flags: npt.NDArray[np.uint8] | None = None,
-    late: npt.NDArray[np.int64] | None = None,
+    row_delay: npt.NDArray[np.int64] | None = None,
 ) -> TierPixels:
-    """Pixels of a plane of `shape`. numbers: of each on the chip, (H W,). rows: of the chip that
-    each row of the plane is, (H,). device: OpenCL; None is numba, which the fast tier has not.
-    flags: which work-items of the fast tier keep what (`sensor.fast`), all of it unless given.
-    late: of the chip's rows, (height of the chip,) ps; see `SpikeCamera`. Cross-talk is the light's
-    and not done here."""
+    """Pixels of a plane in one tier. The map of the light (cross-talk) is not applied here.
+
+    Args:
+        tier: arithmetic of the pixels.
+        setting: setting of the camera.
+        shape: (H, W) of the plane.
+        numbers: (H W,) uint32, numbers of the pixels on the chip.
+        rows: (H,) int64, row of the chip of each row of the plane.
+        device: OpenCL device, or None for numba. The fast tier requires OpenCL.
+        flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
+        row_delay: (height of the chip,) int64 ps; see `SpikeCamera`.
+
+    Raises:
+        ValueError: the fast tier has no device, or `row_delay` has another shape.
+    """
     offsets = setting.sampling_offsets
     if offsets is not None:
         offsets = offsets[rows]
-    if late is not None:
-        if late.shape != (setting.chip.height,):
-            raise ValueError(f"late must be ({setting.chip.height},), not {late.shape}")
-        offsets = (0 if offsets is None else offsets) - late[rows].astype(np.int64)
+    if row_delay is not None:
+        if row_delay.shape != (setting.chip.height,):
+            raise ValueError(f"row_delay must be ({setting.chip.height},), not {row_delay.shape}")
+        offsets = (0 if offsets is None else offsets) - row_delay[rows].astype(np.int64)
     pattern = setting.fixed_pattern(numbers, lumped=tier != "reference")
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
         return _Exact(setting, numbers, pattern, offsets, device)
     if tier == "fast":
-        from sensor.latched.fast import FastPixels
+        from sensor.latched.fast import FastPixels, PixelArray
 
         if device is None:
             raise ValueError("the fast tier needs an OpenCL device")
-        return FastPixels(
-            model, shape, numbers, device, setting.clock, gain, pattern, offsets, flags
-        )
+        array = PixelArray(model, shape, numbers, setting.clock, gain, pattern, offsets, flags)
+        return FastPixels(array, device)
     from sensor.latched.reference import ReferencePixels
 
     each = None if offsets is None else np.repeat(offsets, shape[1])
-    if setting.circuit is not None:  # as it is, not lumped
+    if setting.circuit is not None:  # the circuit itself takes the place of its lumped form
         model = replace(model, dead_time=0.0, shift=0.0)
     return ReferencePixels(
         model, numbers, setting.clock, gain, pattern, each, setting.circuit, setting.overshoot

@@ -52,7 +52,7 @@ def crossed(
         replace(optics, f_number=stop), Aim(), AirSetting(DISTANCE), camera,
         first_light=12 * PS // 40_000, planes=sent.planes, kept=(),
     )  # fmt: skip
-    eye, receiver = SpikeCamera(camera, None, late=air.late), Receiver((SIDE, SIDE))
+    eye, receiver = SpikeCamera(camera, None, row_delay=air.late), Receiver((SIDE, SIDE))
     for first in range(0, sent.planes + 32, 64):
         block = Block(first, 64)
         words = eye.step(air.step(None, block), block)

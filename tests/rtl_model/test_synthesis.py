@@ -61,7 +61,7 @@ def test_what_yosys_refuses_is_one_line():
 
 @needs_yosys
 def test_a_yosys_that_takes_too_long_is_one_line():
-    with pytest.raises(InputError, match=r"must be done within 0\.01 s, not still at work"):
+    with pytest.raises(InputError, match=r"must be done within 0\.01 s, not still running"):
         synthesise("ice40", timeout_s=0.01)
 
 

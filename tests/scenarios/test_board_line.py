@@ -66,7 +66,7 @@ def test_verilog_that_does_not_compile_is_one_line(refused, tmp_path):
 @needs_verilator
 def test_a_folder_without_the_verilog_is_one_line(refused, tmp_path):
     said = refused("board", "compare", "--lockstep", "--sources", tmp_path, "--pixels", "1e4")
-    assert "must be one that holds viform_system.v" in said
+    assert "must be one with a readable viform_system.v" in said
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The board under test: its port, its registers, and what the stages have measured of it."""
+"""The board under test: its port, its registers and the results of earlier stages."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ class Bench:
         csr: registers of the loaded design.
         simulated: whether there is no real clock behind the port.
         nominal_baud: baud that the user has set.
-        frames: length of a captured burst.
+        frames: number of frames in a captured burst.
         geometry: of the board, once the identity stage has passed; a default before.
-        board: figures of the identity stage, empty before.
+        board: figures of the identity stage; empty before it.
         bursts: captured so far.
         magic: word at address 0 as the bytes stage has read it, None before.
-        note: receives one line before a step that takes long.
-        monitor: counts of bytes at both ends of the line; None until the board is known to have
-            our counters.
+        note: receives one line before a slow step.
+        monitor: compares the byte counts at both ends of the line; None until the board is known
+            to have these counters.
     """
 
     port: DeadlinePort
@@ -101,9 +101,9 @@ class Bench:
         return value
 
     def repeat(self, check: Callable[[], Result], *kinds: str) -> Result:
-        """Returns what `check` returns; runs it a second time if it fails by one of these kinds.
+        """Returns the result of `check`, and repeats it once if it fails by one of these kinds.
 
-        A check that passes the second time has met a fault of the line, not of the design; the
+        If the second run passes, the first one met a fault of the line, not of the design. The
         monitor counts it.
         """
         try:

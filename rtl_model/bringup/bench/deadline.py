@@ -1,4 +1,4 @@
-"""A port with a time limit, so that no stage waits for ever."""
+"""A port with a time limit, so that every stage ends."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ __all__ = ["DeadlinePort", "OutOfTime"]
 
 
 class OutOfTime(ViformError):
-    """The time limit is exceeded; not necessarily a fault of the line."""
+    """The time limit is exceeded, which need not be a fault of the line."""
 
 
 class DeadlinePort:
-    """A port over another one. Every operation after the time limit raises OutOfTime.
+    """Wraps a port. Every operation after the time limit raises OutOfTime.
 
-    Every loop that communicates uses the port, so no loop is endless.
+    Every loop of a stage uses the port, so no loop is endless.
 
     Attributes:
-        inner: the other port.
+        inner: the wrapped port.
         heard: bytes received since the last write.
     """
 
@@ -68,5 +68,5 @@ class DeadlinePort:
     def _left(self) -> float:
         left = self._end - time.monotonic()
         if left <= 0:
-            raise OutOfTime("the time allowed is over")
+            raise OutOfTime("the time limit has passed")
         return left

@@ -1,5 +1,6 @@
-"""The board that `--port` or `board.port` names: the port of a real one, or a virtual board that is
-started and runs as long as it is used.
+"""The board that `--port` or `board.port` names.
+
+It is a real board behind a port, or a virtual board, which runs as long as the endpoint is open.
 
 The commands of `viform board` import this file when the program starts, so everything else is
 imported in the functions that need it.
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["VIRTUAL", "Endpoint", "checked_level", "csr_map", "open_endpoint", "virtual_board"]
 
 VIRTUAL = "virtual"
-"""Name of a port that stands for a virtual board."""
+"""Name of the port that starts a virtual board."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,11 @@ def virtual_board(
         baud: of its line.
         level: of simulation, one of `rtl_model.virtual.LEVELS`.
         faults: to inject, such as "stuck=3,7".
-        geometry: of the build; by default 32 x 32 at a clock that the simulator keeps up with.
+        geometry: of the build; by default 32 x 32 at a clock that the simulator reaches.
         link: symbolic link to make for its port.
         imager: name of a conventional imager to simulate instead.
 
-    Raises InputError for an unknown level or fault and for a baud that the clock does not allow.
+    Raises InputError for an unknown level or fault, and for a baud that the clock does not allow.
     """
     from cosim import InputError
     from rtl_model.geometry import Geometry
@@ -100,7 +101,8 @@ def open_endpoint(
     Args:
         port: a device, a URL of pyserial, or `VIRTUAL`.
         baud: of the line.
-        time_scale: None for 1, or for the measured one of a virtual board.
+        time_scale: seconds of the host's time to a second of the board's clock; None for 1, or
+            for the measured value of a virtual board.
         level, faults, geometry: of a virtual board.
     """
     from cosim import InputError

@@ -1,4 +1,4 @@
-"""Transmission errors of the line in an interval, as far as the counts at both ends show them."""
+"""Transmission errors of the line in an interval, derived from the byte counts at both ends."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ __all__ = ["Evidence"]
 
 @dataclass(frozen=True)
 class Evidence:
-    """Transmission errors in an interval; numbers of bytes unless noted.
+    """Transmission errors in an interval. Values are numbers of bytes unless noted.
 
     Attributes:
         known: whether the board's counters could be read; otherwise all counts are 0.
         to_board, from_board: bytes added (positive) or lost (negative) in that direction.
         framing, aborts, unknown: framing errors, watchdog aborts and unknown commands, counted by
             the board.
-        unasked: bytes that the board sent beyond those requested.
-        words: words that the board counted beyond those written.
+        unsolicited: bytes that the board sent beyond those requested.
+        words: words that the board counted beyond those that the host wrote.
         crc: whether the CRC-32 of the written words differs.
         bus_errors: accesses to no register.
         address: answers that were wrong once and came from another register.
@@ -28,7 +28,7 @@ class Evidence:
         early: reads repeated before the counters were known.
         misplaced: requests and writes that failed once and passed when repeated.
         repeats: all repeated reads.
-        anew: whether the counters restarted from 0, as after a loss of power or configuration.
+        restarted: whether the counters restarted from 0, as after a loss of power.
     """
 
     known: bool = True
@@ -37,7 +37,7 @@ class Evidence:
     framing: int = 0
     aborts: int = 0
     unknown: int = 0
-    unasked: int = 0
+    unsolicited: int = 0
     words: int = 0
     crc: bool = False
     bus_errors: int = 0
@@ -47,16 +47,21 @@ class Evidence:
     early: int = 0
     misplaced: int = 0
     repeats: int = 0
-    anew: bool = False
+    restarted: bool = False
 
     @property
     def changed_to_board(self) -> bool:
-        """Whether a byte to the board was changed: the board did something that was not requested,
-        and no byte of that direction is missing or added."""
+        """Whether a byte to the board was changed.
+
+        Then the board has done something that was not requested, and no byte of that direction is
+        missing or added.
+        """
         if self.to_board:
             return False
-        odd = (self.aborts, self.unknown, self.unasked, self.words, self.bus_errors, self.address)
-        return bool(self.framing or self.crc or any(odd))
+        counts = (
+            self.aborts, self.unknown, self.unsolicited, self.words, self.bus_errors, self.address,
+        )  # fmt: skip
+        return bool(self.framing or self.crc or any(counts))
 
     @property
     def clean(self) -> bool:
@@ -68,7 +73,7 @@ class Evidence:
 
     @property
     def directions(self) -> list[str]:
-        """Directions with a certain error: "to-board", "from-board"."""
+        """Directions with a proven error: "to-board", "from-board"."""
         directions = []
         if self.to_board or self.changed_to_board:
             directions.append("to-board")
@@ -82,8 +87,8 @@ class Evidence:
         clauses = []
         if not self.known:
             return (
-                "the line is too bad for the board's counters to be read, or these began anew: "
-                "which way it fails cannot be told"
+                "the board's counters cannot be read over this line, or they restarted: the "
+                "direction of the errors is unknown"
             )
         if self.to_board:
             what = "lost" if self.to_board < 0 else "added"
@@ -100,29 +105,29 @@ class Evidence:
         if self.open:
             clauses.append(
                 f"{_many(self.open, 'answer')} wrong once (a byte changed from the board, or to it "
-                "in the request's address: these cannot be told apart)"
+                "in the request's address; the counts do not distinguish the two)"
             )
         if self.misplaced and not clauses:
             clauses.append(
                 f"{_many(self.misplaced, 'request')} failed once and not again, though both ends "
                 "counted the same bytes: its address changed on the way to the board, or the board "
-                "did not take it, which cannot be told apart"
+                "did not accept it; the counts do not distinguish the two"
             )
         if self.early:
             clauses.append(
                 f"{_many(self.early, 'answer')} wrong once while the board's counters were first "
-                "read, of which the direction cannot be told"
+                "read, in an unknown direction"
             )
         if not clauses and self.repeats:
             clauses.append(
                 f"{_many(self.repeats, 'answer')} late or wrong once, though both ends counted the "
-                "same bytes: held up on the way"
+                "same bytes: delayed on the way"
             )
         return ", ".join(clauses)
 
     @property
     def figures(self) -> Figures:
-        """The document. `to_board_changed` and `from_board_changed` are lower bounds."""
+        """The JSON document. `to_board_changed` and `from_board_changed` are lower bounds."""
         return {
             "counters_read": self.known,
             "directions": self.directions,
@@ -137,7 +142,7 @@ class Evidence:
             "watchdog_aborts": self.aborts,
             "unknown_commands": self.unknown,
             "bus_errors": self.bus_errors,
-            "bytes_unasked": self.unasked,
+            "bytes_unasked": self.unsolicited,
             "words_unasked": self.words,
             "words_crc_wrong": self.crc,
         }
@@ -158,13 +163,13 @@ class Evidence:
         return f" ({', '.join(counts)})" if counts else ""
 
     @property
-    def mend(self) -> str:
+    def remedy(self) -> str:
         """What to check or repair."""
-        ways = self.directions
-        if ways == ["to-board"]:
+        directions = self.directions
+        if directions == ["to-board"]:
             return "check the wire to the board's RX, its level and ground, and that no other " \
                 "program writes to the port"  # fmt: skip
-        if ways == ["from-board"]:
+        if directions == ["from-board"]:
             return "check the wire from the board's TX, its level and ground, the adapter's " \
                 "buffers, and that no other program reads the port"  # fmt: skip
         return "check cable, ground, levels and that no other program uses the port"

@@ -1,6 +1,6 @@
 """Captured frames of a board: their clock, and their comparison with the cycle model.
 
-The cycle model is imported in the function that needs it: it brings numba with it.
+The cycle model is imported in the function that needs it, because it imports numba.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["capture_and_compare", "compare_burst", "frame_clock", "read_pattern"
 
 
 def frame_clock(board: Board) -> Clock:
-    """The frame clock by the board's registers: nominal clock divided by the clocks of a tick."""
+    """The frame clock from the board's registers: nominal clock divided by clocks of a tick."""
     info = board.info()
     tick = max(board.read_twice("sensor_tick_clocks"), board.read_twice("sensor_tick_minimum"))
     exact = Fraction(info.clock_hz, tick << board.read_twice("sensor_clock_select"))
@@ -29,7 +29,7 @@ def frame_clock(board: Board) -> Clock:
 
 
 def read_pattern(board: Board) -> npt.NDArray[np.uint8]:
-    """The pattern memory, (rows, columns) uint8, read until two readings agree."""
+    """Reads the pattern memory, (rows, columns) uint8, until two readings agree."""
     size = board.info().geometry
     words = board.bone.read_twice(board.csr.base("pattern_mem"), size.pattern_bytes // 4)
     padded = np.array(words, "<u4").view(np.uint8).reshape(size.rows, -1)

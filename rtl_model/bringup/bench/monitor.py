@@ -31,12 +31,12 @@ __all__ = ["LineMonitor"]
 
 _TRIES = 12  # readings until two agree
 _COUNTERS = 7  # words from uart_rx_bytes to uart_writes_crc
-_GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # of the sums: the board's own
+_GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # counts of the board
 _WORD = 1 << 32
 _ADDRESS_BITS = 30  # of a word's address on the line
 _NEAR = 1 << 16  # a changing register may have held a value this close to its present one
-_RESTART_BYTES = 32  # a line does not lose so many bytes one way and add as many the other way
-_EXAMINED = 8  # most wrong answers that are examined; each takes some readings
+_RESTART_BYTES = 32  # no line loses so many bytes in one direction and adds them in the other
+_EXAMINED = 8  # most wrong answers that are examined; each needs several readings
 _CHANGING = {  # registers that change by themselves
     "ctrl_uptime", "ctrl_bus_errors", "uart_rx_bytes", "uart_tx_bytes", "uart_shortest_low",
     "sensor_frames", "sensor_frame_clock", "sensor_rows_read", "sensor_spikes", "capture_state",
@@ -77,10 +77,10 @@ class _Sums(NamedTuple):
 
 
 class LineMonitor:
-    """Counts at both ends of the line since a moment.
+    """Compares the counts at both ends of the line over an interval.
 
-    `begin` must come first: it reads the counters of a board that must be ours. `take_evidence`
-    evaluates the interval since then and starts the next one.
+    `begin` must be called first. It reads the counters, which only a board of this project has.
+    `take_evidence` evaluates the interval since then and starts the next one.
 
     Attributes:
         geometry: of the board; None until it is known.
@@ -92,7 +92,7 @@ class LineMonitor:
         self._block = csr.register("uart_rx_bytes").address
         self._memories = min(csr.base("identifier_mem"), csr.base("pattern_mem"))
         self._wrong = _WrongAnswers()
-        self._errors = 0  # of the board's bus, when last looked at
+        self._errors = 0  # bus errors of the board at the last reading
         self._busy = False
         self.geometry: Geometry | None = None
         bone.on_other_answer = self.other_answer
@@ -125,7 +125,7 @@ class LineMonitor:
         if before is None or now is None:
             return Evidence(known=False, repeats=repeats)
         if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
-            return Evidence(known=False, repeats=repeats, anew=True)  # the board restarted
+            return Evidence(known=False, repeats=repeats, restarted=True)
         arrived = now.rx + now.framing - before.rx - before.framing
         evidence = Evidence(
             to_board=_signed(arrived - (now.sent - before.sent)),
@@ -133,7 +133,7 @@ class LineMonitor:
             framing=_signed(now.framing - before.framing),
             aborts=_signed(now.aborts - before.aborts),
             unknown=_signed(now.unknown - before.unknown),
-            unasked=_signed((now.tx - before.tx) - (now.asked - before.asked)),
+            unsolicited=_signed((now.tx - before.tx) - (now.asked - before.asked)),
             words=_signed((now.words - before.words) - (now.written - before.written)),
             crc=now.words_crc != now.written_crc,
             bus_errors=max(0, now.bus_errors - before.bus_errors) + wrong.errors,
@@ -143,7 +143,7 @@ class LineMonitor:
             repeats=repeats,
         )
         if _has_restarted(before, evidence):
-            return Evidence(known=False, repeats=repeats, anew=True)
+            return Evidence(known=False, repeats=repeats, restarted=True)
         if not (evidence.to_board or evidence.from_board or evidence.changed_to_board):
             # Only then can inconsistent readings be compared with the consistent one.
             self._check_unfit(wrong, now)
@@ -155,7 +155,7 @@ class LineMonitor:
         return replace(evidence, address=wrong.address, answers=wrong.answers, open=wrong.open)
 
     def expect_reset(self) -> None:
-        """Saves the count of bus errors, which a reset of the board is about to clear."""
+        """Saves the count of bus errors before a reset of the board clears it."""
         if self._before is None:
             return
         self._errors = 0
@@ -175,10 +175,10 @@ class LineMonitor:
         """
         if self._before is None:
             return  # `begin` counts it
-        if self._wrong.looked >= _EXAMINED:
+        if self._wrong.examined >= _EXAMINED:
             self._wrong.open += 1
             return
-        self._wrong.looked += 1
+        self._wrong.examined += 1
         if self._busy or self.geometry is None:  # nothing is written before it is known
             self._wrong.wait.append((address, got, right))
             return
@@ -252,7 +252,7 @@ class LineMonitor:
                     first = self._reading()
                     errors = (
                         self._bus_errors()
-                    )  # in between: errors of a fixed period hit both readings differently
+                    )  # between the readings, so that periodic errors affect them differently
                     second = self._reading()
                 except LineFault as fault:
                     if fault.cause in FINAL:
@@ -279,9 +279,9 @@ class LineMonitor:
         bytes: their right values follow from the consistent reading."""
         if not wrong.unfit:
             return
-        own = 4 * _COUNTERS
-        words = [now.rx, now.tx - own + 4, now.framing, now.aborts, now.unknown, now.words]
-        fits = _Reading([*words, now.words_crc], now.sent, now.asked - own)
+        block = 4 * _COUNTERS  # bytes of one reading
+        words = [now.rx, now.tx - block + 4, now.framing, now.aborts, now.unknown, now.words]
+        fits = _Reading([*words, now.words_crc], now.sent, now.asked - block)
         others = [(self._block, one.words, fits.later(one)) for one in wrong.unfit]
         different = [other for other in others if other[1] != other[2]]
         self._examine_all(wrong, different[:_EXAMINED])
@@ -341,7 +341,7 @@ class _WrongAnswers:
         answers: changed on the way from the board.
         open: of undecided direction.
         early: wrong while the counters were first read.
-        looked: examined so far.
+        examined: number of answers examined so far.
         errors: bus errors before a reset of the board.
         misplaced: requests and writes that failed once.
         wait: answers to examine later.
@@ -352,7 +352,7 @@ class _WrongAnswers:
     answers: int = 0
     open: int = 0
     early: int = 0
-    looked: int = 0
+    examined: int = 0
     errors: int = 0
     misplaced: int = 0
     wait: list[_Other] = field(default_factory=list)

@@ -12,11 +12,11 @@ __all__ = ["STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
 STAGES = (
     "port", "bytes", "identity", "counters", "registers", "prbs", "patterns", "threshold", "timing",
 )  # fmt: skip
-"""In the order in which they run: each depends on those before it."""
+"""Stages in the order in which they run. Each depends on the ones before it."""
 
 Outcome: TypeAlias = Literal["ok", "failed", "left out"]
 Figures: TypeAlias = dict[str, Any]
-"""Names with numbers, texts or lists of those, as JSON allows."""
+"""Figures of a stage by name: numbers, texts or lists of these, as JSON allows."""
 
 
 class StageFault(ViformError):
@@ -24,29 +24,29 @@ class StageFault(ViformError):
 
     Attributes:
         kind: short name of the cause, for programs.
-        text: observation, and where.
-        mend: what to check or repair.
-        figures: measured until then.
+        text: what was observed, and where.
+        remedy: what to check or repair.
+        figures: measured before the failure.
     """
 
-    def __init__(self, kind: str, text: str, mend: str, figures: Figures | None = None) -> None:
-        self.kind, self.text, self.mend = kind, text, mend
+    def __init__(self, kind: str, text: str, remedy: str, figures: Figures | None = None) -> None:
+        self.kind, self.text, self.remedy = kind, text, remedy
         self.figures: Figures = figures or {}
-        super().__init__(kind, text, mend, figures)
+        super().__init__(kind, text, remedy, figures)
 
     def __str__(self) -> str:
-        return f"{self.text}; {self.mend}"
+        return f"{self.text}; {self.remedy}"
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage that has run or was left out.
+    """The result of one stage, whether it ran or was left out.
 
     Attributes:
         name: one of `STAGES`.
         outcome: of its check.
         cause: one sentence with what to repair; None if the outcome is ok.
-        figures: measured.
+        figures: measured by the stage.
         seconds: duration by the port's clock, s.
         kind: short name of the cause, for programs; None if the outcome is ok.
     """
@@ -75,12 +75,13 @@ class Report:
     """All stages of a bring-up.
 
     Attributes:
-        port, baud: of the line.
+        port: name of the port.
+        baud: of the line.
         simulated: whether there is no real clock behind the port.
         stages: in order; those after a failed one may be left out.
         board: figures of the identity stage, None if it did not pass.
-        bursts: captured planes and the expected ones, in order of capture.
-        wall_s: duration, s.
+        bursts: captured and expected planes, in order of capture.
+        wall_s: wall time of the bring-up, s.
     """
 
     port: str
@@ -105,16 +106,16 @@ class Report:
 
     @property
     def failed_stage(self) -> str | None:
-        """Its name."""
+        """Name of the first stage that failed."""
         return None if self.failed is None else self.failed.name
 
     @property
     def cause(self) -> str | None:
-        """Its cause, a sentence."""
+        """Cause of the first failure, one sentence."""
         return None if self.failed is None else self.failed.cause
 
     def figure(self, stage: str, name: str) -> Any:
-        """One figure of a stage, None if it is unknown."""
+        """One figure of a stage, None if the stage has not measured it."""
         return next((s.figures.get(name) for s in self.stages if s.name == stage), None)
 
     def document(self) -> dict[str, Any]:

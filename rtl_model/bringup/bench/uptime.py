@@ -1,4 +1,4 @@
-"""Detection of a restart of the board by its uptime, which explains all other faults of a stage."""
+"""Detects a restart of the board by its uptime. A restart explains all other faults of a stage."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rtl_model.host import LineFault
 
 __all__ = ["Uptime"]
 
-_FAST = 1.5  # no clock is faster than nominal by more
+_FAST = 1.5  # largest ratio of a real clock to its nominal frequency
 _WRAP = 1 << 32  # clocks
 
 
@@ -37,7 +37,7 @@ class Uptime:
             return None  # one of the readings was wrong: no restart within the stage
         return StageFault(
             "restarted",
-            f"the board started anew within the stage: ctrl_uptime fell from {first} to {last}",
+            f"the board restarted within the stage: ctrl_uptime fell from {first} to {last}",
             "check its supply and its reset",
             {"uptime_before": first, "uptime_after": last},
         )

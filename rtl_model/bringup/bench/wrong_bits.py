@@ -1,4 +1,4 @@
-"""Wrong bits of captured planes, and their common location: a pixel, row, column, lane or frame."""
+"""Wrong bits of captured planes, and the pixel, row, column, lane or frame that they share."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ __all__ = ["WrongBits", "compare"]
 
 Planes = npt.NDArray[np.bool_]
 
-_MEND = {
-    "pixel": "look at that pixel's charge memory and its bit of the row's word",
-    "row": "look at the row counter and at that row's address in charge and pattern memory",
-    "column": "look at that bit's way through capture memory and the row's words",
-    "lane": "look at that lane's adder and comparator: it is wrong in every tile",
-    "frame": "look at what changes between frames: the clear, the frame counter, the tick",
+_REMEDIES = {
+    "pixel": "check that pixel's charge memory and its bit of the row's word",
+    "row": "check the row counter and that row's address in charge and pattern memory",
+    "column": "check the path of that bit through capture memory and the row's words",
+    "lane": "check that lane's adder and comparator, which every tile uses",
+    "frame": "check what changes between frames: the clear, the frame counter, the tick",
     "scattered": "run `viform board compare` with fewer frames, and check the clock's timing",
 }
 
@@ -30,9 +30,9 @@ class WrongBits(NamedTuple):
         frame, row, column, got: position and value of the first wrong bit in time.
         shape: smallest location that contains all wrong bits: pixel, row, column, lane, frame or
             scattered.
-        place: number of that location ("row, column" of a pixel).
-        stuck: 0 or 1 if every bit of the location reads that value, though both are expected; else
-            None.
+        place: number of that location ("row, column" for a pixel).
+        stuck: 0 or 1 if every bit of the location reads that value although both values are
+            expected; None otherwise.
     """
 
     bits: int
@@ -60,26 +60,29 @@ class WrongBits(NamedTuple):
             "column": f"all in column {self.place}",
             "lane": f"all in lane {self.place} of every tile",
             "frame": f"all in frame {self.place}",
-            "scattered": "in no one pixel, row, column or lane",
+            "scattered": "with no pixel, row, column or lane in common",
         }
         return f"{wrong}, {first}; {shapes[self.shape]}{stuck}"
 
     @property
-    def mend(self) -> str:
+    def remedy(self) -> str:
         """What to check."""
-        return _MEND[self.shape]
+        return _REMEDIES[self.shape]
 
     def document(self) -> dict[str, Any]:
-        """Its part of the document."""
-        return self._asdict() | {"text": self.text, "mend": self.mend}
+        """The JSON document of the difference."""
+        return self._asdict() | {"text": self.text, "mend": self.remedy}
 
 
 def compare(got: Planes, expected: Planes, lanes: int) -> WrongBits | None:
     """Compares captured with expected planes; None if they are equal.
 
     Args:
-        got, expected: (frames, rows, columns) bool. Raises ValueError if the shapes differ.
-        lanes: pixels computed in one clock; lane n has the columns n, n + lanes, ...
+        got, expected: (frames, rows, columns) bool.
+        lanes: pixels computed in one clock; lane n computes the columns n, n + lanes, ...
+
+    Raises:
+        ValueError: if the shapes differ.
     """
     if got.shape != expected.shape:
         raise ValueError(f"planes must be of one shape, not {got.shape} and {expected.shape}")
@@ -122,14 +125,14 @@ def _stuck(got: Planes, expected: Planes, shape: str, place: str, lanes: int) ->
     """The value of every bit of the location, if both values are expected there."""
     if shape == "pixel":
         row, column = (int(part) for part in place.split(","))
-        part, must = got[:, row, column], expected[:, row, column]
+        part, truth = got[:, row, column], expected[:, row, column]
     elif shape == "row":
-        part, must = got[:, int(place)], expected[:, int(place)]
+        part, truth = got[:, int(place)], expected[:, int(place)]
     elif shape == "column":
-        part, must = got[:, :, int(place)], expected[:, :, int(place)]
+        part, truth = got[:, :, int(place)], expected[:, :, int(place)]
     elif shape == "lane":
-        part, must = got[:, :, int(place) :: lanes], expected[:, :, int(place) :: lanes]
+        part, truth = got[:, :, int(place) :: lanes], expected[:, :, int(place) :: lanes]
     else:
         return None
     alike = bool((part == part.flat[0]).all())
-    return int(part.flat[0]) if alike and not bool((must == part.flat[0]).all()) else None
+    return int(part.flat[0]) if alike and not bool((truth == part.flat[0]).all()) else None

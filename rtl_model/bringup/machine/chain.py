@@ -25,8 +25,10 @@ LOG = "line.jsonl"
 
 
 class BoardChain:
-    """Implements `cosim.run.machine.Chain`. It has no checkpoint: a board may have changed since an
-    interruption, so every stage runs again.
+    """Implements `cosim.run.machine.Chain`.
+
+    It has no checkpoint: the board may have changed since an interruption, so every stage runs
+    again.
 
     Attributes:
         report: of the bring-up, once the chain has run.
@@ -54,13 +56,13 @@ class BoardChain:
         """Does nothing: there is never a checkpoint."""
 
     def discard(self) -> None:
-        """Does nothing: nothing is planned, so nothing is recorded again."""
+        """Does nothing: a board has no plan, so its recording is never repeated."""
 
     def run(self, progress: Progress) -> dict[str, float]:
         """Brings the board up and, if every stage passes, captures the image.
 
         Returns the wall time of each part, s. Raises InputError for a board of another size than
-        the scenario asks for, Interrupted.
+        the scenario states, Interrupted.
         """
         try:
             return self._run(progress)

@@ -23,7 +23,7 @@ class ImageCapture(NamedTuple):
     Attributes:
         captured: the frames with their timing.
         burst: their comparison with the cycle model.
-        clock: of the frames.
+        clock: frame clock.
     """
 
     captured: Captured
@@ -34,7 +34,7 @@ class ImageCapture(NamedTuple):
 def capture_image(endpoint: Endpoint, section: BoardSection, seed: int) -> ImageCapture:
     """Uploads the image of `seed` and captures `section.frames` frames.
 
-    Raises InputError for a board of another size than the section asks for, LineFault.
+    Raises InputError for a board of another size than the section states, LineFault.
     """
     port = open_port(endpoint.url, section.baud)
     try:

@@ -1,4 +1,4 @@
-"""A board that a scenario brings up, films and compares with the cycle model."""
+"""The machine of a [board] scenario: bring-up, capture, comparison with the cycle model."""
 
 from __future__ import annotations
 
@@ -23,13 +23,15 @@ from rtl_model.virtual import nominal_clock
 
 __all__ = ["BoardMachine"]
 
-_SIDE, _LANES = 32, 32  # of a virtual board whose size is not given
-_MOST_WORDS = 1 << 20  # of a virtual board's capture memory
+_SIDE, _LANES = 32, 32  # default size of a virtual board
+_MOST_WORDS = 1 << 20  # largest capture memory of a virtual board
 
 
 class BoardMachine:
-    """Implements `cosim.run.machine.Machine`. The outcome is "failed" if a stage fails or a
-    captured bit is wrong; the report names which."""
+    """Implements `cosim.run.machine.Machine`.
+
+    The outcome is "failed" if a stage fails or a captured bit is wrong. The report names it.
+    """
 
     notes: Sequence[str] = ()
     length, unit = len(STAGES), "stages"
@@ -40,15 +42,15 @@ class BoardMachine:
         Args:
             section: the board, its port and the frames to capture.
             seed: of the image's noise.
-            toml: the resolved scenario.
+            toml: the resolved scenario, as TOML.
             trace: file for the waveforms of a virtual board, None for none.
 
-        Raises InputError for what cannot be used.
+        Raises InputError for a section that cannot be used.
         """
         self.toml, self._section, self._seed = toml, section, seed
         geometry = _virtual_geometry(section) if section.port == VIRTUAL else None
         self._trace = checked_trace(trace, geometry)
-        csr_map(None if section.csr is None else Path(section.csr))  # refused before the run
+        csr_map(None if section.csr is None else Path(section.csr))  # fails before the run starts
         self.bits = 0 if geometry is None else section.frames * geometry.rows * geometry.columns
         self._stack = ExitStack()
         endpoint = open_endpoint(
@@ -131,7 +133,7 @@ class BoardMachine:
 
 
 def _virtual_geometry(section: BoardSection) -> Geometry:
-    """A build whose capture memory holds the frames. Raises InputError if they are too many."""
+    """A build whose capture memory holds the frames. Raises InputError for too many frames."""
     size = Geometry(
         section.rows or _SIDE, section.columns or _SIDE, section.lanes or _LANES,
         nominal_clock(section.level, section.baud), section.baud,

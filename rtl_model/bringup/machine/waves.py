@@ -1,6 +1,6 @@
 """Waveforms of a virtual board: its Verilog for a few frames, in lockstep with the cycle model.
 
-The simulators are imported in the function that needs them: they take seconds to load.
+The simulators are imported in the function that needs them, because they take seconds to load.
 """
 
 from __future__ import annotations
@@ -22,17 +22,22 @@ _FRAMES = 2
 
 
 class Trace(NamedTuple):
-    """A file that waveforms are written to, and the build that they are of."""
+    """Where waveforms are written, and of which build.
+
+    Attributes:
+        path: file.
+        geometry: of the build.
+    """
 
     path: Path
     geometry: Geometry
 
 
 def checked_trace(path: Path | None, geometry: Geometry | None) -> Trace | None:
-    """The trace that `--trace` asks for.
+    """Checks the file of `--trace`; None if there is none.
 
     Args:
-        path: None for none.
+        path: file, None for none.
         geometry: of the virtual board, None for a real one.
 
     Raises InputError for a real board, another file ending, or a missing folder.

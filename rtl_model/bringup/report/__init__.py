@@ -1,1 +1,1 @@
-"""The report of a bring-up: HTML page, figures, one line a stage, and JUnit XML."""
+"""The report of a bring-up: HTML page, figures, a one-line summary of each stage, JUnit XML."""

@@ -1,4 +1,4 @@
-"""Figures of a bring-up: captured planes beside the expected, wrong bits, the threshold sweep."""
+"""Figures of a bring-up: captured and expected planes, wrong bits, threshold sweep."""
 
 from __future__ import annotations
 
@@ -17,28 +17,30 @@ _RULES = {"residual": "#1c7ed6", "hard": "#2b8a3e", "subtract": "#9c36b5"}
 
 
 def planes_figure(bursts: list[Burst], path: Path) -> None:
-    """A row a burst: spikes of each pixel summed over the frames as they must be and as captured,
-    and how often each pixel's bit was wrong."""
+    """Draws one row for each burst: expected spike counts, captured spike counts, wrong bits.
+
+    All three are summed over the frames for each pixel. The first wrong bit is circled.
+    """
     plt = pyplot()
     figure, rows = plt.subplots(
         len(bursts), 3, figsize=(9.5, 2.9 * len(bursts)), squeeze=False, layout="constrained"
     )
     for axes, burst in zip(rows, bursts, strict=True):
-        must, got = burst.expected.sum(axis=0), burst.got.sum(axis=0)
+        expected, captured = burst.expected.sum(axis=0), burst.got.sum(axis=0)
         wrong = (burst.expected != burst.got).sum(axis=0)
         frames = len(burst.got)
-        told = "no wrong bit" if burst.wrong is None else f"{burst.wrong.bits} wrong bits"
+        title = "no wrong bit" if burst.wrong is None else f"{burst.wrong.bits} wrong bits"
         for place, plane, text in (
-            (axes[0], must, f"{burst.name}: expected"),
-            (axes[1], got, f"captured, {frames} frames"),
+            (axes[0], expected, f"{burst.name}: expected"),
+            (axes[1], captured, f"captured, {frames} frames"),
         ):
-            shown = place.imshow(plane, cmap="gray", vmin=0, vmax=frames, interpolation="nearest")
+            image = place.imshow(plane, cmap="gray", vmin=0, vmax=frames, interpolation="nearest")
             place.set_title(text, fontsize=10, color=INK)
-        figure.colorbar(shown, ax=axes[1], shrink=0.8, label="spikes")
+        figure.colorbar(image, ax=axes[1], shrink=0.8, label="spikes")
         axes[2].imshow(np.zeros_like(wrong), cmap="gray_r", vmin=0, vmax=1)
-        seen = np.ma.masked_equal(wrong, 0)
-        axes[2].imshow(seen, cmap="autumn_r", vmin=0, vmax=frames, interpolation="nearest")
-        axes[2].set_title(told, fontsize=10, color=MARK if burst.wrong else INK)
+        masked = np.ma.masked_equal(wrong, 0)
+        axes[2].imshow(masked, cmap="autumn_r", vmin=0, vmax=frames, interpolation="nearest")
+        axes[2].set_title(title, fontsize=10, color=MARK if burst.wrong else INK)
         if burst.wrong is not None:
             axes[2].plot(
                 burst.wrong.column, burst.wrong.row, "o", markersize=16, markerfacecolor="none",
@@ -53,14 +55,18 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
 
 
 def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
-    """Spikes a pixel and tick over the threshold's level: lines in closed form, points counted."""
+    """Draws spikes per pixel and tick against threshold level, one panel for each clock.
+
+    Lines are the closed form, points the board's counts. A row of `rates` holds `clock` (0 or 1),
+    `rule`, `level`, `rate` and `expected`.
+    """
     plt = pyplot()
     figure, places = plt.subplots(1, 2, figsize=(9.5, 3.6), sharey=True, layout="constrained")
     for select, axes in enumerate(places):
         for rule, colour in _RULES.items():
             rows = [r for r in rates if r["clock"] == select and r["rule"] == rule]
             levels = [r["level"] for r in rows]
-            shift = 0.12 * (list(_RULES).index(rule) - 1)  # points that fall on one another
+            shift = 0.12 * (list(_RULES).index(rule) - 1)  # keeps coinciding points apart
             axes.plot(levels, [r["expected"] for r in rows], color=colour, linewidth=1)
             axes.plot(
                 [level + shift for level in levels], [r["rate"] for r in rows], "o", color=colour,

@@ -1,4 +1,4 @@
-"""A bring-up as JUnit XML, which build servers read: a test case a stage."""
+"""The bring-up as JUnit XML for build servers, with one test case for each stage."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from rtl_model.bringup.bench.stage import Report
 
 __all__ = ["junit_xml", "write_junit"]
 
-# What XML 1.0 cannot hold even as an entity.
+# Characters that XML 1.0 forbids, even as entities.
 _CONTROLS = [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]
 _FORBIDDEN = dict.fromkeys([*_CONTROLS, *range(0xD800, 0xE000)], "?")
 
 
 def junit_xml(report: Report) -> str:
-    """Returns the document's text: figures as properties of each case."""
+    """The text of the document. The figures of a stage are the properties of its test case."""
     failed = sum(stage.outcome == "failed" for stage in report.stages)
     skipped = sum(stage.outcome == "left out" for stage in report.stages)
     spent = sum(stage.seconds for stage in report.stages)
@@ -38,13 +38,13 @@ def junit_xml(report: Report) -> str:
             time=f"{stage.seconds:.6f}",
         )
         if stage.figures:
-            kept = xml.SubElement(case, "properties")
+            properties = xml.SubElement(case, "properties")
             for name, value in stage.figures.items():
-                xml.SubElement(kept, "property", name=name, value=_clean(str(value)))
+                xml.SubElement(properties, "property", name=name, value=_clean(str(value)))
         cause = _clean(stage.cause or "")
         if stage.outcome == "failed":
-            made = xml.SubElement(case, "failure", message=cause, type=stage.kind or "fault")
-            made.text = cause
+            failure = xml.SubElement(case, "failure", message=cause, type=stage.kind or "fault")
+            failure.text = cause
         elif stage.outcome == "left out":
             xml.SubElement(case, "skipped", message=cause)
     suites = xml.Element("testsuites")
@@ -54,7 +54,7 @@ def junit_xml(report: Report) -> str:
 
 
 def write_junit(report: Report, path: Path) -> None:
-    """Writes the document, whole or not at all."""
+    """Writes the document atomically."""
     with whole(path) as part:
         part.write_text(junit_xml(report), encoding="utf-8")
 

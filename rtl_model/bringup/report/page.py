@@ -1,4 +1,4 @@
-"""The report of a bring-up: every stage, captured planes and the expected ones, threshold sweep."""
+"""The HTML report of a bring-up: stages, captured and expected planes, threshold sweep."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = ["TITLE", "Sections", "make_sections", "subtitle", "write_board_report
 
 TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
-_NOT_SHOWN = {"rates", "first_wrong", "note"}
+_OMITTED = {"rates", "first_wrong", "note"}
 
 
 @dataclass(frozen=True)
 class Sections:
-    """What every report of a bring-up contains.
+    """The parts that every report of a bring-up contains.
 
     Attributes:
         cards: HTML of the large figures at the top.
@@ -63,8 +63,8 @@ def make_sections(report: Report, folder: Path) -> Sections:
         files.append(name)
         pictures.append(
             "<h2>Threshold sweep</h2><p>Constant light of "
-            f"{report.figure('threshold', 'electrons')} electrons a 40 kHz tick. Lines: the "
-            "closed form; points: counted by the board.</p>" + plot(folder / name, "rates")
+            f"{report.figure('threshold', 'electrons')} electrons in a 40 kHz tick. Lines: "
+            "closed form. Points: counts of the board.</p>" + plot(folder / name, "rates")
         )
     write_junit(report, folder / JUNIT)
     tables = [_figures(stage) for stage in report.stages]
@@ -94,11 +94,11 @@ def _cards(report: Report) -> str:
     ]
     if report.bursts:
         wrong = sum(0 if burst.wrong is None else burst.wrong.bits for burst in report.bursts)
-        rows.append(("", f"{wrong}", "bits wrong of those compared"))
+        rows.append(("", f"{wrong}", "wrong bits"))
         rows.append(("", f"{sum(len(burst.got) for burst in report.bursts)}", "frames compared"))
     for stage, name, scale, unit, what in (
         ("counters", "round_trips_per_s", 1, "/s", "round trips"),
-        ("patterns", "capture_bytes_per_s", 1e-3, " kB/s", "captured, in the patterns' bursts"),
+        ("patterns", "capture_bytes_per_s", 1e-3, " kB/s", "capture rate of stage patterns"),
     ):
         value = report.figure(stage, name)
         if value is not None:
@@ -119,21 +119,21 @@ def _planes(report: Report, path: Path) -> str:
     lines = []
     for burst in report.bursts:
         if burst.wrong is not None:
-            text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.mend}."
+            text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.remedy}."
             lines.append(f"<li>{html.escape(text)}</li>")
     wrong = "".join(lines) or "<li>No bit is wrong.</li>"
     return (
-        "<h2>Captured planes</h2><p>Each burst starts without charge; the expected planes are the "
-        f"cycle model's. The first wrong bit is circled.</p><ul>{wrong}</ul>"
-        + plot(path, "captured planes and wrong bits")
+        "<h2>Captured planes</h2><p>Each burst starts without charge. The expected planes come "
+        "from the cycle model. The first wrong bit is circled.</p>"
+        f"<ul>{wrong}</ul>" + plot(path, "captured planes and wrong bits")
     )
 
 
 def _figures(stage: Stage) -> str:
-    shown = {name: value for name, value in stage.figures.items() if name not in _NOT_SHOWN}
-    if not shown:
+    figures = {name: value for name, value in stage.figures.items() if name not in _OMITTED}
+    if not figures:
         return ""
-    rows = [[name.replace("_", " "), _value(value)] for name, value in shown.items()]
+    rows = [[name.replace("_", " "), _value(value)] for name, value in figures.items()]
     return f"<h2>Figures of stage {stage.name}</h2>" + table(["what", "value"], rows)
 
 

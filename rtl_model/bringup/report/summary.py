@@ -1,4 +1,4 @@
-"""A stage of a bring-up in one line: its figures, chosen and with their units."""
+"""One-line summary of a stage: its main figures with their units."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _VERILOG = {
 
 
 def summary(stage: Stage) -> str:
-    """What a passed stage found; of one that did not pass, why."""
+    """The main figures of a stage that has passed, or the cause of one that has not."""
     if stage.cause is not None:
         return stage.cause
-    told = _SAID[stage.name](stage) if stage.name in _SAID else ""
+    text = _SUMMARIES[stage.name](stage) if stage.name in _SUMMARIES else ""
     note = stage.figures.get("note")
-    return f"{told}; {note}" if told and note else told or str(note or "")
+    return f"{text}; {note}" if text and note else text or str(note or "")
 
 
 def _bytes(stage: Stage) -> str:
@@ -47,7 +47,7 @@ def _counters(stage: Stage) -> str:
 def _registers(stage: Stage) -> str:
     f = stage.figures
     return (
-        f"{f['bits_walked']} bits of {f['registers']} registers walked, {f['memory_words']} memory "
+        f"{f['bits_walked']} bits of {f['registers']} registers tested, {f['memory_words']} memory "
         f"words, {f['reset_values']} values after reset"
     )
 
@@ -67,21 +67,23 @@ def _patterns(stage: Stage) -> str:
 
 def _threshold(stage: Stage) -> str:
     f = stage.figures
-    return f"{f['settings']} settings, {f['frames']} frames, every spike as the closed form has it"
+    return (
+        f"{f['settings']} settings, {f['frames']} frames, every spike count as in the closed form"
+    )
 
 
 def _timing(stage: Stage) -> str:
     f = stage.figures
-    told = f"{f['differences']} differences of frame clocks are whole ticks"
+    text = f"{f['differences']} differences of frame clocks are whole ticks"
     if "clock_error_ppm" in f:
-        told += (
+        text += (
             f"; clock {f['clock_hz'] / 1e6:.6g} MHz, {f['clock_error_ppm']:+.0f} ppm "
             f"(+-{f['clock_doubt_ppm']:.0f})"
         )
-    return told
+    return text
 
 
-_SAID = {
+_SUMMARIES = {
     "bytes": _bytes,
     "identity": _identity,
     "counters": _counters,

@@ -1,4 +1,4 @@
-"""Stage bytes: checks that answers arrive and are right; if not, searches for the board's baud."""
+"""Stage bytes: checks that answers arrive and are right. If not, it searches the board's baud."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _READS = 8  # consecutive reads of one word; all must be complete
 _LEAST_TEXT = 4  # consecutive printable bytes that count as text
 _SHOWN = 40
 _WORKS_PERCENT = 4.0  # deviation of the baud that every receiver accepts
-_NARROW = 0.04  # a board answers over some 10 % of the nominal rate; less is chance on a noisy line
+_NARROW = 0.04  # a board answers over some 10 % of the nominal rate; less is noise by chance
 _LISTEN_S = 0.05
-_LATE_S = 5.0  # longest wait for a late answer; a silent board takes as much longer to report
+_LATE_S = 5.0  # longest wait for a delayed answer, and so for the verdict on a silent board
 _LATE_MARGIN = 1.5
 
 
 def check_bytes(bench: Bench) -> Figures:
-    """Reads one word a few times: answers must have the right length and be equal.
+    """Reads one word several times. Answers must have the right length and be equal.
 
     Raises StageFault text, garbled, baud or slow; LineFault for the host's causes (silent, echo,
     short and others).
@@ -54,30 +54,30 @@ def check_bytes(bench: Bench) -> Figures:
         raise _wrong_baud(bench, fault.text) or _spoilt(bench, fault) from fault
     spent = bench.port.now() - begun
     if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
-        seen = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
-        wrong = _wrong_baud(bench, f"answers have the right length and hold {seen}")
+        values = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
+        wrong = _wrong_baud(bench, f"answers have the right length and hold {values}")
         if wrong is not None:
             raise wrong
         if len(set(words)) > 1:
             raise StageFault(
                 "garbled",
-                f"one register read {_READS} times gives {seen}",
+                f"one register read {_READS} times gives {values}",
                 "check cable, ground, levels and baud",
             )
-    if min(times) > _usual(bench):  # even the fastest: not merely a busy machine
+    if min(times) > _usual(bench):  # even the fastest, so the host is not merely busy
         raise _slow_fault(bench, min(times))
     bench.magic = words[0]
     return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
 
 
 def _slow(bench: Bench, address: int) -> StageFault | None:
-    """The fault "slow" if the answer is right but late, else None."""
-    late = _delay(bench, address)
-    if late is None or late <= _usual(bench):
+    """The fault "slow" if the answer is right but delayed, else None."""
+    delay = _delay(bench, address)
+    if delay is None or delay <= _usual(bench):
         return None
     bench.bone.pause(_LATE_S)  # answers to earlier requests have ended by then
-    late = _delay(bench, address)
-    return None if late is None or late <= _usual(bench) else _slow_fault(bench, late)
+    delay = _delay(bench, address)
+    return None if delay is None or delay <= _usual(bench) else _slow_fault(bench, delay)
 
 
 def _usual(bench: Bench) -> float:
@@ -85,14 +85,14 @@ def _usual(bench: Bench) -> float:
     return PATIENCE_S * max(1.0, bench.bone.time_scale)
 
 
-def _slow_fault(bench: Bench, late: float) -> StageFault:
-    scale = math.ceil(_LATE_MARGIN * late / PATIENCE_S)
+def _slow_fault(bench: Bench, delay: float) -> StageFault:
+    scale = math.ceil(_LATE_MARGIN * delay / PATIENCE_S)
     return StageFault(
         "slow",
-        f"{bench.port.name} answers right, and {late:.2f} s late, where {_usual(bench):.2g} s "
+        f"{bench.port.name} answers correctly, but {delay:.2f} s late, where {_usual(bench):.2g} s "
         "beyond the line's time are usual",
-        f"give --time-scale {scale}, or find what holds bytes back (a simulator, a network, a hub)",
-        {"late_s": late, "usual_s": _usual(bench), "time_scale": scale},
+        f"give --time-scale {scale}, or find what delays the bytes (a simulator, a network, a hub)",
+        {"late_s": delay, "usual_s": _usual(bench), "time_scale": scale},
     )
 
 
@@ -124,7 +124,7 @@ def readable(data: bytes) -> str | None:
 def _listen(bench: Bench) -> bytes:
     """Bytes that arrive without a request."""
     bench.port.drain()
-    got = bench.port.read(1, _LISTEN_S)  # one byte: a replayed log treats it as waiting
+    got = bench.port.read(1, _LISTEN_S)  # one byte, which a replayed log treats as waiting
     return got + bench.port.read(63, _LISTEN_S) if got else b""
 
 
@@ -139,59 +139,64 @@ def _unsolicited_bytes(bench: Bench, data: bytes) -> StageFault:
         )
     return StageFault(
         "garbled",
-        f"{bench.port.name} sends bytes that nobody asked for ({data[:8].hex(' ')})",
+        f"{bench.port.name} sends bytes without a request ({data[:8].hex(' ')})",
         "check what sends there, its baud, and that RX does not float",
         {"heard": data[:_SHOWN].hex()},
     )
 
 
-def _wrong_baud(bench: Bench, seen: str) -> StageFault | None:
+def _wrong_baud(bench: Bench, observation: str) -> StageFault | None:
     """The fault "baud" if the board answers at another rate, else None."""
     nominal = bench.nominal_baud
-    bench.note("no sound answer comes back: looking for the board's baud, which may take a minute")
+    bench.note("no valid answer arrives: looking for the board's baud, which may take a minute")
     try:
-        found = find_baud(bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log)
+        result = find_baud(
+            bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log
+        )
     except LineFault as fault:
         if fault.cause is not Cause.SILENT:
             raise
         return None
     finally:
         bench.bone.set_baud(nominal)
-    narrow = found.highest - found.lowest < _NARROW * nominal
-    if found.tolerable or narrow or abs(found.error_percent) <= _WORKS_PERCENT:
+    narrow = result.highest - result.lowest < _NARROW * nominal
+    if result.tolerable or narrow or abs(result.error_percent) <= _WORKS_PERCENT:
         return None
-    return StageFault("baud", f"{seen}; {_baud_text(found)}", _mend(found), _figures(found))
+    text = f"{observation}; {_baud_text(result)}"
+    return StageFault("baud", text, _remedy(result), _figures(result))
 
 
 def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
-    """The first fault, with the number of complete answers in further reads: none on a silent or
-    interrupted line, some on a noisy one."""
-    whole, heard = 0, False
+    """The first fault, with the number of complete answers in further reads.
+
+    A silent or interrupted line gives none, a noisy one some.
+    """
+    complete, heard = 0, False
     for _ in range(_READS):
         try:
             bench.bone.read(0, retry=False)
-            whole += 1
+            complete += 1
         except LineFault as again:
             if again.cause in FINAL:
                 raise
             heard = heard or again.cause is not Cause.SILENT
-    if not whole and not heard:
+    if not complete and not heard:
         return fault
     cause = Cause.SHORT if fault.cause is Cause.SILENT else fault.cause
     return LineFault(
         cause,
-        f"{fault.text}; of {_READS} more answers at {_spaced(bench.bone.baud)} baud {whole} came "
-        f"whole: bytes are lost or changed {'now and then' if whole else 'all the time'}",
+        f"{fault.text}; of {_READS} more answers at {_spaced(bench.bone.baud)} baud {complete} "
+        f"were complete: bytes are lost or changed {'sometimes' if complete else 'always'}",
         "check cable, ground, levels and noise on the line",
     )
 
 
-def _baud_text(found: BaudReport) -> str:
-    side, fast = ("above", "slow") if found.error_percent > 0 else ("below", "fast")
-    host = 100 * (found.nominal / found.measured - 1)
+def _baud_text(result: BaudReport) -> str:
+    side, fast = ("above", "slow") if result.error_percent > 0 else ("below", "fast")
+    host = 100 * (result.nominal / result.measured - 1)
     return (
-        f"the board answers at {_spaced(found.measured)} baud, {abs(found.error_percent):.1f} % "
-        f"{side} {_spaced(found.nominal)} (+-{max(0.1, found.uncertainty_percent):.1f} %): the "
+        f"the board answers at {_spaced(result.measured)} baud, {abs(result.error_percent):.1f} % "
+        f"{side} {_spaced(result.nominal)} (+-{max(0.1, result.uncertainty_percent):.1f} %): the "
         f"host is {abs(host):.1f} % too {fast} for it"
     )
 
@@ -200,21 +205,21 @@ def _spaced(rate: int) -> str:
     return f"{rate:,}".replace(",", " ")
 
 
-def _mend(found: BaudReport) -> str:
+def _remedy(result: BaudReport) -> str:
     return (
-        f"give --baud {found.measured}, or mend the board's clock or its divider "
-        "(receivers take up to 5 %)"
+        f"give --baud {result.measured}, or correct the board's clock or its divider "
+        "(receivers accept up to 5 %)"
     )
 
 
-def _figures(found: BaudReport) -> Figures:
+def _figures(result: BaudReport) -> Figures:
     return {
-        "baud_nominal": found.nominal,
-        "baud_measured": found.measured,
-        "baud_error_percent": found.error_percent,
-        "baud_uncertainty_percent": found.uncertainty_percent,
-        "host_error_percent": round(100 * (found.nominal / found.measured - 1), 2),
-        "by_pulse": found.by_pulse,
-        "answers_from": found.lowest,
-        "answers_to": found.highest,
+        "baud_nominal": result.nominal,
+        "baud_measured": result.measured,
+        "baud_error_percent": result.error_percent,
+        "baud_uncertainty_percent": result.uncertainty_percent,
+        "host_error_percent": round(100 * (result.nominal / result.measured - 1), 2),
+        "by_pulse": result.by_pulse,
+        "answers_from": result.lowest,
+        "answers_to": result.highest,
     }

@@ -1,4 +1,4 @@
-"""Stage counters: after many round trips the board must have counted exactly what was sent."""
+"""Stage counters: the board must count exactly the bytes and words that were sent."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ __all__ = ["check_counters"]
 
 ERRORS = ("uart_framing_errors", "uart_watchdog_aborts", "uart_unknown_commands")
 _ROUND_TRIPS = 64
-_LATENCY_S = 4e-3  # beyond line time: more than this is an adapter's timer, not the system
+_LATENCY_S = 4e-3  # beyond line time; a larger one is caused by an adapter's timer
 _SCRATCH_RESET = 0x12345678
-_MEND = {
-    "uart_framing_errors": "check levels, ground and baud: stop bits came low",
-    "uart_watchdog_aborts": "bytes were lost on the way to the board, which waited 100 ms for "
+_REMEDIES = {
+    "uart_framing_errors": "check levels, ground and baud: stop bits were low",
+    "uart_watchdog_aborts": "bytes to the board were lost, and it waited 100 ms for "
     "them: check cable and flow control, raise the baud",
-    "uart_unknown_commands": "bytes were lost or changed on the way to the board: check cable "
-    "and baud",
+    "uart_unknown_commands": "bytes to the board were lost or changed: check cable and baud",
 }
 
 
 def check_counters(bench: Bench) -> Figures:
     """Writes and reads `ctrl_scratch` in round trips, then writes a burst of words back to back.
 
-    The board's counters of bytes, words and errors must match what was sent. Raises StageFault with
-    the counter's name, "scratch" if a word was changed, "restarted" if the uptime fell.
+    Raises StageFault with the counter's name if a counter differs, "scratch" if a word was changed,
+    "restarted" if the board restarted, "clock" if its uptime does not advance.
     """
     scratch = bench.read_stable("ctrl_scratch")
     counted = tuple(bench.bone.read_twice(bench.address("uart_writes"), 2))
@@ -69,7 +68,7 @@ def check_counters(bench: Bench) -> Figures:
             raise StageFault(
                 name.removeprefix("uart_").replace("_", "-"),
                 f"{name} grew by {after - value} over {len(written)} words",
-                _MEND[name],
+                _REMEDIES[name],
                 figures,
             )
         if after < value:
@@ -77,7 +76,7 @@ def check_counters(bench: Bench) -> Figures:
     if wrong is not None and got_first == _SCRATCH_RESET:
         raise StageFault(
             "restarted",
-            f"the board started anew meanwhile: {wrong}, its value after reset",
+            f"the board restarted meanwhile: {wrong}, its value after reset",
             "check its supply and its reset",
             figures,
         )
@@ -95,7 +94,7 @@ def check_counters(bench: Bench) -> Figures:
 
 
 def _speed(bench: Bench, times: list[float]) -> Figures:
-    """Round trips a second, and the latency beyond the time on the line."""
+    """Figures: round trips per second, and the latency beyond the time on the line."""
     typical = float(np.median(times))
     line = bench.line_s(20)  # ten bytes to write a word, six to ask for it, four of answer
     latency = max(0.0, typical - line * bench.bone.time_scale)
@@ -109,8 +108,8 @@ def _speed(bench: Bench, times: list[float]) -> Figures:
     if held_ms is not None:
         figures["latency_timer_ms"] = held_ms
     if latency > _LATENCY_S and not bench.simulated:
-        figures["note"] = f"answers are held back by {1e3 * latency:.1f} ms beyond the line: " + (
-            "what stands between does that, and it has no latency timer to set"
+        figures["note"] = f"answers are delayed by {1e3 * latency:.1f} ms beyond the line: " + (
+            "the connection causes the delay and has no latency timer to set"
             if held_ms is None
             else "give --low-latency, or set the adapter's latency timer to 1 ms "
             f"(`echo 1 | sudo tee {timer}`)"
@@ -121,7 +120,7 @@ def _speed(bench: Bench, times: list[float]) -> Figures:
 def _restarted(name: str, before: int, after: int, figures: Figures) -> StageFault:
     return StageFault(
         "restarted",
-        f"the board started anew meanwhile: {name} fell from {before} to {after}",
+        f"the board restarted meanwhile: {name} fell from {before} to {after}",
         "check its supply and its reset",
         figures,
     )
@@ -140,37 +139,37 @@ def _check_written(
     """
     count, crc = bench.bone.read_twice(bench.address("uart_writes"), 2)
     count = (count - before[0]) & 0xFFFFFFFF
-    must = zlib.crc32(b"".join(word.to_bytes(4, "big") for word in written), before[1])
+    expected_crc = zlib.crc32(b"".join(word.to_bytes(4, "big") for word in written), before[1])
     if count < len(written):
         raise StageFault(
             "words-lost",
-            f"the board took {count} of {len(written)} words; those that come back to back are "
-            "the likely ones"
+            f"the board received {count} of {len(written)} words; it probably misses words that "
+            "arrive back to back"
             if count
-            else "the board took no word",
+            else "the board received no word",
             "check that the receiver is ready for a start bit in the middle of the stop bit",
             figures,
         )
-    if count > len(written) or crc != must:
+    if count > len(written) or crc != expected_crc:
         raise StageFault(
             "words-changed",
-            f"the board took {count} words with CRC-32 {crc:#010x}, {len(written)} with "
-            f"{must:#010x} were sent",
+            f"the board received {count} words with CRC-32 {crc:#010x}, {len(written)} with "
+            f"{expected_crc:#010x} were sent",
             "check cable, ground, levels and baud",
             figures,
         )
 
 
 def _check_bytes(bench: Bench, before: int, sent_before: int, figures: Figures) -> None:
-    """Holds the board's count of bytes against the host's: a reading counts its own request."""
-    arrived = (bench.read("uart_rx_bytes") - before) & 0xFFFFFFFF  # it may have run over
+    """Compares the board's count of bytes with the host's. A reading counts its own request."""
+    arrived = (bench.read("uart_rx_bytes") - before) & 0xFFFFFFFF  # it may have overflowed
     sent = bench.bone.bytes_sent - sent_before
     figures |= {"bytes_sent": sent, "bytes_counted": arrived}
     if arrived < sent:
         raise StageFault(
             "bytes-lost",
             f"the board counted {arrived} of {sent} bytes",
-            "check cable and flow control, and that the receiver takes bytes back to back",
+            "check cable and flow control, and that the receiver accepts bytes back to back",
             figures,
         )
     if arrived > sent:

@@ -1,4 +1,4 @@
-"""Stage identity: whether the board is ours, its build and its size."""
+"""Stage identity: checks that the board runs the Viform design, and reads its build and size."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _BAUD_SLACK = 0.06  # relative difference of the host's baud and the board's nom
 
 
 def check_identity(bench: Bench) -> Figures:
-    """Reads magic, version, geometry, build and identifier into `bench.geometry` and `.board`.
+    """Reads magic, version, geometry, build and identifier into `bench.geometry` and `bench.board`.
 
     Raises StageFault foreign, version, geometry or identifier.
     """
     board = Board(bench.bone, bench.csr)
     if not bench.csr.ours:
-        raise _foreign(board, "the csr.csv given is not of a Viform board")
+        raise _foreign(board, "the csr.csv does not describe a Viform board")
     magic = bench.read_stable("ctrl_magic")
     if magic != MAGIC:
         raise _foreign(board, f"the first register reads {magic:#010x}, not {MAGIC:#010x}")
@@ -54,8 +54,8 @@ def check_identity(bench: Bench) -> Figures:
     if text != identifier(geometry):
         raise StageFault(
             "identifier",
-            f"the board calls itself {text!r} and gives a geometry of {info.rows} x {info.columns}",
-            "build the board anew: header and parameters are of different builds",
+            f"the board's identifier is {text!r}, its geometry {info.rows} x {info.columns}",
+            "rebuild the board: its header and parameters are of different builds",
             figures,
         )
     minimum = bench.read_stable("sensor_tick_minimum")
@@ -64,7 +64,7 @@ def check_identity(bench: Bench) -> Figures:
             "geometry",
             f"sensor_tick_minimum reads {minimum}, where {geometry.tick_minimum} follow from "
             "the geometry",
-            "build the board anew: header and parameters are of different builds",
+            "rebuild the board: its header and parameters are of different builds",
             figures,
         )
     figures["build_matches"] = info.build_matches
@@ -85,31 +85,31 @@ def _check_geometry(size: Geometry, figures: Figures) -> None:
     if not fine:
         raise StageFault(
             "geometry",
-            f"the board says {size.rows} x {size.columns} pixels in {size.lanes} lanes, a clock "
+            f"the board states {size.rows} x {size.columns} pixels in {size.lanes} lanes, a clock "
             f"of {size.clock_hz} Hz and a memory of {size.capture_words} words",
-            "load a board that was built with parameters that can be",
+            "load a build with valid parameters",
             figures,
         )
 
 
-def _foreign(board: Board, seen: str) -> StageFault:
+def _foreign(board: Board, observation: str) -> StageFault:
     """The fault of another design, with its name if it has LiteX's identifier."""
     figures: Figures = {}
-    told = ""
+    name = ""
     try:
         text = board.identifier().rstrip("?").strip()
     except InputError:  # no such memory in its csr.csv
         text = ""
-    except LineFault as fault:  # nothing there
+    except LineFault as fault:  # no answer at that address
         if fault.cause in (Cause.GONE, Cause.STUCK, Cause.DIFFERS):
             raise
         text = ""
     if text and "?" not in text:
         figures["identifier"] = text
-        told = f"; it calls itself {text!r}"
+        name = f"; its identifier is {text!r}"
     return StageFault(
         "foreign",
-        f"another design answers: {seen}{told}",
+        f"another design answers: {observation}{name}",
         "load the Viform board, or read this one by name with `viform board regs --csr FILE`",
         figures,
     )

@@ -13,7 +13,7 @@ from rtl_model.host import Board, Captured, capture, pattern
 __all__ = ["check_patterns"]
 
 _CASES: tuple[tuple[str, int, int, int], ...] = (
-    # name, pattern, level, threshold level: each fires in some ticks and not in others
+    # name, pattern, level, threshold level; every pixel fires in some ticks and not in others
     ("constant", 1, 200, 0),
     ("ramp", 2, 96, 0),
     ("checker", 3, 170, 0),
@@ -41,7 +41,7 @@ def _capture_burst(
     image: npt.NDArray[np.uint8],
     frames: int,
 ) -> tuple[Captured, Burst]:
-    """Captures a burst and compares it with the cycle model; the bench keeps the comparison.
+    """Captures a burst, compares it with the cycle model and adds the comparison to the bench.
 
     The burst starts with frame 0 and without charge. Raises StageFault frames-lost.
 
@@ -61,7 +61,7 @@ def _capture_burst(
         raise StageFault(
             "frames-lost",
             f"{name}: {len(captured.planes)} of {frames} frames were captured, "
-            f"{captured.lost} rows found no room",
+            f"{captured.lost} rows did not fit in the memory",
             "take fewer frames",
         )
     burst = compare_burst(name, captured, size, registers, image)
@@ -70,7 +70,7 @@ def _capture_burst(
 
 
 def check_patterns(bench: Bench) -> Figures:
-    """Captures constant, ramp, checker and an uploaded image, a burst each.
+    """Captures one burst each of constant, ramp, checker and an uploaded image.
 
     Raises StageFault memory, frames-lost, or wrong-bits, which names the first wrong bit and the
     shape of all of them.
@@ -119,6 +119,6 @@ def check_patterns(bench: Bench) -> Figures:
     if worst is not None and worst.wrong is not None:
         figures["first_wrong"] = worst.wrong.document()
         raise StageFault(
-            "wrong-bits", f"pattern {worst.name}: {worst.wrong.text}", worst.wrong.mend, figures
+            "wrong-bits", f"pattern {worst.name}: {worst.wrong.text}", worst.wrong.remedy, figures
         )
     return figures

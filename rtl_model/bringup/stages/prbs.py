@@ -9,11 +9,11 @@ from rtl_model.host.prbs import ORDERS
 
 __all__ = ["check_prbs", "which_bits"]
 
-_WORDS = 256  # each direction and order: 32 768 bits in all
+_WORDS = 256  # for each direction and order
 
 
 def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _WORDS) -> Figures:
-    """Compares the board's sequence with ours, and lets the board compare ours with its own.
+    """Compares the board's sequence with the host's here, and the host's on the board.
 
     Raises StageFault from-board, to-board or words-lost.
     """
@@ -34,7 +34,7 @@ def check_prbs(bench: Bench, *, orders: tuple[int, ...] = ORDERS, words: int = _
             raise StageFault(
                 "words-lost",
                 f"order {order}, to the board: {result.checked} of {words} words arrived",
-                "check cable and flow control, and that bytes are taken back to back",
+                "check cable and flow control, and that the receiver accepts bytes back to back",
                 figures,
             )
         if result.errors:

@@ -17,7 +17,7 @@ _LIMITED = {"capture_pointer"}  # reads as at most the number of stored words
 _VARYING = {  # read-only registers without a constant value after reset
     "ctrl_build", "ctrl_uptime", "prbs_source", "capture_state", "ctrl_bus_errors",
 }  # fmt: skip
-_BUS_MEND = "check that bit of the bus and of the register"
+_BUS_REMEDY = "check that bit of the bus and of the register"
 
 
 def check_registers(bench: Bench) -> Figures:
@@ -56,12 +56,12 @@ def _restored(bench: Bench, previous: dict[str, int]) -> None:
         got = bench.read_stable(name)
         if got != value:
             raise StageFault(
-                "restore", f"{name} was set back to {value:#x} and reads {got:#x}", _BUS_MEND
+                "restore", f"{name} was set back to {value:#x} and reads {got:#x}", _BUS_REMEDY
             )
 
 
 def _walk(bench: Bench, entry: Register) -> None:
-    """Writes one bit at a time; bits beyond the width must read 0."""
+    """Writes one bit at a time. Bits beyond the width must read 0."""
     mask = (1 << entry.width) - 1
     readings: list[tuple[int, int]] = []
     for value in [*(1 << n for n in range(32)), 0xFFFFFFFF, 0]:
@@ -79,25 +79,27 @@ def _walk(bench: Bench, entry: Register) -> None:
         bit, level = (stuck0[0], 0) if stuck0 else (stuck1[0], 1)
         text = f"bit {bit} of {entry.name} is stuck at {level}"
     elif extra:
-        text = f"bit {extra[0]} of {entry.name} reads 1, and it has {entry.width} bits"
+        text = f"bit {extra[0]} of {entry.name} reads 1, but the register has {entry.width} bits"
     else:
         must, got = next(pair for pair in readings if pair[0] != pair[1])
         text = f"{entry.name} was written {must:#x} and reads {got:#x}"
-    raise StageFault("stuck-bit", text, _BUS_MEND, {"register": entry.name})
+    raise StageFault("stuck-bit", text, _BUS_REMEDY, {"register": entry.name})
 
 
 def _address_in_data(bench: Bench, rows: list[Register]) -> None:
     """Writes a different word to each register; a changed word reveals an alias of its address."""
-    held = {}
+    contents = {}
     for entry in rows:
-        held[entry.name] = (entry.address * 0x01000193 ^ entry.address) & ((1 << entry.width) - 1)
-        bench.write(entry.name, held[entry.name])
+        contents[entry.name] = (entry.address * 0x01000193 ^ entry.address) & (
+            (1 << entry.width) - 1
+        )
+        bench.write(entry.name, contents[entry.name])
     for entry in rows:
-        got = bench.read_expecting(entry.name, held[entry.name])
-        if got != held[entry.name]:
+        got = bench.read_expecting(entry.name, contents[entry.name])
+        if got != contents[entry.name]:
             raise StageFault(
                 "alias",
-                f"{entry.name} held {held[entry.name]:#x} and reads {got:#x} after others were "
+                f"{entry.name} held {contents[entry.name]:#x} and reads {got:#x} after others were "
                 "written",
                 "check the decoding of addresses on the bus",
                 {"register": entry.name},
@@ -152,6 +154,6 @@ def _reset(bench: Bench) -> int:
     after = bench.read("ctrl_uptime")
     if (after - before) & 0xFFFFFFFF > 1 << 31:
         raise StageFault(
-            "reset", "ctrl_uptime began anew with ctrl_reset", "check that counter's reset"
+            "reset", "ctrl_uptime restarted with ctrl_reset", "check that counter's reset"
         )
     return compared

@@ -1,4 +1,4 @@
-"""Stage threshold: compares spike counts of all levels, clocks and reset rules with a formula."""
+"""Stage threshold: compares the spike counts of all settings with a closed form."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["LEVELS", "RULES", "check_threshold"]
 
 LEVELS = 16
 RULES = ("residual", "hard", "subtract")
-_ELECTRONS = 200  # of a 40 kHz tick; divides none of the thresholds
+_ELECTRONS = 200  # in a 40 kHz tick; divides none of the thresholds
 _LEAST_FRAMES = 48  # a pixel at level 15 fires after 21 ticks
 _WORD = 1 << 32
 
@@ -47,10 +47,10 @@ def check_threshold(bench: Bench) -> Figures:
                     raise StageFault(
                         "rate",
                         f"threshold level {level}, {20 if select else 40} kHz, {RULES[rule]} "
-                        f"reset: {spikes} spikes in {frames} frames, where {must} must come "
-                        f"({rates[-1]['rate']:.4f} a pixel and tick in place of "
+                        f"reset: {spikes} spikes in {frames} frames, where {must} are expected "
+                        f"({rates[-1]['rate']:.4f} per pixel and tick instead of "
                         f"{rates[-1]['expected']:.4f})",
-                        _mend(size.rows * size.columns, spikes - must),
+                        _remedy(size.rows * size.columns, spikes - must),
                         {"settings": len(rates), "electrons": _ELECTRONS, "rates": rates},
                     )
     bench.write("sensor_clock_select", 0)
@@ -68,14 +68,13 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     bench.write("sensor_run", 1)
     patience = bench.ticks_s(_LEAST_FRAMES, select)
     end = bench.port.now() + 10 * patience + 2.0
-    # Until the first frame begins, the counters are those of the run before.
+    # Until the first frame begins, the counters still hold the values of the previous run.
     while bench.read("sensor_frame_clock") == before or bench.read("sensor_frames") < _LEAST_FRAMES:
         if bench.port.now() > end:
             bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",
-                f"the sensor began {bench.read('sensor_frames')} frames where "
-                f"{_LEAST_FRAMES} were waited for",
+                f"the sensor began {bench.read('sensor_frames')} frames, not {_LEAST_FRAMES}",
                 "check the scan's counter and the pixel clock",
             )
         bench.bone.pause(patience / 4)
@@ -96,7 +95,7 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
         bench.bone.pause(bench.ticks_s(1, select))
 
 
-def _mend(pixels: int, more: int) -> str:
-    if more % pixels:
-        return "not every pixel is alike: the patterns' picture tells which differ"
+def _remedy(pixels: int, excess: int) -> str:
+    if excess % pixels:
+        return "the pixels differ: the figure of captured planes shows which"
     return "check that threshold's value, the clock select and the reset rule in the pixel"

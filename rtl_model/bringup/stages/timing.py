@@ -18,18 +18,24 @@ _WORD = 1 << 32
 
 
 class Reading(NamedTuple):
-    """A clock count, and the earliest and latest host time of its reading, s."""
+    """One reading of the board's clock counter.
+
+    Attributes:
+        clocks: count, modulo 2^32.
+        earliest, latest: bounds of the host time at which it was taken, s.
+    """
 
     clocks: int
-    early: float
-    late: float
+    earliest: float
+    latest: float
 
 
 def check_timing(bench: Bench) -> Figures:
     """Differences of `sensor_frame_clock` must be whole ticks, for both clocks and a longer tick.
 
-    Also measures the deviation of the board's clock, ppm, with its uncertainty. Raises StageFault
-    stands-still, tick or clock.
+    It also measures the deviation of the board's clock, ppm, with its uncertainty.
+
+    Raises StageFault stands-still, tick or clock.
     """
     size = bench.geometry
     bench.write("sensor_run", 0)
@@ -48,8 +54,8 @@ def check_timing(bench: Bench) -> Figures:
     figures |= {"differences": compared, "clock_hz": hz, "clock_doubt_hz": doubt}
     if bench.simulated:
         figures["note"] = (
-            f"simulated board: {hz:.4g} clocks a second of the host's time, "
-            f"{hz / size.clock_hz:.3g} times life; its frequency says nothing of a real clock"
+            f"simulated board: {hz:.4g} clocks per second of the host's time, "
+            f"{hz / size.clock_hz:.3g} times real time; a real clock is not measured"
         )
         return figures
     figures |= {
@@ -60,8 +66,8 @@ def check_timing(bench: Bench) -> Figures:
     if abs(ppm) - doubt_ppm > _PPM_MOST:
         raise StageFault(
             "clock",
-            f"the board's clock runs at {hz:,.0f} Hz, {ppm:+.0f} ppm ({doubt_ppm:.0f} ppm of "
-            f"doubt) from the {size.clock_hz:,} Hz it was built for",
+            f"the board's clock runs at {hz:,.0f} Hz, {ppm:+.0f} ppm (uncertainty "
+            f"{doubt_ppm:.0f} ppm) from the {size.clock_hz:,} Hz that it was built for",
             "give the build the oscillator's real frequency, or check the PLL",
             figures,
         )
@@ -82,7 +88,7 @@ def _ticks(bench: Bench, period: int, select: int) -> int:
             bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",
-                f"{len(starts)} frames began where {_DIFFERENCES + 1} were waited for",
+                f"{len(starts)} frames began, not {_DIFFERENCES + 1}",
                 "check the scan's counter and the pixel clock",
             )
         bench.bone.pause(bench.ticks_s(1, select))
@@ -110,13 +116,13 @@ def clock_rate(bench: Bench, span_s: float = _SPAN_S) -> tuple[float, float]:
     bench.bone.pause(span_s)
     last = _read(bench)
     count = (last.clocks - first.clocks) % _WORD
-    longest, shortest = last.late - first.early, max(last.early - first.late, 1e-9)
+    longest, shortest = last.latest - first.earliest, max(last.earliest - first.latest, 1e-9)
     low, high = count / max(longest, 1e-9), count / shortest
     return (low + high) / 2, (high - low) / 2
 
 
 def _read(bench: Bench) -> Reading:
-    """The fastest of some readings."""
+    """The reading with the tightest bounds among several."""
     best: Reading | None = None
     scale = bench.bone.time_scale
     for _ in range(_READINGS):
@@ -125,10 +131,10 @@ def _read(bench: Bench) -> Reading:
         ended = bench.port.now()
         # A real line takes the time of six bytes before and four bytes after the reading.
         spare = 0.9 * scale
-        early, late = begun + spare * bench.line_s(6), ended - spare * bench.line_s(4)
-        if bench.simulated or early >= late:
-            early, late = begun, ended
-        if best is None or late - early < best.late - best.early:
-            best = Reading(count, early, late)
+        earliest, latest = begun + spare * bench.line_s(6), ended - spare * bench.line_s(4)
+        if bench.simulated or earliest >= latest:
+            earliest, latest = begun, ended
+        if best is None or latest - earliest < best.latest - best.earliest:
+            best = Reading(count, earliest, latest)
     assert best is not None
     return best

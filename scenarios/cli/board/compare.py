@@ -85,7 +85,7 @@ def board_compare(
     elif wrong is None:
         print(f"{frames} frames, {burst.got.size} bits, none wrong")
     else:
-        print(f"{wrong.text}; {wrong.mend}")
+        print(f"{wrong.text}; {wrong.remedy}")
     if wrong is not None:
         raise typer.Exit(1)
 

@@ -100,7 +100,7 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
         recognise: whether, without csr.csv, the board's first register decides between our board
             and an imager.
     """
-    from rtl_model.host import Board, LineFault, Recorder, Uartbone, is_pty, open_port, recognised
+    from rtl_model.host import Board, LineFault, LineLog, Uartbone, is_pty, open_port, recognised
     from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
     known = csr_map(options.csr)
@@ -116,7 +116,7 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
             if options.log is not None:
                 simulated = bool(endpoint.simulated) or is_pty(endpoint.url)
                 session = {"simulated": simulated, "time_scale": scale}
-                recorder = stack.enter_context(Recorder(options.log, port, session=session))
+                recorder = stack.enter_context(LineLog(options.log, port, session=session))
             patience = SIMULATED_PATIENCE_S if endpoint.simulated else PATIENCE_S
             bone = Uartbone(
                 port, baud=options.baud, time_scale=scale, patience_s=patience * max(1.0, scale),

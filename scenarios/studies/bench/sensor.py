@@ -29,7 +29,7 @@ from scenarios.studies.bench.readout import readout_row
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels
+from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
@@ -110,7 +110,8 @@ def _tiers(device: Device, noise: bool) -> dict[str, Call]:
     numbers = np.arange(chip.width * chip.height, dtype=np.uint32)
     gain = THRESHOLD * REAL_TIME  # a unit of light is a threshold a cycle
     exposure, exact = Exposure(clock, gain), make_pixels(model, numbers, device)
-    fast = FastPixels(model, (chip.height, chip.width), numbers, device, clock, gain)
+    array = PixelArray(model, (chip.height, chip.width), numbers, clock, gain)
+    fast = FastPixels(array, device)
     return {
         "exact": lambda light, start, cycles: exact.expose(
             exposure.spans(light, start, cycles), cycles

@@ -1,8 +1,8 @@
-"""The fast tier on an OpenCL device: what does not change in one launch, what does in a few.
+"""The fast tier on an OpenCL device.
 
-A work-item is a group of sixteen neighbours. Outside the boxes in which the light of a call changes
-one launch runs the whole call; inside, a launch reads up to sixteen planes where they lie in memory
-and makes each cycle's light from them. Each set of flags has kernels of its own.
+A work-item simulates a group of sixteen neighbours. Outside the box in which the light of a call
+changes, one launch runs the whole call. Inside it, a launch reads up to sixteen planes in place and
+computes the light of each cycle from them. Each set of flags has its own kernels.
 """
 
 from __future__ import annotations
@@ -13,32 +13,29 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.clock import Clock
 from cosim.compute.opencl import Device
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import words_for
-from sensor.device.pattern import FixedPattern
+from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
-from sensor.latched.fast.ground import LANES, Ground
 from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET
-from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.transfer import light_source
 
 __all__ = ["FastPixels"]
 
 _LOCAL: Final = 8
-"""Work-items that share a core at a time. PoCL keeps the private arrays of all of them, so that few
-stay in its cache, and thousands overrun its stack."""
+"""Work-items that share a core. PoCL allocates the private arrays of all of them at once: those of
+a few fit in the cache, those of thousands overflow the stack."""
 _ENTRY: Final = 5 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
 
-def _looked_at(piece: Piece, plane: Plane) -> None:
-    """Raises ValueError for light below 0, or none, where the piece may have changed it."""
+def _check_light(piece: Piece, plane: Plane) -> None:
+    """Raises ValueError if light within the changed box of a piece is negative or not a number."""
     y0, y1, x0, x1 = piece.changed or (0, plane.shape[0], 0, plane.shape[1])
-    rows = plane[y0:y1]  # whole rows lie in one piece, and are looked through faster
+    rows = plane[y0:y1]  # whole rows are contiguous, so their minimum is faster
     part = rows[:, x0:x1]
     if part.size and not rows.min() >= 0 and not part.min() >= 0:
         raise ValueError(f"light must be 0 or more, not {float(part.min()):g}")
@@ -47,55 +44,38 @@ def _looked_at(piece: Piece, plane: Plane) -> None:
 class FastPixels:
     """Pixels of one plane, exposed to light.
 
-    model: of any reset rule. shape: (H, W). numbers: of the pixels, (H W,)
-    uint32. gain: photoelectrons a second for a unit of light. pattern: of these pixels. offsets:
-    (H,) int64 ps from a clock edge to the instant at which each row is sampled. flags: (H,
-    ceil(W / 16)) uint8, what is kept for each group of sixteen columns: 1 noise, 2 dead time; all
-    that the model has unless given.
-
-    Results depend neither on how a run is split into calls nor on where rows and groups sit; they
-    are those of `NumpyFast` (tests/sensor/latched/fast/numpy_fast.py) to the last bit.
+    Results do not depend on how a run is split into calls, nor on how a plane is split into tiles.
+    They agree with `NumpyFast` (tests/sensor/latched/fast/numpy_fast.py) bit for bit.
     """
 
-    def __init__(
-        self,
-        model: ExactModel,
-        shape: tuple[int, int],
-        numbers: npt.NDArray[np.uint32],
-        device: Device,
-        clock: Clock,
-        gain: float,
-        pattern: FixedPattern | None = None,
-        offsets: npt.NDArray[np.int64] | None = None,
-        flags: npt.NDArray[np.uint8] | None = None,
-    ) -> None:
-        self._ground = ground = Ground(model, shape, numbers, clock, gain, pattern, offsets, flags)
+    def __init__(self, array: PixelArray, device: Device) -> None:
+        self._array = array
         self._device = device
-        self._numbers = device.upload(ground.padded(numbers))
-        self._table = device.upload(ground.units.table)
-        self._flags = device.upload(ground.kept)
-        flat = ground.kept.ravel()
+        self._numbers = device.upload(array.padded(array.numbers))
+        self._table = device.upload(array.units.table)
+        self._flags = device.upload(array.group_flags)
+        flat = array.group_flags.ravel()
         lists = {int(f): _filled(np.flatnonzero(flat == f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
-        self._gains: tuple[Any, ...] = (np.float32(ground.scale),)
-        if ground.gains is not None:
-            self._gains = tuple(device.upload(plane) for plane in ground.gains)
+        self._gains: tuple[Any, ...] = (np.float32(array.scale),)
+        if array.gains is not None:
+            self._gains = tuple(device.upload(plane) for plane in array.gains)
         self._kernels = {f: self._build(f) for f in lists}
         self._planes: dict[int, tuple[Plane, Any]] = {}
-        self._put(*ground.first())
+        self._upload(*array.initial_state())
 
     def _build(self, flags: int) -> tuple[Any, Any]:
-        """Kernels of a set of flags: for steady light and for light that moves."""
+        """Kernels for a set of flags: for constant light, and for changing light."""
 
         def text(name: str) -> str:
             return (files("sensor.latched.fast") / name).read_text()
 
-        source, model = text("light.cl"), self._ground.model
+        source, model = text("light.cl"), self._array.model
         defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DCAP={CAP}", f"-DEMPTY=({EMPTY})"]
-        if self._ground.gains is not None:
+        if self._array.gains is not None:
             defines.append("-DPATTERN")
         if model.transfers:
-            source = light_source(model.transfers, self._ground.ratio) + source
+            source = light_source(model.transfers, self._array.ratio) + source
             defines.append("-DTRANSFER")
         if flags & NOISE:
             source += philox_cl() + text("draws.cl")
@@ -103,20 +83,24 @@ class FastPixels:
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         if flags & RESET:
-            defines += [f"-DRESET_{self._ground.model.reset.upper()}"]
-            if self._ground.model.reset == "subtract":
-                defines += [f"-DDEEPEST=({self._ground.deepest})"]
+            defines += [f"-DRESET_{self._array.model.reset.upper()}"]
+            if self._array.model.reset == "subtract":
+                defines += [f"-DDEEPEST=({self._array.deepest})"]
         source += text("deficit.cl" if flags else "phase.cl")
-        made = (self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving"))
-        return next(made), next(made)
+        steady, moving = (
+            self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving")
+        )
+        return steady, moving
 
-    def _put(self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]) -> None:
+    def _upload(self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]) -> None:
+        """Writes the padded state to the device."""
         self._charge = self._device.upload(charge)
         self._low = self._device.upload(spikes.astype(np.uint32))
         self._high = self._device.upload((spikes >> np.uint64(32)).astype(np.uint32))
 
-    def _take(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
-        height, groups = self._ground.groups
+    def _download(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
+        """Charge and spike index of every padded pixel."""
+        height, groups = self._array.groups
         shape, device = (height, groups * LANES), self._device
         low = device.download(self._low, np.empty(shape, np.uint32))
         high = device.download(self._high, np.empty(shape, np.uint32))
@@ -124,37 +108,38 @@ class FastPixels:
         return charge, low.astype(np.uint64) | (high.astype(np.uint64) << np.uint64(32))
 
     def _state(self, flags: int) -> tuple[Any, ...]:
-        """Arguments of a kernel that are the pixels' own."""
+        """Kernel arguments that hold the state and the model of the pixels."""
         if not flags:
             return (self._charge,)
-        ground, units = self._ground, self._ground.units
+        array, units = self._array, self._array.units
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
-            np.uint32(ground.model.seed), ground.dead, np.int32(units.one),
+            np.uint32(array.model.seed), array.dead, np.int32(units.one),
             np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
-    def _look(self, course: Course) -> None:
-        """Shares the call's planes with the device, each looked at once; forgets the others."""
-        kept: dict[int, tuple[Plane, Any]] = {}
+    def _share(self, course: Course) -> None:
+        """Checks each new plane of a call, shares it with the device, and releases other planes."""
+        planes: dict[int, tuple[Plane, Any]] = {}
         for piece in course.pieces:
             for plane in (piece.first, piece.last):
-                known = self._planes.get(id(plane)) or kept.get(id(plane))
+                known = self._planes.get(id(plane)) or planes.get(id(plane))
                 if known is None:
-                    if self._planes or kept:
-                        _looked_at(piece, plane)
+                    if self._planes or planes:
+                        _check_light(piece, plane)
                     else:
-                        _looked_at(Piece(0, 1, plane, plane), plane)
+                        _check_light(Piece(0, 1, plane, plane), plane)
                     shared = np.ascontiguousarray(plane, np.float32)
                     known = (plane, self._device.share(shared))
-                kept[id(plane)] = known
-        for segment in course.segments:  # those that were made for one cycle
-            if id(segment.base) not in kept:
-                kept[id(segment.base)] = (segment.base, self._device.share(segment.base))
-        self._planes = kept
+                planes[id(plane)] = known
+        for segment in course.segments:  # planes that the course computed for a single cycle
+            if id(segment.base) not in planes:
+                planes[id(segment.base)] = (segment.base, self._device.share(segment.base))
+        self._planes = planes
 
     def _steady(self, course: Course, cycles: int, words: Any) -> None:
-        height, groups = self._ground.groups
+        """One launch for the pixels outside the box of changing light."""
+        height, groups = self._array.groups
         y0, y1, g0, g1 = _groups(course.box)
         _, plane = self._planes[id(course.steady)]
         for flags, (groups_of, n) in self._lists.items():
@@ -162,17 +147,17 @@ class FastPixels:
                 return
             self._kernels[flags][0](
                 self._device.queue, (n,), (_LOCAL,), *self._state(flags),
-                plane, words, np.uint32(height * self._ground.shape[1]),
-                np.uint32(self._ground.shape[1]), np.uint32(groups), self._ground.brightest,
+                plane, words, np.uint32(height * self._array.shape[1]),
+                np.uint32(self._array.shape[1]), np.uint32(groups), self._array.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
                 *self._gains,
             )  # fmt: skip
 
     def _moving(self, segments: list[Segment], box: Box, words: Any) -> None:
-        """One launch, of segments that share sixteen planes."""
+        """One launch for segments that together use at most sixteen planes."""
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
-        begin = 1  # one weight stands for none
+        begin = 1  # weight 0 is for segments without planes
         for entry, segment in zip(entries, segments, strict=True):
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
             at = begin if segment.planes else 0
@@ -184,7 +169,7 @@ class FastPixels:
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (MOST_PLANES - len(planes))
         y0, y1, g0, g1 = _groups(box)
-        (height, width), device = self._ground.shape, self._device
+        (height, width), device = self._array.shape, self._device
         shared = device.upload(entries), device.upload(weights)
         wide = -(-(g1 - g0) // _LOCAL) * _LOCAL
         for flags in self._lists:
@@ -192,13 +177,13 @@ class FastPixels:
                 device.queue, (wide, y1 - y0), (_LOCAL, 1), *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
-                np.uint32(self._ground.groups[1]), self._ground.brightest,
+                np.uint32(self._array.groups[1]), self._array.brightest,
                 np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
                 *self._gains, *planes,
             )  # fmt: skip
 
     def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
-        """Segments in runs that each need no more planes than a launch can have."""
+        """Splits segments into launches that use at most MOST_PLANES planes each."""
         runs: list[list[Segment]] = []
         met: set[int] = set()
         for segment in segments:
@@ -211,15 +196,18 @@ class FastPixels:
         return runs
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
-        """Words (ceil(cycles / 32), H W) of cycles `start` to `start + cycles` of the clock, bit b
-        of word w being cycle start + 32 w + b.
+        """Latched bits of cycles `start` to `start + cycles` of the clock.
 
-        Raises ValueError for light of another shape, below 0, or that does not cover the cycles.
+        Returns:
+            (ceil(cycles / 32), H W) uint32; bit b of word w is cycle start + 32 w + b.
+
+        Raises:
+            ValueError: the light has another shape, is negative, or does not cover the cycles.
         """
-        ground = self._ground
-        course = ground.course(light, start, cycles)
-        self._look(course)
-        out = np.empty((words_for(cycles), ground.shape[0] * ground.shape[1]), np.uint32)
+        array = self._array
+        course = array.course(light, start, cycles)
+        self._share(course)
+        out = np.empty((words_for(cycles), array.shape[0] * array.shape[1]), np.uint32)
         words = self._device.share(out, write=True)
         self._steady(course, cycles, words)
         if course.box is not None:
@@ -229,32 +217,36 @@ class FastPixels:
         return out
 
     def fraction(self) -> npt.NDArray[np.float64]:
-        """Stored charge over the running interval's own threshold, now, (H W,)."""
-        return self._ground.fraction(*self._take())
+        """Stored charge over the threshold of the current interval, (H W,)."""
+        return self._array.fraction(*self._download())
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """charge: phase of 2^32 or deficit, (H W,) int32. spikes: index of the interval that is
-        running, (H W,) uint64; 0 where no thresholds are drawn."""
-        charge, spikes = self._take()
-        trim = self._ground.trimmed
+        """The state that the next call depends on.
+
+        Returns:
+            charge: (H W,) int32, phase in 2^-32 of a threshold, or deficit in units.
+            spikes: (H W,) uint64, index of the current interval; 0 where no thresholds are drawn.
+        """
+        charge, spikes = self._download()
+        trim = self._array.trimmed
         return {"charge": trim(charge).copy(), "spikes": trim(spikes).copy()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Goes on from a `state`."""
-        pad = self._ground.padded
-        self._put(
+        """Continues from a `state`."""
+        pad = self._array.padded
+        self._upload(
             pad(np.asarray(state["charge"], np.int32)), pad(np.asarray(state["spikes"], np.uint64))
         )
 
 
 def _filled(groups: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
-    """Numbers of groups, filled up to whole work-groups with one that there is not."""
+    """Numbers of groups, padded to whole work-groups with a number that no group has."""
     rest = -groups.size % _LOCAL
     return np.append(groups.astype(np.uint32), np.full(rest, 0xFFFFFFFF, np.uint32))
 
 
 def _groups(box: Box | None) -> tuple[int, int, int, int]:
-    """Rows and groups that a box touches."""
+    """Rows y0 to y1 and groups g0 to g1 that a box overlaps."""
     if box is None:
         return 0, 0, 0, 0
     y0, y1, x0, x1 = box

@@ -100,7 +100,7 @@ def test_scanning_in_step_cancels() -> None:
         )
     )
     step = np.arange(SHAPE[0]) * (PS // 40_000) // SHAPE[0]
-    words = SpikeCamera(camera, None, late=step).step(light, Block(0, 16)).words[0]
+    words = SpikeCamera(camera, None, row_delay=step).step(light, Block(0, 16)).words[0]
     assert (words == words[0, 0]).all()
     assert words[0, 0] != 0
     skewed = SpikeCamera(camera, None).step(light, Block(0, 16)).words[0]
@@ -122,14 +122,14 @@ def test_late_moves_a_rows_sampling() -> None:
             )
         )
 
-    told = SpikeCamera(CAMERA, None, late=np.full(SHAPE[0], by)).step(shown(0), Block(0, 20))
+    told = SpikeCamera(CAMERA, None, row_delay=np.full(SHAPE[0], by)).step(shown(0), Block(0, 20))
     made = SpikeCamera(CAMERA, None).step(shown(by), Block(0, 20))
     assert np.array_equal(told.words, made.words)
     assert not np.array_equal(
         told.words, SpikeCamera(CAMERA, None).step(shown(0), Block(0, 20)).words
     )
-    with pytest.raises(ValueError, match="late must be"):
-        SpikeCamera(CAMERA, None, late=np.zeros(3, np.int64))
+    with pytest.raises(ValueError, match="row_delay must be"):
+        SpikeCamera(CAMERA, None, row_delay=np.zeros(3, np.int64))
 
 
 def test_a_hidden_part_is_as_bright_as_the_surroundings() -> None:

@@ -38,7 +38,7 @@ def through(row_scan: float, ppm: float) -> tuple[Received, Air, Transmission]:
         sent, panel, optics, aim, AirSetting(2.0, ambient=500.0), camera,
         first_light=round(FIRST * PS / 40_000), planes=sent.planes,
     )  # fmt: skip
-    eye = SpikeCamera(camera, None, late=stage.late)
+    eye = SpikeCamera(camera, None, row_delay=stage.late)
     receiver = Receiver((SIDE, SIDE))
     for first in range(0, sent.planes + 32, 64):
         block = Block(first, 64)

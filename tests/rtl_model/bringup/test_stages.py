@@ -84,7 +84,7 @@ def test_six_percent_of_baud_are_measured(error, rate, side, tmp_path):
     ("make", "stage", "kind", "says"),
     [
         (lambda: Silent(SIZE), "bytes", "silent", "nothing came back"),
-        (lambda: Echo(SIZE), "bytes", "echo", "sent back the very bytes"),
+        (lambda: Echo(SIZE), "bytes", "echo", "sent back the bytes of the request"),
         (lambda: Console(SIZE), "bytes", "text", "login:"),
         (lambda: changed(0, lambda v: 0xCAFE), "identity", "foreign", "another design"),
         (lambda: changed(8, lambda v: v + 0x10000), "identity", "version", "2.0"),
@@ -274,4 +274,4 @@ def test_a_noisy_line_is_not_taken_for_a_wrong_baud(good):
 
     report = brought_up(Noisy(SIZE))
     assert (report.failed_stage, report.failed.kind) == ("bytes", "short"), report.cause
-    assert "came whole" in report.cause
+    assert "were complete" in report.cause

@@ -38,7 +38,7 @@ def test_equal_planes_have_no_wrong_bit():
 def test_the_shape_is_found(place, value, shape, where, stuck):
     wrong = spoilt(place, value)
     assert (wrong.shape, wrong.place, wrong.stuck) == (shape, where, stuck)
-    assert wrong.mend
+    assert wrong.remedy
 
 
 def test_the_first_wrong_bit_is_told():

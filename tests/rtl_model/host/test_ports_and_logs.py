@@ -16,7 +16,7 @@ from rtl_model.host import (
     Board,
     Cause,
     LineFault,
-    Recorder,
+    LineLog,
     ReplayPort,
     Uartbone,
     capture,
@@ -165,9 +165,9 @@ def session(bone):
 
 
 def test_a_session_replays_from_its_log(make_port, tmp_path):
-    """With a lost byte in it, which is mended in the replay as it was then."""
+    """With a lost byte in it, which the replay recovers as the session did."""
     port = make_port(faults={("tx", 100): "drop"})
-    with Recorder(tmp_path / "log", port) as log:
+    with LineLog(tmp_path / "log", port) as log:
         live = session(Uartbone(port, log=log))
     lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
     assert all({"monotonic", "wall", "event"} <= line.keys() for line in lines)
@@ -179,15 +179,15 @@ def test_a_session_replays_from_its_log(make_port, tmp_path):
 
 def test_a_replay_names_the_first_difference(make_port, tmp_path):
     port = make_port()
-    with Recorder(tmp_path / "log", port) as log:
+    with LineLog(tmp_path / "log", port) as log:
         Uartbone(port, log=log).read(0, 2)
-    told = (
-        f"line 2 of the replay of {tmp_path / 'log'}: the host sends 020100000001, the log holds "
-        "a read of 2 words at 0x0 (020200000000)"
+    text = (
+        f"line 2 of the replay of {tmp_path / 'log'}: the host sends 020100000001, the log "
+        "contains a read of 2 words at 0x0 (020200000000)"
     )
     with pytest.raises(LineFault) as fault:
         Uartbone(ReplayPort(tmp_path / "log")).read(4)
-    assert fault.value.cause is Cause.DIFFERS and fault.value.text == told
+    assert fault.value.cause is Cause.DIFFERS and fault.value.text == text
     bone = Uartbone(ReplayPort(tmp_path / "log"))
     bone.read(0, 2)
     with pytest.raises(LineFault, match="the end of the log"):
@@ -216,6 +216,6 @@ def test_a_url_without_what_it_needs_is_refused_in_our_words(url):
         open_port(url, 115_200)
 
 
-def test_a_file_that_is_no_port_is_told_as_that():
-    with pytest.raises(LineFault, match="/dev/null is there and is no serial port"):
+def test_a_file_that_is_not_a_port_is_refused_as_such():
+    with pytest.raises(LineFault, match="/dev/null exists but is not a serial port"):
         open_port("/dev/null", 115_200)

@@ -13,7 +13,7 @@ from rtl_model.host import (
     Board,
     Cause,
     LineFault,
-    Recorder,
+    LineLog,
     ReplayPort,
     Uartbone,
     open_port,
@@ -109,7 +109,7 @@ def test_its_log_replays_without_it(board, tmp_path):
         other = Board(bone, board.csr)
         return other.identifier(), other.read("wide_copy"), bone.read(other.csr.base("ram"), 300)
 
-    with Recorder(tmp_path / "log", board.bone.port) as log:
+    with LineLog(tmp_path / "log", board.bone.port) as log:
         live = session(Uartbone(board.bone.port, time_scale=SLOWER, log=log))
     replay = ReplayPort(tmp_path / "log")
     assert session(Uartbone(replay)) == live

@@ -75,7 +75,7 @@ def test_the_netlist_is_the_model(tmp_path):
     assert outcome.difference is None, str(outcome.difference)
     assert outcome.pixels >= PIXELS
     seen = outcome.coverage
-    assert min(seen.spikes, seen.reads, seen.writes, seen.shown, seen.bursts) > 0
+    assert min(seen.spikes, seen.reads, seen.writes, seen.sink_tiles, seen.bursts) > 0
 
 
 def test_a_fault_in_the_source_is_caught_in_the_netlist(tmp_path):

@@ -24,7 +24,7 @@ def covered(outcome, windows):
     assert (seen.pixels.sum((1, 2)) > 0).all()  # each threshold at both clocks
     assert set(seen.windows) >= windows
     assert 0.001 * outcome.pixels < seen.spikes < outcome.pixels
-    assert min(seen.bursts, seen.shown, seen.reads // 50, seen.writes // 50) > 10
+    assert min(seen.bursts, seen.sink_tiles, seen.reads // 50, seen.writes // 50) > 10
 
 
 WINDOWS = {"whole", "one pixel", "partly-filled tile", "one tile", "part", "no column"}

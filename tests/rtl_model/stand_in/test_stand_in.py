@@ -94,14 +94,14 @@ def test_a_pixels_rate_is_its_step_over_the_threshold() -> None:
     np.testing.assert_array_equal(counts, 60 * steps.astype(int) // 255)
 
 
-def test_a_line_that_stands_still_within_a_pulse_is_told() -> None:
+def test_a_line_that_pauses_within_a_pulse_is_reported() -> None:
     """The pulse then lasts more than a tick and makes frames that no one asked for."""
     board = place()
     sensor = BoardSensor(board, 0, "residual", 10)
     port = board.board.bone.port
     assert isinstance(port, BridgePort)
     port.falter = 2000
-    with pytest.raises(LineFault, match=r"made \d+ frames of 1 pulses: the line stood still"):
+    with pytest.raises(LineFault, match=r"started \d+ frames by 1 pulses: the line paused"):
         sensor.expose(np.zeros((5, 40), np.uint8), 3)
 
 

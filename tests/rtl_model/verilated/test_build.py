@@ -75,14 +75,14 @@ def test_two_processes_build_at_once_and_a_change_is_built_anew(tmp_path, monkey
     tiny(folder)
     command = [sys.executable, "-c", CALL, str(folder)]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    said = [process.communicate(timeout=600)[0].split() for process in both]
-    assert said[0] == said[1]
-    assert said[0][1] == "7"
+    output = [process.communicate(timeout=600)[0].split() for process in both]
+    assert output[0] == output[1]
+    assert output[0][1] == "7"
     (folder / "tiny.v").write_text(TINY.replace("8'd1", "8'd2"))
     made, count = subprocess.run(
         command, stdout=subprocess.PIPE, text=True, check=True
     ).stdout.split()
-    assert made != said[0][0]
+    assert made != output[0][0]
     assert count == "14"
     assert not list((tmp_path / "cache" / "verilated").glob(".build-*"))
     (folder / "tiny.v").write_text("module tiny(; endmodule")
@@ -99,10 +99,10 @@ def test_the_first_error_is_found():
     assert _first_error("%Error-PINNOTFOUND: b.v:9:2: Pin not found: 'x'") == (
         "b.v:9: Pin not found: 'x'"
     )
-    said = "In file included\nshim.cpp:7:5: error: 'class Vtop' has no member named 'clk'\n"
-    assert _first_error(said) == "shim.cpp:7: 'class Vtop' has no member named 'clk'"
+    output = "In file included\nshim.cpp:7:5: error: 'class Vtop' has no member named 'clk'\n"
+    assert _first_error(output) == "shim.cpp:7: 'class Vtop' has no member named 'clk'"
     assert _first_error("\n%Error: Cannot find file\n") == "%Error: Cannot find file"
-    assert _first_error("") == "without a word"
+    assert _first_error("") == "no message"
 
 
 def test_libraries_long_unused_are_removed(tmp_path, monkeypatch):

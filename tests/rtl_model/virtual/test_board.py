@@ -12,7 +12,7 @@ import pytest
 from cosim import InputError
 from rtl_model.virtual import Level, VirtualBoard
 from rtl_model.virtual.board import LINGER_S
-from rtl_model.virtual.planted import FOREIGN_MAGIC
+from rtl_model.virtual.design_faults import FOREIGN_MAGIC
 from tests.rtl_model.virtual.hosts import (
     LEVELS,
     MAGIC_BYTES,
@@ -175,14 +175,14 @@ def test_the_link_is_made_and_removed(tmp_path: Path) -> None:
         host.close()
         host = Host(made.port, 57_600, 2.0)  # a host may come back
         assert host.ask("ctrl_magic") == MAGIC_BYTES
-        with pytest.raises(InputError, match="which is there"):
+        with pytest.raises(InputError, match="which exists"):
             VirtualBoard(SMALL, level="model", link=link).start()
     assert not os.path.lexists(link)
     link.symlink_to("/dev/pts/no-such")  # an ended board's
     with VirtualBoard(SMALL, level="model", link=link):
         assert os.readlink(link) != "/dev/pts/no-such"
     link.write_text("mine")
-    with pytest.raises(InputError, match="which is there"):
+    with pytest.raises(InputError, match="which exists"):
         VirtualBoard(SMALL, level="model", link=link).start()
     assert link.read_text() == "mine"
 

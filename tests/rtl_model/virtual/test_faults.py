@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.virtual.faults import ByteFault, Faults, parse
-from rtl_model.virtual.line import CUT_S, POWER_UP_S, Bytes, Dead, FaultyLine
+from rtl_model.virtual.line import CUT_S, POWER_UP_S, Bytes, FaultyLine, Interruption
 from rtl_model.virtual.noise import BITS, noise
 
 WORDS = ("drop", "flip", "extra", "cut", "power-cycle", "silent", "slow", "baud", "noise", "stuck")
@@ -30,7 +30,7 @@ def test_every_form_is_read() -> None:
             ByteFault("power-cycle", "rx", 50),
         ),
         silent=True,
-        late_s=0.02,
+        delay_s=0.02,
         baud_error=-0.06,
         noise=0.001,
         stuck=((3, 7, 1), (0, 31, 0)),
@@ -54,7 +54,7 @@ def test_what_lies_outside_is_refused(text: str) -> None:
         parse([text], Geometry(rows=4, columns=40))
 
 
-def carried(data: bytes, *texts: str, blocks: int = 1000) -> list[Bytes | Dead]:
+def carried(data: bytes, *texts: str, blocks: int = 1000) -> list[Bytes | Interruption]:
     line = FaultyLine(parse(texts))
     pieces = [data[at : at + blocks] for at in range(0, len(data), blocks)]
     return [made for piece in pieces for made in line.carry("rx", piece)]
@@ -83,9 +83,10 @@ def test_every_bit_is_flipped_as_often() -> None:
 @pytest.mark.parametrize("blocks", [1, 3, 100])
 def test_a_cut_stands_between_its_bytes(blocks: int) -> None:
     made = carried(bytes(range(10)), "cut@4", "power-cycle@8", blocks=blocks)
-    dead = [(n, piece) for n, piece in enumerate(made) if isinstance(piece, Dead)]
+    dead = [(n, piece) for n, piece in enumerate(made) if isinstance(piece, Interruption)]
     before = [b"".join(p.data for p in made[:n] if isinstance(p, Bytes)) for n, _ in dead]
-    assert [piece for _, piece in dead] == [Dead(CUT_S, False), Dead(POWER_UP_S, True)]
+    cut, cycled = Interruption(CUT_S, False), Interruption(POWER_UP_S, True)
+    assert [piece for _, piece in dead] == [cut, cycled]
     assert before == [bytes(range(3)), bytes(range(7))]
 
 

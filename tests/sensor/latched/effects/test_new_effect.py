@@ -29,7 +29,7 @@ from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.residual import RESIDUAL
 from sensor.latched.effects.windows import bound_of, contrast, shifted
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels
+from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.pixel.transfer import Transfer
@@ -161,9 +161,8 @@ def test_numba_opencl_and_plain_numpy_give_the_same_bits(setting: CameraSetting)
         assert np.array_equal(words[0], words[2]) and np.array_equal(words[1], words[2])
         plain = ExactModel(300.0, 4, model.effects, reset=reset, dead_time=model.dead_time)
         assert not np.array_equal(words[2], NumpyPixels(plain, numbers).expose(spans, 128))
-        fast = model, (6, 21), numbers
-        found = FastPixels(*fast, open_device(), CLOCK, 40_000.0)
-        expected = NumpyFast(*fast, CLOCK, 40_000.0)
+        array = PixelArray(model, (6, 21), numbers, CLOCK, 40_000.0)
+        found, expected = FastPixels(array, open_device()), NumpyFast(array)
         assert np.array_equal(found.expose(light, 0, 128), expected.expose(light, 0, 128))
 
 

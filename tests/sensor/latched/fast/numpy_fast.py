@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.clock import Clock
 from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
-from sensor.device.pattern import FixedPattern
+from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
-from sensor.latched.fast.ground import LANES, Ground
-from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, drawn
-from sensor.latched.pixel.model import ExactModel
+from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, draw_thresholds
 from sensor.latched.pixel.transfer import transferred_light
 
 __all__ = ["NumpyFast"]
@@ -28,31 +25,21 @@ Array = npt.NDArray[Any]
 
 
 class NumpyFast:
-    """One cycle at a time over all pixels; takes what `FastPixels` takes, but no device."""
+    """One cycle at a time over all pixels of an array."""
 
-    def __init__(
-        self,
-        model: ExactModel,
-        shape: tuple[int, int],
-        numbers: npt.NDArray[np.uint32],
-        clock: Clock,
-        gain: float,
-        pattern: FixedPattern | None = None,
-        offsets: npt.NDArray[np.int64] | None = None,
-        flags: npt.NDArray[np.uint8] | None = None,
-    ) -> None:
-        self._ground = Ground(model, shape, numbers, clock, gain, pattern, offsets, flags)
-        self._numbers = self._ground.padded(numbers)
-        self._flags = np.repeat(self._ground.kept, LANES, axis=1)
-        self._charge, self._spikes = self._ground.first()
+    def __init__(self, array: PixelArray) -> None:
+        self._array = array
+        self._numbers = array.padded(array.numbers)
+        self._flags = np.repeat(array.group_flags, LANES, axis=1)
+        self._charge, self._spikes = array.initial_state()
 
     def _level(self, plane: Plane) -> Array:
         """Thresholds a cycle under a steady plane."""
-        ground, light = self._ground, self._ground.padded(plane)
-        if ground.gains is None:
-            return np.minimum(light * _F(ground.scale), ground.brightest)
-        gain, dark = ground.gains
-        return np.minimum(np.maximum(light * gain + dark, _F(0)), ground.brightest)
+        array, light = self._array, self._array.padded(plane)
+        if array.gains is None:
+            return np.minimum(light * _F(array.scale), array.brightest)
+        gain, dark = array.gains
+        return np.minimum(np.maximum(light * gain + dark, _F(0)), array.brightest)
 
     def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
         """Thresholds that each cycle brings."""
@@ -86,17 +73,17 @@ class NumpyFast:
 
     def _deficit(self, rate: Array) -> Array:
         """One cycle of the pixels that have flags."""
-        ground, units = self._ground, self._ground.units
+        array, units = self._array, self._array.units
         mine = self._flags != 0
         most = _F(CAP / units.one)
         held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
         add = np.where(mine, held, 0).astype(np.int64)
-        lost = (add.astype(_F) * ground.dead).astype(np.int64)
+        lost = (add.astype(_F) * array.dead).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
         deficit = self._charge.astype(np.int64)
-        if ground.model.reset != "residual":
+        if array.model.reset != "residual":
             return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
         # Light that reaches any threshold in a cycle: thresholds come off at the mean.
         certain = mine & (add >= top + lost) & (deficit < add)
@@ -112,8 +99,8 @@ class NumpyFast:
             threshold = np.full(due.shape, units.one, np.int64)
             draw = due & noisy
             if draw.any():
-                threshold[draw] = drawn(
-                    units, self._spikes[draw], self._numbers[draw], ground.model.seed
+                threshold[draw] = draw_thresholds(
+                    units, self._spikes[draw], self._numbers[draw], array.model.seed
                 )
             deficit[due] += (threshold + lost)[due]
             due = deficit < 0
@@ -122,43 +109,43 @@ class NumpyFast:
 
     def _one(self, deficit: Array, lost: Array, noisy: Array, mine: Array) -> Array:
         """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
-        ground, units = self._ground, self._ground.units
+        array, units = self._array, self._array.units
         fired = mine & (deficit < 0)
         self._spikes[fired] += np.uint64(1)
         threshold = np.full(fired.shape, units.one, np.int64)
         draw = fired & noisy
         if draw.any():
             k, numbers = self._spikes[draw], self._numbers[draw]
-            threshold[draw] = drawn(units, k, numbers, ground.model.seed)
-        if ground.model.reset == "hard":
+            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
+        if array.model.reset == "hard":
             deficit = np.where(fired, threshold + lost - 1, deficit)
         else:
-            deficit = np.maximum(deficit + np.where(fired, threshold + lost, 0), ground.deepest)
+            deficit = np.maximum(deficit + np.where(fired, threshold + lost, 0), array.deepest)
         self._charge[mine] = deficit.astype(np.int32)[mine]
         return fired
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Words (ceil(cycles / 32), H W) of cycles `start` to `start + cycles`."""
-        course = self._ground.course(light, start, cycles)
+        course = self._array.course(light, start, cycles)
         words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
-        model, most = self._ground.model, self._ground.brightest
+        model, most = self._array.model, self._array.brightest
         for c, rate in enumerate(self._rates(course, cycles)):
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
-                rate = transferred_light(model.transfers, positive, self._ground.ratio)
+                rate = transferred_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
             fired = self._phase(rate) | self._deficit(rate)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
-        return np.stack([self._ground.trimmed(word) for word in words])
+        return np.stack([self._array.trimmed(word) for word in words])
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the running interval's own threshold, now, (H W,)."""
-        return self._ground.fraction(self._charge, self._spikes)
+        return self._array.fraction(self._charge, self._spikes)
 
     def state(self) -> dict[str, Array]:
-        trim = self._ground.trimmed
+        trim = self._array.trimmed
         return {"charge": trim(self._charge).copy(), "spikes": trim(self._spikes).copy()}
 
     def restore(self, state: dict[str, Array]) -> None:
-        self._charge = self._ground.padded(np.asarray(state["charge"], np.int32))
-        self._spikes = self._ground.padded(np.asarray(state["spikes"], np.uint64))
+        self._charge = self._array.padded(np.asarray(state["charge"], np.int32))
+        self._spikes = self._array.padded(np.asarray(state["spikes"], np.uint64))

@@ -16,9 +16,9 @@ from cosim.compute.opencl import Device
 from sensor.device.pattern import DevicePattern
 from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.fast import FastPixels
+from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.bound import rate_bound
-from sensor.latched.fast.units import first_charge, quantile, units_of
+from sensor.latched.fast.units import current_thresholds, first_charge, quantile, units_of
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
@@ -97,12 +97,11 @@ def test_kernels_agree_with_plain_numpy_on_every_bit(
     model = ExactModel(electrons, 7, ALL, threshold_noise=noise, dead_time=dead, reset=reset)
     pattern = DevicePattern(0.1, electrons, 0.2, 0.02, 0.05, electrons * 4e4, 0.05, 3).at(NUMBERS)
     offsets = row_offsets(CLOCK, 7, 0.8, 10e-6, (0, 7)) if seed % 3 else None
-    setting = (
+    array = PixelArray(
         model, SHAPE, NUMBERS, CLOCK, electrons * 40_000 * 1.7 / 700,
         pattern if seed % 2 else None, offsets, random.integers(0, 4, (7, 3)).astype(np.uint8),
     )  # fmt: skip
-    fast = FastPixels(*setting[:3], device, *setting[3:])
-    plain = NumpyFast(*setting)
+    fast, plain = FastPixels(array, device), NumpyFast(array)
     knots = [0, 3 * PERIOD + 5, 9 * PERIOD, 9 * PERIOD + PERIOD // 3, 20 * PERIOD, 200 * PERIOD]
     light = light_between(SHAPE, knots, True) if seed % 2 else boxed(seed, 700.0, 25)
     found = run(fast, light, [0, 5, 37, 64, 130, 171])
@@ -118,11 +117,11 @@ def test_cycles_of_very_many_pieces_agree_too(device: Device) -> None:
     knots = [0, *range(PERIOD // 50, 3 * PERIOD, PERIOD // 20), 9 * PERIOD]
     light = light_between(SHAPE, knots, True)
     model = ExactModel(300.0, 1, ALL)
-    setting = model, SHAPE, NUMBERS
     gain = 300.0 * 40_000 / 1500
-    fast = FastPixels(*setting, device, CLOCK, gain)
+    array = PixelArray(model, SHAPE, NUMBERS, CLOCK, gain)
+    fast = FastPixels(array, device)
     found = run(fast, light, [0, 1, 9])
-    plain = NumpyFast(*setting, CLOCK, gain)
+    plain = NumpyFast(array)
     assert np.array_equal(found, run(plain, light, [0, 9]))
     exact = NumpyPixels(model, NUMBERS)
     spans = Exposure(CLOCK, gain).spans(light, 0, 9)
@@ -133,7 +132,7 @@ def test_a_patch_gives_the_bits_of_the_whole_and_a_restored_run_goes_on(device: 
     light, model = boxed(3, 700.0, 30), ExactModel(200.0, 5, ALL, dead_time=0.1)
     gain = 200.0 * 40_000 / 900
     offsets = row_offsets(CLOCK, 7, 1.0, 0.0, (0, 7))
-    whole = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, gain, None, offsets)
+    whole = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, gain, None, offsets), device)
     found = run(whole, light, [0, 64])
     kept = whole.state()
     later = run(whole, light, [64, 128])
@@ -148,10 +147,11 @@ def test_a_patch_gives_the_bits_of_the_whole_and_a_restored_run_goes_on(device: 
         tuple(Piece(p.start, p.stop, known[id(p.first)], known[id(p.last)]) for p in light.pieces)
     )
     numbers = cut(NUMBERS.reshape(SHAPE)).ravel()
-    patch = FastPixels(model, (3, 13), numbers, device, CLOCK, gain, None, offsets[rows])
+    array = PixelArray(model, (3, 13), numbers, CLOCK, gain, None, offsets[rows])
+    patch = FastPixels(array, device)
     mine = cut(np.arange(N).reshape(SHAPE)).ravel()
     assert np.array_equal(run(patch, part, [0, 31, 64]), found[:, mine])
-    again = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, gain, None, offsets)
+    again = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, gain, None, offsets), device)
     again.restore(kept)
     assert np.array_equal(run(again, light, [64, 128]), later)
     assert found.any() and later.any()
@@ -163,7 +163,7 @@ class TestClosedForms:
         rates = np.random.default_rng(1).integers(0, 2**24, N) / 2.0**24
         plane = rates.reshape(SHAPE).astype(np.float32)
         model = ExactModel(1000.0, 1, (RESIDUAL,))
-        pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+        pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
         light = Light((Piece(0, PS, plane, plane),))
         count = run(pixels, light, [0, 100, 640]).sum(axis=0, dtype=int)
         assert np.array_equal(count, np.floor(rates * 640))
@@ -176,7 +176,7 @@ class TestClosedForms:
         plane = np.zeros(SHAPE, np.float32)
         plane[:, ::2] = np.geomspace(1.6, 1e9, SHAPE[0])[:, None]
         pixels = FastPixels(
-            ExactModel(100.0, 3, effects), SHAPE, NUMBERS, device, CLOCK, 100.0 * 40_000
+            PixelArray(ExactModel(100.0, 3, effects), SHAPE, NUMBERS, CLOCK, 100.0 * 40_000), device
         )
         for light in (
             Light((Piece(0, PS, plane, plane),)),
@@ -196,7 +196,7 @@ class TestClosedForms:
             levels = [plane, middle, plane]
             spans = zip(itertools.pairwise(edges), levels, strict=True)
             light = Light(tuple(Piece(a, b, p, p) for (a, b), p in spans))
-            pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+            pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
             found = run(pixels, light, [0, 100, 640]).sum(axis=0, dtype=int)
             lit = 640 if middle is plane else 638
             assert np.array_equal(found, lit // np.ceil(1 / rates).astype(int))
@@ -207,18 +207,18 @@ class TestClosedForms:
             Piece(0, 40 * PERIOD, plane, plane), Piece(40 * PERIOD, PS, plane * 0, plane * 0),
         ))  # fmt: skip
         model = ExactModel(1000.0, 1, (), reset="subtract")
-        pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+        pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
         found = run(pixels, light, [0, 39, 45, 100])
         assert found[:60].all() and not found[60:].any()
         # No more than 64 thresholds are paid back.
         bright = Light((Piece(0, 40 * PERIOD, plane * 9, plane * 9), *light.pieces[1:]))
-        pixels = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 1000.0 * 40_000)
+        pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
         assert (run(pixels, bright, [0, 40, 300]).sum(axis=0, dtype=int) == 40 + 64).all()
 
     def test_a_tie_fires(self, device: Device) -> None:
         plane = np.full((1, 3), 0.25, np.float32) + np.float32([0, -(2.0**-26), 2.0**-24])
         model = ExactModel(8.0, 1, (RESIDUAL,))
-        pixels = FastPixels(model, (1, 3), NUMBERS[:3], device, CLOCK, 8.0 * 40_000)
+        pixels = FastPixels(PixelArray(model, (1, 3), NUMBERS[:3], CLOCK, 8.0 * 40_000), device)
         found = run(pixels, Light((Piece(0, PS, plane, plane),)), [0, 5])
         assert found.T.tolist() == [[0, 0, 0, 1, 0], [0, 0, 0, 0, 1], [0, 0, 0, 1, 0]]
 
@@ -239,12 +239,10 @@ def test_thresholds_are_the_exact_tiers_to_the_error_said(electrons: float) -> N
 
 
 def exact_rate(model: ExactModel, exact: NumpyPixels, numbers: Any) -> Any:
-    """Stored charge of the exact tier's pixels over their own threshold."""
-    from sensor.latched.fast.units import running
-
+    """Stored charge of the exact tier's pixels over their current threshold."""
     state = exact.state()
-    own = running(model, state.spikes, numbers) if model.noisy else 1.0
-    return 1 - (state.deficit + 1) / model.q / own
+    current = current_thresholds(model, state.spikes, numbers) if model.noisy else 1.0
+    return 1 - (state.deficit + 1) / model.q / current
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -278,7 +276,7 @@ def test_the_proven_bound_of_the_rate_is_never_exceeded(device: Device, seed: in
         model, min(float(m.min()) for m in made), max(float(m.max()) for m in made), cycles
     )
     assert bound.kind == "proof"
-    fast = FastPixels(model, shape, numbers, device, CLOCK, gain, pattern, offsets)
+    fast = FastPixels(PixelArray(model, shape, numbers, CLOCK, gain, pattern, offsets), device)
     exact = NumpyPixels(model, numbers)
     before = fast.fraction(), exact_rate(model, exact, numbers)
     found = run(fast, light, [0, 64, 640])
@@ -317,7 +315,7 @@ def test_under_a_hard_reset_the_estimate_holds(device: Device, seed: int) -> Non
     light = Light((*made, Piece(knots[-1], PS, planes[0], planes[0])))
     bound = rate_bound(model, 0.2 * electrons, brightest * electrons, cycles)
     assert bound.kind == "estimate" and bound.value < 0.02
-    fast = FastPixels(model, shape, numbers, device, CLOCK, gain)
+    fast = FastPixels(PixelArray(model, shape, numbers, CLOCK, gain), device)
     exact = NumpyPixels(model, numbers)
     before = fast.fraction(), exact_rate(model, exact, numbers)
     found = run(fast, light, [0, 64, 640])
@@ -355,8 +353,8 @@ def test_the_bound_says_where_nothing_is_promised() -> None:
 def test_spike_indices_beyond_2_to_the_32_agree(device: Device) -> None:
     plane = level(SHAPE, 1, 0.8)
     light, model = Light((Piece(0, PS, plane, plane),)), ExactModel(100.0, 1, ALL)
-    fast = FastPixels(model, SHAPE, NUMBERS, device, CLOCK, 100.0 * 40_000)
-    plain = NumpyFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000)
+    array = PixelArray(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000)
+    fast, plain = FastPixels(array, device), NumpyFast(array)
     words = []
     for pixels in (fast, plain):
         words.append(run(pixels, light, [0, 60]))
@@ -365,7 +363,7 @@ def test_spike_indices_beyond_2_to_the_32_agree(device: Device) -> None:
         pixels.restore(state)
         words.append(run(pixels, light, [60, 150]))
     assert np.array_equal(words[1], words[3])
-    fresh = run(NumpyFast(model, SHAPE, NUMBERS, CLOCK, 100.0 * 40_000), light, [0, 150])[60:]
+    fresh = run(NumpyFast(array), light, [0, 150])[60:]
     assert not np.array_equal(fresh, words[3])
     assert np.array_equal(fast.state()["spikes"], plain.state()["spikes"])
     assert fast.state()["spikes"].max() > 2**32
@@ -377,7 +375,7 @@ def test_light_is_held_where_the_exact_tier_holds_it(device: Device) -> None:
     first = np.full((1, 16), 1e9, np.float32)
     light = Light((Piece(0, 100 * PERIOD, first, np.zeros_like(first)),))
     numbers = np.arange(16, dtype=np.uint32)
-    fast = FastPixels(model, (1, 16), numbers, device, CLOCK, 40_000.0)
+    fast = FastPixels(PixelArray(model, (1, 16), numbers, CLOCK, 40_000.0), device)
     spans = Exposure(CLOCK, 40_000.0).spans(light, 0, 100)
     exact = bits(NumpyPixels(model, numbers).expose(spans, 100), 100)
     # Phases of the two differ from saturation on.
@@ -389,20 +387,22 @@ def test_light_is_held_where_the_exact_tier_holds_it(device: Device) -> None:
 
 
 def test_what_it_cannot_do_is_refused(device: Device) -> None:
-    make = partial(FastPixels, device=device, clock=CLOCK, gain=1.0)
+    array = partial(PixelArray, clock=CLOCK, gain=1.0)
     model = ExactModel(100.0, 1, ALL)
     with pytest.raises(ValueError, match="numbers must be 315"):
-        make(model, SHAPE, NUMBERS[1:])
+        array(model, SHAPE, NUMBERS[1:])
     with pytest.raises(ValueError, match="flags must have shape"):
-        make(model, SHAPE, NUMBERS, flags=np.zeros((7, 2), np.uint8))
+        array(model, SHAPE, NUMBERS, flags=np.zeros((7, 2), np.uint8))
     with pytest.raises(ValueError, match="offsets must be 7"):
-        make(model, SHAPE, NUMBERS, offsets=np.zeros(3, np.int64))
+        array(model, SHAPE, NUMBERS, offsets=np.zeros(3, np.int64))
+    pixels = FastPixels(array(model, SHAPE, NUMBERS), device)
     plane = np.ones(SHAPE, np.float32)
     with pytest.raises(ValueError, match="light must cover"):
-        make(model, SHAPE, NUMBERS).expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 2)
+        pixels.expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 2)
     with pytest.raises(ValueError, match="light must fall on"):
-        make(model, (1, 315), NUMBERS).expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)
+        row = FastPixels(array(model, (1, 315), NUMBERS), device)
+        row.expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)
     for bad in (-1.0, np.nan):
         plane[3, 3] = bad
         with pytest.raises(ValueError, match="light must be 0 or more"):
-            make(model, SHAPE, NUMBERS).expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)
+            pixels.expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)

@@ -1,4 +1,7 @@
-"""What both forms of the fast tier start from: padded pixels, gains, flags, first charge."""
+"""A pixel array of the fast tier: padded pixels, gains, flags and initial charge.
+
+The OpenCL form (pixels.py) and the numpy form (in the tests) both start from it.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +22,38 @@ from sensor.latched.fast.units import (
     NOISE,
     RESET,
     Units,
+    current_thresholds,
     first_charge,
-    running,
     units_of,
 )
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
 
-__all__ = ["LANES", "Ground"]
+__all__ = ["LANES", "PixelArray"]
 
 LANES: Final = 16
-"""Pixels in a group: neighbours in a row, a vector of 32-bit integers on a 512-bit processor."""
+"""Neighbours of a row that form a group: a 512-bit vector of 32-bit integers."""
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """A plane of pixels and its setting, as `FastPixels` takes them; checked here."""
+class PixelArray:
+    """A plane of pixels with its setting.
+
+    Attributes:
+        model: rules of a pixel; any reset rule.
+        shape: (H, W) of the plane.
+        numbers: (H W,) uint32, numbers of the pixels on the chip.
+        clock: of the latches.
+        gain: photoelectrons a second per unit of light.
+        pattern: fixed pattern of these pixels, None if all are nominal.
+        offsets: (H,) or (1,) int64, ps from a clock edge to the sampling instant of each row; None
+            for 0.
+        flags: (H, ceil(W / 16)) uint8, effects kept in each group of sixteen columns: 1 noise, 2
+            dead time. None for all that the model has.
+
+    Raises:
+        ValueError: `numbers`, `offsets` or `flags` do not fit the shape.
+    """
 
     model: ExactModel
     shape: tuple[int, int]
@@ -56,64 +75,66 @@ class Ground:
 
     @property
     def groups(self) -> tuple[int, int]:
-        """Rows, and groups in a row, the last filled up with pixels that get no light."""
+        """Rows, and groups in a row. The last group is padded with pixels without light."""
         return self.shape[0], -(-self.shape[1] // LANES)
 
     @cached_property
-    def kept(self) -> npt.NDArray[np.uint8]:
-        """Flags of each group: what is asked for, as far as the model has it."""
-        own = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
-        asked = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
+    def group_flags(self) -> npt.NDArray[np.uint8]:
+        """(H, groups) uint8: the requested flags that the model has, and RESET where needed."""
+        possible = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
+        requested = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
         rule = RESET * (self.model.reset != "residual")
-        return np.ascontiguousarray(asked & np.uint8(own) | np.uint8(rule))
+        return np.ascontiguousarray(requested & np.uint8(possible) | np.uint8(rule))
 
     @cached_property
     def units(self) -> Units:
+        """Units of charge, and the table of thresholds in them."""
         return units_of(self.model)
 
     @cached_property
     def deepest(self) -> int:
-        """Least deficit under `subtract`."""
+        """Lowest deficit under `subtract`, in units."""
         return max(DEEPEST, -round(LARGEST / self.model.mean * self.units.one))
 
     @cached_property
-    def late(self) -> npt.NDArray[np.int64]:
-        """Offsets of the rows, one for all where there are none."""
+    def row_offsets(self) -> npt.NDArray[np.int64]:
+        """(H,) or (1,) int64, ps from a clock edge to the sampling instant of each row."""
         return np.zeros(1, np.int64) if self.offsets is None else self.offsets.astype(np.int64)
 
     def padded(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """(rows, groups x 16) of an array of all pixels, with 0 for those that fill up."""
+        """(rows, groups x 16) from values of all pixels, with 0 in the padding."""
         height, width = self.shape
         wide = self.groups[1] * LANES
         return np.pad(values.reshape(height, width), ((0, 0), (0, wide - width)))
 
     def trimmed(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The pixels' own part of a padded array, flat."""
+        """(H W,) from padded values, without the padding."""
         return values.reshape(self.shape[0], -1)[:, : self.shape[1]].ravel()
 
     @property
     def dead(self) -> np.float32:
-        """Share of a cycle's light that a spike costs."""
+        """Share of a cycle's light that is lost at each spike."""
         return np.float32(self.model.dead / 65536)
 
     @property
     def scale(self) -> float:
-        """Thresholds a cycle for a unit of light, without pattern."""
+        """Thresholds a cycle per unit of light, for a nominal pixel."""
         return self.gain * float(self.clock.period) / self.model.mean
 
     @property
     def brightest(self) -> np.float32:
-        """Level at which light is held, in thresholds a cycle, an int32 in any case."""
+        """Upper limit of the light, thresholds a cycle; its integer fits in int32."""
         return np.float32(min(LARGEST / self.model.mean, 2.0**30))
 
     @property
     def ratio(self) -> float:
-        """Nominal thresholds in a threshold as charge is counted here, with its shift."""
+        """Mean threshold, including its shift, over the nominal threshold."""
         return self.model.mean / self.model.threshold
 
     @cached_property
     def gains(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
-        """Thresholds a cycle for a unit of light, and in the dark, of each padded pixel."""
+        """Thresholds a cycle per unit of light, and in the dark, (rows, groups x 16) each. None if
+        all pixels are nominal."""
         if self.pattern is None:
             return None
         dark = self.pattern.dark * (float(self.clock.period) / self.model.mean)
@@ -122,21 +143,22 @@ class Ground:
             self.padded(dark.astype(np.float32)),
         )
 
-    def first(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
-        """Charge and spike index of every padded pixel before the first cycle."""
-        flags = self.trimmed(np.repeat(self.kept, LANES, axis=1))
+    def initial_state(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
+        """Charge and spike index before the first cycle, (rows, groups x 16) each."""
+        flags = self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
         charge = self.padded(first_charge(self.model, self.units, self.numbers, flags))
         return charge, np.zeros(charge.shape, np.uint64)
 
     def course(self, light: Light, start: int, cycles: int) -> Course:
-        """The course of light over a call. Raises ValueError for light of another shape or time."""
+        """Course of the light over a call. Raises ValueError if the light has another shape or does
+        not cover the cycles."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        return course_of(light, self.clock, self.late, start, cycles, self._most)
+        return course_of(light, self.clock, self.row_offsets, start, cycles, self._most)
 
     @cached_property
     def _most(self) -> Any:
-        """Light at which a pixel's is held."""
+        """Upper limit of each pixel's light, in units of light."""
         if self.pattern is None:
             return float(self.brightest) / self.scale if self.scale else np.inf
         gain = np.maximum(self.pattern.gain * self.scale, 1e-300).reshape(self.shape)
@@ -146,15 +168,15 @@ class Ground:
     def fraction(
         self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]
     ) -> npt.NDArray[np.float64]:
-        """Stored charge over the running interval's own threshold, from padded state."""
-        flags = self.trimmed(np.repeat(self.kept, LANES, axis=1))
+        """Stored charge over the threshold of the current interval, (H W,), from padded state."""
+        flags = self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
         charge, spikes = self.trimmed(charge), self.trimmed(spikes)
         threshold = np.ones(charge.shape)
         drawn = (flags & NOISE) != 0
         if drawn.any():
-            threshold[drawn] = running(self.model, spikes[drawn], self.numbers[drawn])
+            threshold[drawn] = current_thresholds(self.model, spikes[drawn], self.numbers[drawn])
         threshold = np.maximum(threshold, 1 / self.units.one)
         stored = 1 - (charge + 1.0) / (threshold * self.units.one)
-        # After light that fires in every cycle the deficit is that of a threshold at the mean.
+        # After saturation the deficit is relative to the mean threshold.
         held = np.clip(stored, 0.0 if self.model.dead == 0 else -np.inf, 1.0)
         return np.where(flags == 0, charge.view(np.uint32) / 2.0**32, held)

@@ -1,4 +1,4 @@
-"""Faults of the design itself: planted into a copy of the Verilog, or into the cycle model."""
+"""Faults of the design, injected into a copy of the Verilog or into the cycle model."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import MAGIC, REGISTERS
 from rtl_model.virtual.faults import Faults
 
-__all__ = ["FOREIGN_MAGIC", "FaultySystem", "plant"]
+__all__ = ["FOREIGN_MAGIC", "FaultySystem", "inject_faults"]
 
 FOREIGN_MAGIC = 0x4C695465
-"""ASCII "LiTe": what stands where our magic should, on a board with another design."""
+"""ASCII "LiTe": the magic word of another design."""
 
 _MAGIC_ADDRESS = next(entry.address for entry in REGISTERS if entry.name == "ctrl_magic")
 _MAGIC_LINE = f"`define VIFORM_CTRL_MAGIC_RESET 32'h{MAGIC:08x}"
@@ -26,10 +26,19 @@ _BITS = ".bits(tile_bits["
 _BEFORE = "    genvar group;"
 
 
-def plant(verilog: Path, folder: Path, geometry: Geometry, faults: Faults) -> None:
-    """Copies the Verilog of `verilog` to `folder`, with the faults of the design in it. A stuck
-    bit is one of `tile_bits`: spikes counted, captured and read are all wrong together."""
-    from rtl_model.verilated import verilog_files  # the cycle model does without
+def inject_faults(verilog: Path, folder: Path, geometry: Geometry, faults: Faults) -> None:
+    """Copies the Verilog of one folder to another and injects the faults of the design.
+
+    A stuck bit is one of `tile_bits`, so the counted and the captured spikes are wrong alike.
+    Raises InputError if the Verilog has no unique place for a fault.
+
+    Args:
+        verilog: folder of the sources.
+        folder: existing folder for the copy.
+        geometry: of the build.
+        faults: of which those of the design are injected.
+    """
+    from rtl_model.verilated import verilog_files  # not needed by the cycle model
 
     for path in verilog_files(verilog):
         shutil.copyfile(path, folder / path.name)
@@ -55,9 +64,9 @@ def _replace(path: Path, old: str, new: str) -> None:
     if text.count(old) != 1:
         raise InputError(
             f"{path.name}",
-            f"Verilog with one place that reads {old!r}",
-            f"with {text.count(old)}",
-            "bring rtl_model/virtual/planted.py up to the Verilog",
+            f"Verilog that contains {old!r} once",
+            f"{text.count(old)} times",
+            "adapt rtl_model/virtual/design_faults.py to the Verilog",
         )
     path.write_text(text.replace(old, new), encoding="utf-8")
 
@@ -72,13 +81,13 @@ class FaultySystem(System):
             self._array = _StuckArray(geometry, faults)
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address; takes two clocks."""
+        """The 32 bits at a byte address; takes two clocks."""
         value = super().read(address)
         return FOREIGN_MAGIC if self._foreign and address & ~3 == _MAGIC_ADDRESS else value
 
 
 class _StuckArray(PixelArray):
-    """Pixels some of whose bits are stuck where they leave the array."""
+    """A pixel array with stuck output bits."""
 
     def __init__(self, geometry: Geometry, faults: Faults) -> None:
         super().__init__(geometry)
