@@ -352,10 +352,11 @@ def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
         metrics = model.metrics(taken, ready.view, imager)
         for name in ("saturated", "saturated_most"):
             assert metrics[name].unit == "1" and 0.9 < metrics[name].value <= 1
-        told = {name: metric_text(name, metric) for name, metric in metrics.items()}
+        texts = {name: metric_text(name, metric) for name, metric in metrics.items()}
         share = f"{100 * metrics['saturated'].value:.4g} %"
-        assert told["saturated"] == (share, "of the last frame's pixels read the largest value "
-                                     "there is")  # fmt: skip
+        assert texts["saturated"] == (
+            share, "of the pixels of the last frame have the largest value"
+        )  # fmt: skip
     assert metric_text("settled", Metric(1.0, "1"))[0] == "yes"
     assert metric_text("settled", Metric(0.0, "1"))[0] == "no"
     assert metric_text("settled", Metric(None, "1"))[0] == "unknown"
