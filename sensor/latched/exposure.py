@@ -1,10 +1,10 @@
-"""From `Light` to the charge that each latch cycle adds, in Q24.40.
+"""Exposure: from `Light` to the charge that each latch cycle adds, in Q24.40.
 
-Within a piece of light that runs linearly from level a to level b the charge of a cycle changes by
-the same amount each cycle, so a whole piece is two arrays. A cycle in which pieces meet gets the
-exact sum of its parts. Rows that are sampled at different instants meet the end of a piece in
-different cycles; those cycles are summed row by row. The arrays belong to the piece, not to the
-block that is being run: however a run is split, every cycle gets the same integers.
+Within a piece, light is linear in time, and the charge changes by the same amount in each cycle; so
+two arrays describe a whole piece. A cycle in which pieces meet receives the sum of its parts. If
+rows are sampled at different instants, they reach the end of a piece in different cycles, and these
+cycles are summed row by row. The arrays belong to the piece and not to the block, so every cycle
+gets the same integers however a run is split.
 """
 
 from __future__ import annotations
@@ -24,21 +24,27 @@ from sensor.latched.pixel.span import Span
 
 __all__ = ["Exposure"]
 
-# Products of int64 with a float64 share lose the last bits of very large charges; shrinking the
-# slope by this much keeps a ramp that ends in the dark from passing below zero.
 _SHRINK = 1 - 2.0**-50
+"""Factor of a slope. Products of int64 and a float64 share lose the last bits of very large
+charges; without this factor a ramp that ends in the dark could fall below 0."""
 _BAND: Final = 1 << 14
-"""Pixels of the rows that are worked on at a time: what lies between their light and their charge
-stays in a core's cache."""
+"""Pixels in a band of rows that is computed at once, so that temporary arrays fit in the cache."""
 _HELD: Final = 4
-"""Planes whose charges are kept."""
+"""Planes whose charges are cached."""
 _LARGE: Final = 1 << 16
-"""Pixels from which on sums are worth compiling."""
+"""Smallest number of pixels for which the compiled sums are used."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """A piece's charge: of cycle `origin`, and its change a cycle; valid in origin .. stop - 1."""
+    """Charge in the whole cycles of a piece.
+
+    Attributes:
+        piece: the piece of light.
+        origin, stop: first cycle, and the cycle after the last.
+        charge: (pixels,) Q24.40 in cycle `origin`.
+        slope: (pixels,) its change a cycle, None if constant.
+    """
 
     piece: Piece
     origin: int
@@ -50,10 +56,14 @@ class _Course:
 class Exposure:
     """Integrates light on the pixels of one plane.
 
-    gain: photoelectrons a second for a unit of light. pattern: of these pixels. offsets: (H,) int64
-    picoseconds from a clock edge to the instant at which each row is sampled, None for all at the
-    edge. Before instant 0 the light is taken as it is then. A pixel that gets more than LARGEST
-    electrons in a cycle is held at that (it fires in every cycle either way).
+    Before instant 0 light has its value at 0. The charge of a cycle is clipped to LARGEST; such a
+    pixel fires in every cycle in any case.
+
+    Args:
+        clock: of the latches.
+        gain: photoelectrons a second per unit of light.
+        pattern: fixed pattern of these pixels, None if all are nominal.
+        offsets: (H,) int64, ps from a clock edge to the sampling instant of each row; None for 0.
     """
 
     def __init__(
@@ -74,7 +84,7 @@ class Exposure:
         self._courses: list[_Course] = []
 
     def _level(self, plane: Plane, piece: Piece) -> Charge:
-        """Charge a cycle at a steady `plane`, each plane computed once."""
+        """Charge a cycle under a steady plane, (pixels,) Q24.40; cached by plane."""
         for known, charge, _ in self._levels:
             if known is plane:
                 return charge
@@ -86,13 +96,13 @@ class Exposure:
             charge = charge.ravel()
         else:
             charge = self._fixed(plane, (0, plane.shape[0], 0, plane.shape[1])).ravel()
-        held = bool(charge.max(initial=0) >= LARGEST * ONE)
-        self._levels = [*self._levels[1 - _HELD :], (plane, charge, held)]
+        clipped = bool(charge.max(initial=0) >= LARGEST * ONE)
+        self._levels = [*self._levels[1 - _HELD :], (plane, charge, clipped)]
         return charge
 
     def _electrons(self, plane: Plane, box: Box) -> npt.NDArray[np.float64]:
-        """Electrons a cycle within a box of a steady plane, fixed pattern and dark current in it,
-        held at nothing."""
+        """Electrons a cycle within a box of a steady plane, with fixed pattern and dark current,
+        not clipped."""
         y0, y1, x0, x1 = box
         light = plane[y0:y1, x0:x1]
         if not (light >= 0).all():
@@ -100,11 +110,11 @@ class Exposure:
         electrons = light.astype(np.float64) * self._per_cycle
         if self._pattern is not None:
             gain, dark = (m.reshape(plane.shape)[y0:y1, x0:x1] for m in self._pattern)
-            electrons = np.maximum(electrons * gain + dark, 0)  # a leak may be more than the light
+            electrons = np.maximum(electrons * gain + dark, 0)  # a leak may exceed the light
         return electrons
 
     def _fixed(self, plane: Plane, box: Box) -> Charge:
-        """The same as charge, held at LARGEST."""
+        """`_electrons` in Q24.40, clipped to LARGEST."""
         y0, y1, x0, x1 = box
         charge = np.empty((y1 - y0, x1 - x0), np.int64)
         if charge.size >= _LARGE and plane.dtype == np.float32:
@@ -123,6 +133,7 @@ class Exposure:
         return charge
 
     def _course(self, piece: Piece) -> _Course:
+        """Charge in the whole cycles of a piece; the last four pieces are cached."""
         for course in self._courses:
             if course.piece is piece:
                 return course
@@ -142,7 +153,7 @@ class Exposure:
             begun = float(origin - clock.position(piece.start)) + self._rows(y0, y1) / self._period
             step = change * (_SHRINK / cycles)
             charge = first.copy()
-            # astype truncates towards zero, so a falling light never passes below it
+            # astype truncates towards 0, so falling light does not become negative
             charge.reshape(plane)[y0:y1, x0:x1] += (step * (begun + 0.5)).astype(np.int64)
             if stop - origin > 1:
                 slope = np.zeros(first.shape, np.int64)
@@ -157,16 +168,15 @@ class Exposure:
         return float(PS * self._clock.period)
 
     def _rows(self, first: int, stop: int) -> npt.NDArray[np.int64]:
-        """Offsets of rows `first` to `stop` as a column; one for all where all are sampled at
-        once."""
+        """Offsets of rows `first` to `stop` as a column; a single one if all rows share it."""
         rows = self._offsets if self._offsets.size == 1 else self._offsets[first:stop]
         return rows[:, None]
 
     def _meeting(self, light: Light, cycle: int) -> Charge:
-        """Charge of one cycle in which pieces meet, in some row at least.
+        """Charge of a cycle in which pieces meet, in at least one row; (pixels,) Q24.40.
 
-        A sum of changes from the level at which the first of them begins: where nothing changes it
-        is that level to the last bit, so the boxes that pieces promise may be trusted.
+        The first level of the first piece, plus a sum of changes. Where the light is constant the
+        result is that level to the last bit, as outside the changed boxes.
         """
         start, stop = self._clock.edge(cycle), self._clock.edge(cycle + 1)
         met = [
@@ -174,7 +184,7 @@ class Exposure:
             for p in light.pieces
             if p.start < stop + self._latest and p.stop > start + self._earliest
         ]
-        if not met:  # all of the cycle lies before instant 0
+        if not met:  # the cycle lies before instant 0
             return self._level(light.pieces[0].first, light.pieces[0])
         base = self._level(met[0].first, met[0])
         box = _changing(met)
@@ -187,7 +197,7 @@ class Exposure:
             levels = [(self._level(p.first, p), self._level(p.last, p)) for p in met]
         charge = base.copy()
         large = (y1 - y0) * (x1 - x0) >= _LARGE
-        if large and levels is not None and not any(held for *_, held in self._levels):
+        if large and levels is not None and not any(clipped for *_, clipped in self._levels):
             from sensor.latched.exposure_compiled import add_parts
 
             add_parts(
@@ -209,11 +219,11 @@ class Exposure:
     def _part(
         piece: Piece, start: int, stop: int, rows: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """The share that a piece has of the time between two edges, and how far into the piece the
-        middle of that share lies, of each row."""
+        """Share of the time between two edges that lies in a piece, and the position of its middle
+        in the piece, 0 to 1; for each row."""
         a, b = np.maximum(start + rows, piece.start), np.minimum(stop + rows, piece.stop)
         share = np.maximum(b - a, 0) / (stop - start)
-        # Its length may be near 2^62.
+        # Halves, because the length of a piece may be near 2^62.
         return share, ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
 
     def _sum(
@@ -224,13 +234,20 @@ class Exposure:
         levels: list[tuple[Charge, Charge]] | None,
         box: Box,
     ) -> None:
-        """Adds to `charge` (H, W), which holds the first level, the changes of the pieces within a
-        box. parts: of its rows. levels: of the pieces, made here unless given."""
+        """Adds the changes of pieces that meet in a cycle, within a box.
+
+        Args:
+            charge: (H, W) Q24.40, the first level of the first piece; changed in place.
+            met: the pieces.
+            parts: share and position of each piece, see `_part`, for the rows of the box.
+            levels: charges at the begin and the end of each piece, None to compute them here.
+            box: rows and columns, y0, y1, x0, x1.
+        """
         y0, y1, x0, x1 = box
         sums = charge[y0:y1, x0:x1]
         total: npt.NDArray[np.float64] | float = 0.0
-        # A flash may be far brighter than a whole cycle's light can be: it is held at nothing
-        # before its share of the cycle is taken.
+        # A short flash may be brighter than LARGEST a cycle: its excess counts by its share of the
+        # cycle before clipping.
         beyond: npt.NDArray[np.float64] | float = 0.0
         for n, (piece, (share, part)) in enumerate(zip(met, parts, strict=True)):
             if not share.any():
@@ -252,11 +269,11 @@ class Exposure:
         lit = np.broadcast_to(beyond > 0, sums.shape)
         if lit.any():
             over = np.broadcast_to(beyond, sums.shape)
-            held = np.minimum(sums[lit] + np.rint(over[lit]), LARGEST * ONE)
-            sums[lit] = held.astype(np.int64)
+            clipped = np.minimum(sums[lit] + np.rint(over[lit]), LARGEST * ONE)
+            sums[lit] = clipped.astype(np.int64)
 
     def _excess(self, plane: Plane, charge: Charge, box: Box) -> npt.NDArray[np.float64] | float:
-        """What a steady plane brings in a cycle beyond LARGEST, at which its charge is held."""
+        """Charge a cycle of a steady plane beyond LARGEST, Q24.40."""
         if charge.max() < LARGEST * ONE:
             return 0.0
         return np.maximum(self._electrons(plane, box) - LARGEST, 0) * float(ONE)
@@ -264,12 +281,12 @@ class Exposure:
     def spans(self, light: Light, start: int, cycles: int) -> list[Span]:
         """Spans that fill cycles `start` to `start + cycles` of the clock.
 
-        Raises ValueError when the light does not cover them.
+        Raises ValueError if the light does not cover them.
         """
         return list(self.each(light, start, cycles))
 
     def each(self, light: Light, start: int, cycles: int) -> Iterator[Span]:
-        """The same one by one, so that the charges of few are held at a time."""
+        """The spans one by one, so that only the charges of a few are in memory."""
         clock, c, stop = self._clock, start, start + cycles
         begin, end = max(clock.edge(start) + self._earliest, 0), clock.edge(stop) + self._latest
         if light.pieces[0].start > begin or light.pieces[-1].stop < end:
@@ -291,15 +308,15 @@ class Exposure:
 
 
 def _bands(first: int, stop: int, width: int) -> Iterator[tuple[int, int]]:
-    """Rows first to stop a few at a time."""
+    """Bands of rows from `first` to `stop`, each of about _BAND pixels."""
     step = max(_BAND // max(width, 1), 1)
     for top in range(first, stop, step):
         yield top, min(top + step, stop)
 
 
 def _changing(pieces: list[Piece]) -> Box | None:
-    """The box that holds every change from the start of the first of these pieces on; None where
-    there is none."""
+    """The box of all changes from the start of the first of these pieces, None if there are
+    none."""
     boxes: list[Box] = []
     height, width = pieces[0].first.shape
     for n, piece in enumerate(pieces):

@@ -1,8 +1,7 @@
-"""The sums of `exposure`, compiled by numba: the same integers, one pass over the pixels.
+"""The sums of `exposure`, compiled by numba: the same integers in one pass over the pixels.
 
-For light that changes on a whole chip every cycle or two, where numpy's passes over memory and not
-the arithmetic are what time goes into. Without fast-math LLVM neither reorders nor fuses, so every
-operation rounds as numpy's does.
+If the light of a whole chip changes every cycle or two, numpy is limited by its passes over memory.
+Without fast-math, LLVM neither reorders nor fuses operations, so each rounds as in numpy.
 """
 
 from __future__ import annotations
@@ -20,8 +19,19 @@ _ONE = float(ONE)
 
 @njit(cache=True, nogil=True)
 def fix_level(charge, plane, box, per_cycle, gain, dark, patterned):  # type: ignore[no-untyped-def]
-    """Fills in the charge a cycle, int64, of a box of a steady plane (H, W) float32. gain, dark:
-    (H, W) float64, looked at where `patterned`. Returns whether all light there is 0 or more."""
+    """Computes the charge a cycle of a box of a steady plane.
+
+    Args:
+        charge: (rows, columns of the box) int64, Q24.40; an output.
+        plane: (H, W) float32.
+        box: y0, y1, x0, x1.
+        per_cycle: electrons a cycle per unit of light.
+        gain, dark: (H, W) float64 fixed pattern, used only if `patterned`.
+        patterned: whether there is a fixed pattern.
+
+    Returns:
+        Whether all light in the box is 0 or more.
+    """
     y0, y1, x0, x1 = box
     wrong = 0
     for y in range(y0, y1):
@@ -39,10 +49,15 @@ def fix_level(charge, plane, box, per_cycle, gain, dark, patterned):  # type: ig
 
 @njit(cache=True, nogil=True)
 def add_parts(charge, firsts, lasts, shares, parts, box):  # type: ignore[no-untyped-def]
-    """Adds the pieces that meet in a cycle within a box to `charge` (H, W) int64, which holds the
-    level at which the first of them starts. firsts, lasts: tuples of the levels of each piece, (H,
-    W) int64. shares, parts: (pieces, rows of the box or 1) float64, the share of the cycle and how
-    far into the piece its middle lies."""
+    """Adds the changes of pieces that meet in a cycle, within a box.
+
+    Args:
+        charge: (H, W) int64, the first level of the first piece; changed in place.
+        firsts, lasts: levels at the begin and the end of each piece, tuples of (H, W) int64.
+        shares: (pieces, rows of the box or 1) float64, share of the cycle.
+        parts: of the same shape, position of the middle of that share in the piece, 0 to 1.
+        box: y0, y1, x0, x1.
+    """
     y0, y1, x0, x1 = box
     total = np.empty(x1 - x0, np.float64)
     for y in range(y0, y1):

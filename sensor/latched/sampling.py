@@ -1,9 +1,9 @@
-"""When a row is sampled: one after another within the cycle, and a comparator's delay early.
+"""Sampling instants of the rows: row-by-row sampling and comparator delay.
 
-The row selectors read a chip row by row (EP4340384, US12581222B2), so what row r latches in cycle k
-is the light up to edge k + 1 + skew r / H. A comparator that answers t_d late lets the latch see
-what the charge was t_d before. Both move the instant alone: nothing is lost, so a row sees the same
-light at another time, and one offset a row is the whole of them.
+The row selectors read a chip row by row (EP4340384, US12581222B2). Row r therefore latches in cycle
+k the light up to edge k + 1 + skew r / H. With a comparator delay t_d, the latch samples the charge
+of t_d before. Both effects move the sampling instant and lose no light, so one offset a row
+describes them completely.
 """
 
 from __future__ import annotations
@@ -17,18 +17,27 @@ __all__ = ["row_delays", "row_offsets"]
 
 
 def row_delays(clock: Clock, height: int, skew: float) -> npt.NDArray[np.float64]:
-    """Picoseconds after a latch edge at which each row of a chip is sampled, (height,)."""
+    """Delay from a latch edge to the sampling of each row of a chip, (height,) ps."""
     return np.asarray(np.arange(height) * (skew * float(PS * clock.period) / height))
 
 
 def row_offsets(
     clock: Clock, height: int, skew: float, delay: float, rows: tuple[int, int]
 ) -> npt.NDArray[np.int64]:
-    """Picoseconds from a latch edge to the instant at which each of `rows` (first, stop) has its
-    charge compared: (stop - first,) int64, within a cycle of the edge.
+    """Offset from a latch edge to the instant at which the charge of each row is compared.
 
-    height: rows of the chip. skew: share of a cycle that it takes to sample all of them, 0 to 1.
-    delay: of the comparator, seconds, at most a cycle. Raises ValueError beyond these.
+    Args:
+        clock: of the latches.
+        height: rows of the chip.
+        skew: share of a cycle over which all rows are sampled, 0 to 1.
+        delay: delay of the comparator in seconds, 0 to a cycle.
+        rows: (first, stop) rows to return.
+
+    Returns:
+        (stop - first,) int64 ps, within a cycle of the edge.
+
+    Raises:
+        ValueError: `skew` or `delay` is out of range.
     """
     if not 0 <= skew <= 1:
         raise ValueError(f"row skew must be 0 to 1 cycle, not {skew:g}")
@@ -36,5 +45,5 @@ def row_offsets(
         raise ValueError(
             f"comparator delay must be 0 to {float(clock.period):g} s, not {delay:g} s"
         )
-    late = row_delays(clock, height, skew)[slice(*rows)] - delay * PS
-    return np.rint(late).astype(np.int64)
+    offsets = row_delays(clock, height, skew)[slice(*rows)] - delay * PS
+    return np.rint(offsets).astype(np.int64)

@@ -46,9 +46,23 @@ class LineOptions:
         float | None,
         typer.Option(help="seconds of host time to a second of a simulated board's clock"),
     ] = None
+    simulated: Annotated[
+        bool | None,
+        typer.Option(
+            "--simulated/--real",
+            help="what is behind the port; by default a simulated board behind a pty only",
+        ),
+    ] = None
     low_latency: Annotated[
         bool,
         typer.Option("--low-latency", help="set an FTDI adapter's driver to its low-latency mode"),
+    ] = False
+
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="write even if another design than the register map's answers"
+        ),
     ] = False
 
 
@@ -80,15 +94,17 @@ class Connection:
 
 def endpoint_of(options: LineOptions) -> Any:
     """The context that opens the endpoint of the options."""
-    virtual: dict[str, Any] = {}
+    virtual: dict[str, Any] = {"simulated": options.simulated}
     if isinstance(options, BoardOptions):
-        virtual = {"level": options.level, "faults": options.fault}
+        virtual |= {"level": options.level, "faults": options.fault}
     return open_endpoint(options.port, options.baud, options.time_scale, **virtual)
 
 
 @contextmanager
-def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Iterator[Connection]:
-    """Connects to a board.
+def connect(
+    options: LineOptions, json: bool, *, recognise: bool = False, confirm: bool = True
+) -> Iterator[Connection]:
+    """Connects to a board, whose design must match the register map.
 
     A fault of the line ends the command with exit 1 and its cause: a line on standard error, or
     the document.
@@ -98,8 +114,9 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
         json: whether the command prints a document.
         recognise: whether, without a csr.csv, the first register decides between the Viform board
             and an imager.
+        confirm: whether the design is checked before the command begins, unless --force is set.
     """
-    from rtl_model.host import Board, LineFault, LineLog, Uartbone, is_pty, open_port, recognised
+    from rtl_model.host import Board, LineFault, LineLog, Uartbone, open_port, recognised
     from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
     known = csr_map(options.csr)
@@ -113,8 +130,7 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
             scale = endpoint.time_scale
             recorder = None
             if options.log is not None:
-                simulated = bool(endpoint.simulated) or is_pty(endpoint.url)
-                session = {"simulated": simulated, "time_scale": scale}
+                session = {"simulated": endpoint.simulated, "time_scale": scale}
                 recorder = stack.enter_context(LineLog(options.log, port, session=session))
             patience = SIMULATED_PATIENCE_S if endpoint.simulated else PATIENCE_S
             bone = Uartbone(
@@ -123,7 +139,10 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
             )  # fmt: skip
             if recognise and known is None and options.port != VIRTUAL:
                 known = recognised(bone)
-            yield Connection(Board(bone, known), endpoint.url)
+            board = Board(bone, known)
+            if confirm and not options.force:
+                board.confirm()
+            yield Connection(board, endpoint.url)
         except LineFault as fault:
             raise _failed(fault, json) from None
 

@@ -18,7 +18,7 @@ def board_identify(
     csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
 
-    with connect(options, json, recognise=True) as connection:
+    with connect(options, json, recognise=True, confirm=False) as connection:
         board = connection.board
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None

@@ -1,6 +1,6 @@
-"""What a pixel's circuit does to its rate: overshoot of the comparator, and leak.
+"""Effects of a pixel's circuit on its rate: overshoot of the comparator, and leak.
 
-The reference tier integrates the circuit itself; the other tiers have its lumped form
+The reference tier integrates the circuit itself. The other tiers use its lumped form
 (sensor/circuit/lumped.py): dead time, electrons beyond each threshold, and a negative dark current.
 """
 
@@ -22,11 +22,11 @@ from sensor.latched.effects.windows import bound_of, contrast, shifted
 __all__ = ["LEAK", "OVERSHOOT"]
 
 FAINTEST: Final = 1e-3
-"""Spikes a cycle down to which a circuit is lumped."""
+"""Lowest rate, spikes a cycle, for which the lumped form holds."""
 
 
 class _Overshoot(PixelEffect):
-    """It also turns the section [sensor.circuit] into the parameters of both effects."""
+    """Overshoot. It also turns the section [sensor.circuit] into the parameters of both effects."""
 
     name = "comparator overshoot"
     source = "comparator of one pole on a ramp: late by trip / (gain x slope)"
@@ -46,7 +46,7 @@ class _Overshoot(PixelEffect):
     }
 
     def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
-        """The circuit, and its lumped form between FAINTEST and one spike a cycle."""
+        """The circuit, and its lumped form for rates from FAINTEST to one spike a cycle."""
         if section.circuit is None:
             return {}
         if section.reset != "residual":
@@ -85,8 +85,8 @@ class _Overshoot(PixelEffect):
         return {"overshoot": 0.0}
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        # The rate is light / (Q + overshoot): leaving the overshoot out changes it by overshoot / Q
-        # of what is left.
+        # The rate is light / (Q + overshoot). Without overshoot it is higher by the share
+        # overshoot / Q.
         share = abs(setting.overshoot) / scene.threshold
         shift = share * scene.brightest * scene.cycles / scene.threshold
         return bound_of(scene, share * contrast(scene) + shifted(scene, shift), True)

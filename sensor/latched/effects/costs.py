@@ -1,8 +1,8 @@
-"""What effects cost, in nanoseconds a pixel-cycle: the order in which the planner leaves them out.
+"""Costs of effects in nanoseconds a pixel-cycle, by which the planner decides what to leave out.
 
-Measured on two cores at 2.5 GHz with AVX-512 under PoCL 3.1 by `viform bench sensor`. The choice
-between effects goes by this table and not by the machine at hand, so that one scenario gives the
-same bits everywhere; predicted times are measured on the device.
+They were measured by `viform bench sensor` on two cores at 2.5 GHz with AVX-512 under PoCL 3.1. The
+planner uses this table on every machine, so that a scenario gives the same bits everywhere.
+Predicted run times are measured on the device.
 """
 
 from __future__ import annotations
@@ -22,51 +22,51 @@ __all__ = [
 ]
 
 QUIET: Final = 0.03
-"""A pixel-cycle without noise: phase and carry."""
+"""A pixel-cycle without effects: phase and carry."""
 NOISE_SPIKE: Final = 4.0
-"""A spike with a threshold of its own."""
+"""Threshold noise, a spike: one draw."""
 NOISE_CYCLE: Final = 0.01
-"""What noise costs where nothing fires: the estimate of the next spike, over a block."""
+"""Threshold noise, a cycle without spikes: the estimate of the next spike, over a block."""
 DEAD_SPIKE: Final = 0.5
 """Dead time, a spike."""
 PATTERN_PLANE: Final = 0.3
 """Gain and dark charge, a pixel of a new plane of light."""
 SAMPLING_PLANE: Final = 1.0
-"""Rows of their own in the cycle in which planes meet, a pixel of a new plane."""
+"""Row-wise sums in the cycle in which planes meet, a pixel of a new plane."""
 CROSSTALK_PLANE: Final = 8.0
 """Nine neighbours, a pixel of a new plane."""
 
 
 def _rate(scene: Summary) -> Any:
-    """Spikes a cycle, about."""
+    """Approximate spikes a cycle."""
     return (scene.darkest + scene.brightest) / 2 / scene.threshold
 
 
 def noise_cost(scene: Summary) -> Any:
-    """Thresholds drawn for each spike."""
+    """Cost of a threshold drawn for each spike."""
     return NOISE_CYCLE + NOISE_SPIKE * _rate(scene)
 
 
 def dead_time_cost(scene: Summary) -> Any:
-    """Charge lost at each spike."""
+    """Cost of charge lost at each spike."""
     return 1e-3 + DEAD_SPIKE * _rate(scene)
 
 
 def pattern_cost(scene: Summary) -> Any:
-    """A device's own gains and dark currents."""
+    """Cost of a gain and a dark current of each pixel."""
     return 1e-6 + PATTERN_PLANE * scene.planes
 
 
 def sampling_cost(scene: Summary) -> Any:
-    """Rows that are sampled at instants of their own."""
+    """Cost of a sampling instant of each row."""
     return 1e-6 + SAMPLING_PLANE * scene.planes
 
 
 def crosstalk_cost(scene: Summary) -> Any:
-    """Light of neighbours."""
+    """Cost of the light of neighbours."""
     return 1e-6 + CROSSTALK_PLANE * scene.planes
 
 
 def circuit_cost(scene: Summary) -> Any:
-    """A circuit in its lumped form: a sum that is made anyway."""
+    """Cost of a lumped circuit: it is part of sums that are computed anyway."""
     return 1e-6

@@ -1,4 +1,4 @@
-"""Optical cross-talk as an effect (the map is sensor/device/crosstalk.py)."""
+"""Optical cross-talk as an effect; sensor/device/crosstalk.py has the map of the light."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Crosstalk(PixelEffect):
     }
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        # A dark pixel among the brightest gets `crosstalk` of the difference.
+        # A dark pixel among the brightest receives the share `crosstalk` of the difference.
         gained = setting.crosstalk * (scene.brightest - scene.darkest)
         moved = shifted(scene, gained * scene.cycles / scene.threshold)
         return bound_of(scene, scene.relative(gained) + moved, True)

@@ -1,4 +1,4 @@
-"""Dead time: comparator delay and reset after each spike, in which light is lost."""
+"""Dead time: comparator delay and reset after each spike, during which light is lost."""
 
 from __future__ import annotations
 
@@ -41,12 +41,13 @@ class _DeadTime(PixelEffect):
         return {"dead_time": section.dead_time}
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        # The rate is 1 / (Q / light + dead time), so leaving the dead time out adds at most
-        # light x dead time / Q of it; a window counts whole spikes.
+        # The rate is 1 / (Q / light + dead time). Without dead time it is higher by at most the
+        # share light x dead time / Q; a window counts whole spikes.
         cycles = setting.dead_time * setting.clock.hz
         spikes = scene.brightest / scene.threshold
-        # A window of n intervals on average may hold a spike more. Over a tile the mean of r^4 is
-        # at most max(r)^3 mean(r), so relative to the mean the RMS of r^2 is max(r)^1.5 / its root.
+        # A window of n intervals on average may contain one spike more. Over a tile the mean of r^4
+        # is at most max(r)^3 mean(r), so the RMS of r^2 relative to the mean is at most
+        # max(r)^1.5 / sqrt(mean(r)).
         uneven = np.sqrt(scene.relative(scene.brightest))
         gained = (spikes + 1 / scene.window) * cycles * uneven
         moved = shifted(scene, spikes * spikes * cycles * scene.cycles)

@@ -1,8 +1,8 @@
-"""Random initial charge: a run starts in the middle of every pixel's first interval.
+"""Random initial charge: a run starts within the first interval of every pixel.
 
-Without it all pixels of one brightness fire together for ever. The charge is uniform over the
-threshold of the interval that the run starts in, which is drawn weighted by its length (see
-`ExactModel.initial`): together the stationary law of a pixel under constant light.
+Without it all pixels of equal brightness would fire in phase. The interval in which the run starts
+is drawn weighted by its length, and the charge is uniform below its threshold (see
+`ExactModel.initial`). This is the stationary distribution of a pixel under constant light.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class _InitialCharge(PixelEffect):
     stream = Stream.INITIAL_CHARGE  # drawn on the host, before the first cycle
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        # The rate counts stored charge as a fraction of a spike, so its change over a window is
-        # the light of the window wherever the charge began.
+        # The rate counts stored charge as a fraction of a spike, so over a window it equals the
+        # light of the window, whatever the initial charge.
         return Bound(0.0, "proof")
 
 

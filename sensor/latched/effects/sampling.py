@@ -1,10 +1,4 @@
-"""Row-by-row sampling and comparator delay: the same light, sampled at another instant.
-
-The row selectors read a chip row by row (EP4340384, US12581222B2), so what row r latches in cycle k
-is the light up to edge k + 1 + skew r / H. A comparator that answers t_d late lets the latch see
-what the charge was t_d before. Both move the instant alone and no light is lost, so one offset a
-row describes them completely.
-"""
+"""Row-by-row sampling and comparator delay: both move the sampling instant (see ../sampling.py)."""
 
 from __future__ import annotations
 
@@ -29,7 +23,7 @@ __all__ = ["COMPARATOR_DELAY", "ROW_SAMPLING", "check_within_cycle"]
 
 
 def check_within_cycle(key: str, seconds: float, clock: Clock) -> None:
-    """Raises InputError for a time that is longer than a cycle. key: of [sensor]."""
+    """Raises InputError for a time longer than a cycle. key: key of [sensor], for the message."""
     if seconds > float(clock.period):
         raise InputError(
             f"sensor.{key}", f"at most a cycle, {float(clock.period):g} s", f"{seconds:g} s",
@@ -38,8 +32,9 @@ def check_within_cycle(key: str, seconds: float, clock: Clock) -> None:
 
 
 def _moved(cycles: float, scene: Summary) -> Bound:
-    """A window that is moved by a share of a cycle gains at one end and loses at the other, at most
-    the whole range of light for that long; where the light never changes, nothing."""
+    """Bound of a window that is moved by a share of a cycle. It gains light at one end and loses
+    light at the other: at most the range of the light for that time, and none under constant light.
+    """
     span = (scene.brightest - scene.darkest) * cycles * (np.asarray(scene.planes) > 0)
     moved = shifted(scene, span / scene.threshold)
     return bound_of(scene, scene.relative(span / scene.window) + moved, True)

@@ -1,4 +1,4 @@
-"""Shot noise of light: each spike's threshold is a Gamma(Q) draw (see pixel/interval.py)."""
+"""Shot noise of light: the threshold of each spike is drawn from Gamma(Q) (pixel/interval.py)."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ class _ShotNoise(PixelEffect):
     group = "noise"
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
-        # A window's rate has the noise of its intervals, 1/sqrt(Q) each: 1/sqrt(electrons) in all.
-        # The noise also makes spikes share a cycle, which the latch counts as one.
+        # The rate of a window has the noise of its intervals, 1/sqrt(Q) each, in total
+        # 1/sqrt(electrons). With noise, two spikes may fall in one cycle, which the latch counts as
+        # one.
         value = noisy(scene, 1 / math.sqrt(scene.threshold))
         return bound_of(scene, value + scene.relative(lost(scene) * scene.threshold), False)
 

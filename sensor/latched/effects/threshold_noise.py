@@ -1,7 +1,8 @@
 """Threshold noise: reset (kTC) and comparator noise, drawn anew for each spike.
 
-Its normal variate is added to the shot noise's Gamma variate in the same draw (pixel/interval.py),
-so it costs nothing beside it. sqrt(kTC) is 28.4 electrons at 5 fF and 300 K.
+One draw gives the sum of this normal variate and the Gamma variate of shot noise
+(pixel/interval.py), so it adds no cost to shot noise. sqrt(kTC) is 28.4 electrons at 5 fF and 300
+K.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class _ThresholdNoise(PixelEffect):
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         # Independent draws of mean zero: over n intervals the count's spread is sqrt(n) sigma / Q.
-        # Until then the spikes have walked away from their draws by the root of their number.
+        # The spikes move against their draws as a random walk.
         spread = setting.threshold_noise / scene.threshold
         walked = spread * np.sqrt(scene.brightest / scene.threshold * scene.cycles)
         return bound_of(scene, noisy(scene, spread) + shifted(scene, walked), False)

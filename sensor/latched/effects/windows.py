@@ -1,9 +1,9 @@
-"""What a window of a pixel's spikes sees of an error: shared by the bounds of the effects.
+"""Error of the rate in a window of a pixel's spikes, as the bounds of effects use it.
 
-A rate counts fractions, bits plus the change of stored charge over its interval's own threshold,
-so it is smooth in the charge gathered. Three things move it: the charge itself; the noise of the
-thresholds, which the window sees elsewhere once the spikes have shifted; and the latch, which
-counts two spikes in one cycle as one.
+A rate counts latched bits plus the change of stored charge over the threshold of its interval, so
+it is smooth in the accumulated charge. Three errors change it: an error of the charge; threshold
+noise, as shifted spikes bring other draws into the window; and the latch, which counts two spikes
+in one cycle as one.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ __all__ = ["bound_of", "clipped", "contrast", "lost", "noisy", "saturated", "shi
 
 Values = npt.NDArray[np.float64]
 _CLEAR = 8.0
-"""Spreads by which light stays clear of a threshold to fire in every cycle."""
+"""Standard deviations by which light exceeds the threshold of a pixel that fires in every cycle."""
 
 
 def saturated(scene: Summary) -> npt.NDArray[np.bool_]:
-    """Where every pixel fires in every cycle whatever the noise draws: _CLEAR spreads, and for
-    shot noise P(Poi(mu) < Q) <= exp(-mu) (e mu / Q)^Q (Chernoff) over all cycles below 1e-6."""
+    """Tiles in which every pixel fires in every cycle, whatever the noise: light exceeds the
+    threshold by _CLEAR standard deviations, and with shot noise the Chernoff bound P(Poi(mu) < Q)
+    <= exp(-mu) (e mu / Q)^Q over all cycles is below 1e-6."""
     q = scene.threshold
     mu = np.maximum(np.asarray(scene.darkest, np.float64) / scene.slack, 1e-300)
     tail = -mu + q * (1 + np.log(mu / q)) + np.log(scene.cycles)
@@ -33,15 +34,17 @@ def saturated(scene: Summary) -> npt.NDArray[np.bool_]:
 
 
 def clipped(scene: Summary) -> npt.NDArray[np.bool_]:
-    """Where some light is near or over a threshold a cycle, so that the latch holds the rate."""
+    """Tiles with light near or above one threshold a cycle, where the latch limits the rate."""
     edge = scene.threshold * (1 - min(_CLEAR * scene.spread, 0.5))
     return np.asarray(np.asarray(scene.brightest) > 0.9 * edge)
 
 
 def lost(scene: Summary) -> Values:
-    """Spikes a cycle that share their cycle with another, at the brightest: of a stationary pixel
-    with Gamma(shape) intervals the integral of their distribution over the light of a cycle,
-    divided by the mean interval. shape = 1 / spread^2."""
+    """Spikes a cycle that are lost because another spike falls in the same cycle, at the brightest.
+
+    For a stationary pixel with Gamma(shape) intervals, shape = 1 / spread^2, this is the integral
+    of their distribution over the light of a cycle, divided by the mean interval.
+    """
     from scipy.special import gammainc
 
     mu = np.asarray(scene.brightest, np.float64) / scene.threshold
@@ -52,11 +55,17 @@ def lost(scene: Summary) -> Values:
     return np.asarray(mu * gammainc(shape, x) - gammainc(shape + 1, x))
 
 
-def _share(amount: Any, scene: Summary, of: Any = None) -> Values:
-    """Spikes of a window as a share of those it has: of the least in the tile, or `of` a number,
-    and of the floor at least."""
-    least = np.asarray(scene.darkest) / scene.threshold * scene.window if of is None else of
-    base = np.maximum(least, scene.floor * scene.window)
+def _share(amount: Any, scene: Summary, total: Any = None) -> Values:
+    """A number of spikes relative to the spikes of a window.
+
+    Args:
+        amount: spikes.
+        scene: summary of the scene.
+        total: spikes of the window, by default the fewest in the tile; at least the floor's.
+    """
+    if total is None:
+        total = np.asarray(scene.darkest) / scene.threshold * scene.window
+    base = np.maximum(total, scene.floor * scene.window)
     amount, base = np.broadcast_arrays(np.asarray(amount, np.float64), base)
     share = np.full(amount.shape, np.inf)
     np.divide(amount, base, out=share, where=base > 0)
@@ -64,41 +73,49 @@ def _share(amount: Any, scene: Summary, of: Any = None) -> Values:
 
 
 def shifted(scene: Summary, spikes: Any) -> Values:
-    """What a shift by so many spikes adds to a window's relative error where thresholds are noisy.
+    """Relative error of a window whose spikes are shifted against their noisy thresholds.
 
-    The window sees other draws at its ends: sqrt(2) spread x shift while the shift is within an
-    interval, its root beyond, and two independent windows at most. The latch then loses other
-    spikes: of those lost in a window a share that grows with the shift in cycles.
+    The window contains other draws at its ends. The error is sqrt(2) spread x shift for shifts
+    within an interval, grows with the root of the shift beyond, and is at most that of two
+    independent windows. The latch also loses other spikes: a share of the lost spikes that grows
+    with the shift in cycles.
+
+    Args:
+        scene: summary of the scene.
+        spikes: the shift, in spikes; a number, or one a tile.
     """
     shift = np.asarray(spikes, np.float64)
     n = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.window
-    # Gamma(Q) intervals of Q < 2 have no mean of 1 / interval^2: a shift counts by its power Q / 2.
+    # For Q < 2 the mean of 1 / interval^2 of Gamma(Q) diverges: the shift counts to the power Q /
+    # 2.
     power = float(np.clip(0.5 / max(scene.spread, 1e-9) ** 2, 0.5, 1))
     ends = np.where(shift < 1, shift**power, np.sqrt(shift))
     ends = np.minimum(ends, np.sqrt(np.maximum(n, 1)))
     noise = np.sqrt(2) * scene.spread * ends
     cycles = np.minimum(2 * shift * scene.window / np.maximum(n, 1e-300), 1)
     latch = np.sqrt(2 * lost(scene) * scene.window * cycles) if scene.spread else 0.0
-    # What dead time costs is taken off at the spike: one that moves over a window's end takes it
-    # along.
+    # The light lost in dead time counts at the spike, and moves with it over a window's end.
     cost = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.dead
     return _share(noise + latch + cost * np.sqrt(2 * np.minimum(shift, 1)), scene)
 
 
 def noisy(scene: Summary, spread: float) -> Values:
-    """RMS relative error of a window whose intervals lack a noise of this relative spread: of n
-    intervals sqrt(n) spread, of a part of one that part; relative to at least the floor."""
+    """RMS relative error of a window whose intervals lack a noise of this relative spread.
+
+    It is sqrt(n) spread for n intervals, and n spread for a part n of one, relative to n or the
+    floor.
+    """
     low = np.asarray(scene.darkest, np.float64) / scene.threshold * scene.window
     high = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.window
-    # A window of n intervals has a variance of n spread^2, one within an interval n^2 spread^2, so
-    # over the tile the mean square is at most mean(n) min(high, 1) spread^2; relative to the mean
-    # or the floor that is most where the mean is the floor.
+    # The variance is n spread^2 for n intervals, and n^2 spread^2 within an interval. Over the tile
+    # the mean square is therefore at most mean(n) min(high, 1) spread^2. Relative to the mean or
+    # the floor it is largest where the mean equals the floor.
     mean = np.clip(scene.floor * scene.window, low, high)
     return _share(spread * np.sqrt(np.minimum(high, 1) * mean), scene, mean)
 
 
 def contrast(scene: Summary) -> Values:
-    """RMS of the light over its mean (or the floor), at most, for any light in the interval."""
+    """Upper limit of RMS over mean (or floor) of the light, for any light within its range."""
     low = np.asarray(scene.darkest, np.float64)
     high = np.asarray(scene.brightest, np.float64)
     worst = np.full(np.broadcast(low, high).shape, np.inf)
@@ -107,17 +124,17 @@ def contrast(scene: Summary) -> Values:
 
 
 def bound_of(scene: Summary, value: Any, proof: bool, held: bool = True) -> Bound:
-    """The bound of an effect that changes a window's rate by `value`.
+    """The bound of an effect that changes the rate of a window by `value`.
 
-    Near saturation a fraction may wrap round, which adds one spike of the window.
+    Near saturation the fraction may wrap around, which adds one spike of the window.
 
     Args:
-        scene: that is planned.
+        scene: summary of the scene.
         value: relative change of the rate, a number or one a tile.
         proof: whether `value` is proven for a pixel without noise and dead time, whose rate is
-            smooth in its charge; with either the bound is an estimate.
-        held: whether pixels that fire in every cycle do so with and without the effect, so that
-            the bound is 0 there.
+            smooth in its charge. With noise or dead time the bound is an estimate.
+        held: whether saturated pixels fire in every cycle with and without the effect, so that
+            their bound is 0.
     """
     value = np.asarray(value, np.float64)
     value = value + np.where(clipped(scene) & (value > 0), _share(1.0, scene), 0.0)

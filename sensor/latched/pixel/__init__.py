@@ -1,1 +1,1 @@
-"""The pixel: its law of intervals, and the exact tier in three forms that agree bit for bit."""
+"""The pixel: distribution of its intervals, and the exact tier in three bit-identical forms."""

@@ -1,4 +1,4 @@
-"""The exact pixel compiled by numba: the same bits as `NumpyPixels`, a pixel at a time."""
+"""The exact pixel, compiled by numba: one pixel at a time, the same bits as `NumpyPixels`."""
 
 from __future__ import annotations
 
@@ -26,15 +26,18 @@ _STREAM = np.uint64(Stream.SHOT_NOISE)
 
 @njit(cache=True)
 def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
-    """Threshold of spike k."""
+    """Threshold of spike k, Q24.40."""
     return look_up(table, word_at(pixel, k, np.uint64(0), seed, _STREAM))
 
 
+# Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
+# loop, and unpacking records takes 3 us a call (10 in place of 7).
 @njit(cache=True, parallel=True)
 def _expose(  # type: ignore[no-untyped-def]
     deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, reset, dead, seed,
     first, cycles, words,
 ):  # fmt: skip
+    """Runs every pixel over the cycles of one span; see `PixelState`, `Span` and `ExactModel`."""
     for p in prange(deficit.size):
         d, k, pixel = deficit[p], spikes[p], np.uint64(pixels[p])
         add, step = charge[p], np.int64(0)
@@ -63,7 +66,7 @@ def _expose(  # type: ignore[no-untyped-def]
 
 
 class CompiledPixels:
-    """A pixel at a time, on every core. pixels: their numbers, (n,) uint32."""
+    """One pixel at a time, on all cores. pixels: (n,) uint32, their numbers on the chip."""
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32]) -> None:
         self._model, self._pixels = model, pixels

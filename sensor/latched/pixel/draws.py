@@ -1,4 +1,4 @@
-"""The interval's law inside compiled loops, for numba."""
+"""Lookup of thresholds within compiled loops, for numba."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["look_up"]
 
 @njit(cache=True)
 def look_up(table, word):  # type: ignore[no-untyped-def]
-    """Threshold in Q24.40 of a word below 2^32 (the lookup of interval.py)."""
+    """Threshold in Q24.40 of a random word below 2^32: `interval.threshold` for one word."""
     word = np.int64(word)
     base, y = np.int64(0), word
     if word >> 31:

@@ -1,8 +1,8 @@
-"""Q24.40: charge as a 64-bit integer of 2^-40 electrons.
+"""Q24.40: charge as a 64-bit integer in units of 2^-40 electrons.
 
-float32 loses a dim pixel altogether and float64 depends on the order of sums; the integer does
-neither. Charge, increments and thresholds stay below 2^21 electrons, so that sums of a few
-never leave 64 bits.
+In float32 the charge of a dim pixel is lost to rounding, and float64 sums depend on their order;
+integers avoid both. Charge, increments and thresholds stay below 2^21 electrons, so sums of a few
+of them do not overflow.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ FRACTION_BITS: Final = 40
 ONE: Final = 1 << FRACTION_BITS
 """One electron."""
 LARGEST: Final = 1 << 21
-"""Electrons: bound of a threshold and of what is added in a cycle. Light that brings more than
-this a cycle is held at it; such a pixel fires in every cycle whatever its threshold."""
+"""Upper limit in electrons of a threshold, and of the charge that a cycle adds. Brighter light is
+clipped to it; such a pixel fires in every cycle, whatever its threshold."""
 
 Charge = npt.NDArray[np.int64]
 
 
 def to_fixed(electrons: Any) -> Charge:
-    """Nearest Q24.40 to float64 `electrons`, held at LARGEST."""
+    """Nearest Q24.40 to float64 `electrons`, clipped to LARGEST."""
     value = np.minimum(np.asarray(electrons, np.float64), LARGEST)
     return np.rint(value * float(ONE)).astype(np.int64)

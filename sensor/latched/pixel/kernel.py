@@ -1,4 +1,4 @@
-"""The exact pixel in OpenCL: one specialised kernel for each set of effects."""
+"""The exact pixel in OpenCL: a specialised kernel for each set of effects."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ __all__ = ["KernelPixels"]
 LANES: Final = 16
 """Pixels in a work-item: a vector of 32-bit integers on a 512-bit processor."""
 _SHORT: Final = 8
-"""Cycles of the longest span that is walked through cycle by cycle, with others in one launch."""
+"""Longest span, in cycles, that shares a launch with other spans."""
 _PLANES: Final = 8
-"""Arrays of charges and slopes of such a launch."""
+"""Arrays of charges and slopes that such a launch reads."""
 _LOCAL: Final = 8
-"""Work-items that share a core at a time: PoCL keeps the private arrays of all, and compiles a
-kernel anew for every other number of them."""
+"""Work-items that share a core. PoCL allocates the private arrays of all of them at once, and
+compiles a kernel again for every other number of them."""
 
 
 class KernelPixels:
-    """Sixteen pixels a work-item. pixels: their numbers, (n,) uint32, any n.
+    """Sixteen pixels a work-item. pixels: (n,) uint32, their numbers, for any n.
 
-    The arrays on the device are padded to whole work-items with pixels that get no light.
+    The arrays on the device are padded to whole work-items with pixels without light.
     """
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32], device: Device) -> None:
@@ -49,18 +49,18 @@ class KernelPixels:
             table = np.stack([knots, np.append(np.diff(knots), 0)], axis=1)
         self._table = device.upload(table)
         self._words: tuple[int, Any] = (0, None)
-        self._given: list[tuple[Charge, Any]] = []
+        self._buffers: list[tuple[Charge, Any]] = []
         self._kernels: dict[tuple[str, bool], Any] = {}
         self.restore(model.initial(pixels))
 
     def _upload(self, values: npt.NDArray[Any]) -> Any:
-        """A device buffer of the values, with 0 for the pixels that pad them."""
+        """A device buffer of the values, padded with 0."""
         if values.size != self._padded:
             values = np.pad(values, (0, self._padded - self._n))
         return self._device.upload(values)
 
     def _kernel(self, name: str, ramp: bool = False) -> Any:
-        """The kernel `expose`, with or without a ramp, or `walk`, for these effects."""
+        """The kernel `expose`, with or without a ramp, or `walk`; built on first use."""
         if (name, ramp) not in self._kernels:
             self._kernels[name, ramp] = self._build(name, ramp)
         return self._kernels[name, ramp]
@@ -71,7 +71,7 @@ class KernelPixels:
         defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
         defines.append(f"-DPLANES={_PLANES}")
         if self._model.noisy:
-            # A threshold drawn for each spike is one fragment, whatever noise it stands for.
+            # One fragment draws thresholds, for all kinds of noise.
             source = philox_cl() + (folder / "threshold.cl").read_text() + source
             defines += ["-DSHOT_NOISE", f"-DSHOT_NOISE_STREAM={int(Stream.SHOT_NOISE)}u"]
             defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}"]
@@ -87,21 +87,21 @@ class KernelPixels:
         return self._device.kernel(source, name, tuple(defines))
 
     def _buffer(self, values: Charge) -> Any:
-        """Buffer over the memory of an array that the device has been given lately, or a new one.
-        The arrays are kept as long as a kernel may read them."""
-        for array, buffer in self._given:
+        """Buffer over the memory of an array, new or from a recent call. The arrays stay referenced
+        as long as a kernel may read them."""
+        for array, buffer in self._buffers:
             if array is values:
                 return buffer
         whole = values.size == self._padded and values.flags.c_contiguous
         buffer = self._device.share(values) if whole else self._upload(values)
-        self._given.append((values, buffer))
+        self._buffers.append((values, buffer))
         return buffer
 
-    def _forget(self) -> None:
-        """Lets go of all but the latest arrays, once nothing reads them."""
-        if len(self._given) > 4 * _PLANES:
+    def _release(self) -> None:
+        """Releases all but the latest arrays, once no kernel reads them."""
+        if len(self._buffers) > 4 * _PLANES:
             self._device.finish()
-            self._given = self._given[-4:]
+            self._buffers = self._buffers[-4:]
 
     def _expose(self, span: Span, words: Any) -> None:
         """One launch for one span."""
@@ -118,7 +118,7 @@ class KernelPixels:
         )  # fmt: skip
 
     def _walk(self, spans: list[Span], words: Any) -> None:
-        """One launch for short spans that follow each other."""
+        """One launch for consecutive short spans."""
         model, arrays = self._model, _arrays(spans)
         places = {id(array): n for n, array in enumerate(arrays)}
         entries = [
@@ -144,7 +144,7 @@ class KernelPixels:
         words = self._words[1]
         short: list[Span] = []
         for span in spans:
-            # `expose` takes a ramp's charge as linear over cycles, which no transfer leaves it.
+            # `expose` requires charge linear in time, which a ramp after a transfer is not.
             curved = self._model.transfers and span.slope is not None
             brief = span.cycles <= _SHORT or curved
             if short and (not brief or len(_arrays([*short, span])) > _PLANES):
@@ -154,12 +154,12 @@ class KernelPixels:
                 short.append(span)
             else:
                 self._expose(span, words)
-            self._forget()
+            self._release()
         if short:
             self._walk(short, words)
         out = np.empty((n_words, self._padded), np.uint32)
         done = self._device.download(words, out)[:, : self._n]
-        self._given = self._given[-4:]
+        self._buffers = self._buffers[-4:]
         return done
 
     def state(self) -> PixelState:

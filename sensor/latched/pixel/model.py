@@ -1,7 +1,7 @@
-"""What every form of the exact pixel shares: its setting, its state, the charge it is given.
+"""Model and state of the exact pixel, which all its forms share.
 
-Three forms compute the same bits from it: `numpy_form` (the truth), `compiled` (numba) and
-`kernel` (OpenCL).
+Three forms compute the same bits: `numpy_form` (the golden model), `compiled` (numba) and `kernel`
+(OpenCL).
 """
 
 from __future__ import annotations
@@ -23,27 +23,32 @@ from sensor.latched.pixel.transfer import Transfer
 __all__ = ["DEEPEST", "JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Reset"]
 
 Reset = Literal["residual", "hard", "subtract"]
-"""`residual`: charge beyond the threshold stays. `hard`: back to zero at the readout of a spike.
-`subtract`: one threshold is taken off at most once a cycle, the rest piles up (to 2^21 e)."""
+"""Reset rule. `residual`: charge beyond the threshold stays. `hard`: charge returns to 0 at the
+readout of a spike. `subtract`: at most one threshold is subtracted a cycle, and the rest
+accumulates up to 2^21 electrons."""
 ROOM: Final = 4
-"""Thresholds due at once from which whole ones are taken off without a draw each."""
+"""Excess charge, in thresholds, above which whole thresholds are subtracted without draws."""
 JUMP: Final = 2
-"""How many of them are left to be drawn one by one."""
+"""Thresholds of that excess that are still drawn one by one."""
 DEEPEST: Final = -(1 << 61)
-"""Least deficit under `subtract`: charge piles up to 2^21 electrons beyond a threshold."""
+"""Lowest deficit under `subtract`: 2^21 electrons beyond a threshold."""
 
 
 @dataclass(eq=False)
 class PixelState:
-    """deficit: threshold - charge - 1 in Q24.40, (n,) int64. spikes: index of the interval that is
-    running, (n,) uint64."""
+    """State of n pixels.
+
+    Attributes:
+        deficit: (n,) int64, threshold - charge - 1 in Q24.40.
+        spikes: (n,) uint64, index of the current interval.
+    """
 
     deficit: Charge
     spikes: npt.NDArray[np.uint64]
 
 
 class Drawing(Protocol):
-    """An effect, as far as the model reads it: the stream of its draws."""
+    """The part of an effect that the model reads: the random stream of its draws."""
 
     @property
     def stream(self) -> Stream: ...
@@ -51,19 +56,19 @@ class Drawing(Protocol):
 
 @dataclass(frozen=True)
 class ExactModel:
-    """The exact pixel's setting.
+    """Parameters of the exact pixel.
 
     Attributes:
         threshold: electrons, positive, below 2^21.
         seed: of the run, below 2^32.
-        effects: of those that every pixel has, the ones that are kept.
+        effects: the inherent effects that are kept.
         threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC,
             comparator).
-        reset: what becomes of the charge at a spike.
-        dead_time: share of a cycle after each spike in which light is lost, in [0, 1].
-        shift: electrons that every interval takes beyond its threshold, less than half of it
-            either way: a comparator that answers late, a reset that leaves charge.
-        transfers: maps of the charge that a cycle brings, in their order.
+        reset: reset rule.
+        dead_time: share of a cycle after each spike during which light is lost, 0 to 1.
+        shift: electrons that every interval needs beyond its threshold, from the delay of the
+            comparator or an incomplete reset; its magnitude is below half a threshold.
+        transfers: maps of the charge of a cycle, in their order.
     """
 
     threshold: float
@@ -97,17 +102,17 @@ class ExactModel:
 
     @property
     def mean(self) -> float:
-        """Electrons of an interval, mean."""
+        """Mean charge of an interval, electrons."""
         return self.threshold + self.shift
 
     @property
     def q(self) -> int:
-        """That in Q24.40, at least one unit."""
+        """Mean charge of an interval in Q24.40, at least one unit."""
         return max(round(self.mean * ONE), 1)
 
     @property
     def room(self) -> int:
-        """ROOM thresholds, held at the largest int64."""
+        """ROOM thresholds in Q24.40, clipped to int64."""
         return min(ROOM * self.q, 2**63 - 1)
 
     @property
@@ -117,7 +122,7 @@ class ExactModel:
 
     @property
     def shot(self) -> bool:
-        """Whether there is shot noise."""
+        """Whether shot noise is kept."""
         return any(effect.stream is Stream.SHOT_NOISE for effect in self.effects)
 
     @property
@@ -127,14 +132,15 @@ class ExactModel:
 
     @property
     def noisy(self) -> bool:
-        """Whether each spike draws its threshold."""
+        """Whether the threshold of each spike is drawn."""
         return self.shot or self.threshold_noise > 0
 
     def table(self) -> Charge:
-        """Quantiles that thresholds are drawn from."""
+        """Quantiles of the thresholds; see `interval_table`."""
         return self._shifted(interval_table(self.threshold, self.threshold_noise, self.shot))
 
     def _shifted(self, table: Charge) -> Charge:
+        """The table with `shift` added."""
         if not self.shift:
             return table
         shifted: Charge = np.maximum(table + round(self.shift * ONE), 1)
@@ -142,13 +148,16 @@ class ExactModel:
         return shifted
 
     def first_table(self) -> Charge:
-        """Quantiles of the interval that a run starts in: longer ones are met more often. Weighted
-        by its length Gamma(Q) is Gamma(Q + 1); the mean grows by variance / mean in any case."""
+        """Quantiles of the interval in which a run starts, which is weighted by its length.
+
+        Weighted by length, Gamma(Q) becomes Gamma(Q + 1), and the mean of any distribution grows by
+        variance / mean.
+        """
         longer = self.threshold + self.shot + self.threshold_noise**2 / self.threshold
         return self._shifted(interval_table(longer, self.threshold_noise, self.shot))
 
     def first_thresholds(self, pixels: npt.NDArray[np.uint32]) -> Charge:
-        """Thresholds, Q24.40, of the intervals that a run starts in, (n,)."""
+        """Thresholds of the intervals in which a run starts, (n,) Q24.40."""
         if not self.noisy:
             return np.full(pixels.shape, self.q, np.int64)
         table = self.first_table() if self.random_start else self.table()
@@ -166,13 +175,13 @@ class ExactModel:
 
 
 class ExactPixels(Protocol):
-    """A set of pixels that are exposed; the forms differ only in how fast."""
+    """A set of exact pixels. All forms give the same bits."""
 
     def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
-        """Runs `cycles` cycles, spans in order and without gaps; (ceil(cycles/32), n) words."""
+        """Words (ceil(cycles / 32), n) of the next cycles. The spans fill them without gaps."""
 
     def state(self) -> PixelState:
-        """The state now, as copies."""
+        """The current state, as copies."""
 
     def restore(self, state: PixelState) -> None:
-        """Go on from a state."""
+        """Continues from a state."""

@@ -1,4 +1,4 @@
-"""The exact pixel in plain numpy: the truth that the compiled forms are held to."""
+"""The exact pixel in numpy: the golden model of the compiled forms."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ __all__ = ["NumpyPixels"]
 
 
 class NumpyPixels:
-    """One numpy operation a cycle over all pixels. pixels: their numbers, (n,) uint32."""
+    """One numpy operation a cycle over all pixels. pixels: (n,) uint32, their numbers."""
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32]) -> None:
         self._model, self._pixels = model, pixels
         self._state = model.initial(pixels)
 
     def _refill(self, due: npt.NDArray[np.bool_], charge: Charge) -> None:
-        """Starts the next interval of the pixels that are due; `charge` is their cycle's light."""
+        """Starts the next interval of the pixels that are due. charge: of this cycle, all
+        pixels."""
         state, model = self._state, self._model
         state.spikes[due] += np.uint64(1)
         threshold: Charge | int = model.q
@@ -37,7 +38,7 @@ class NumpyPixels:
             state.deficit[due] += threshold + lost
 
     def _cycle(self, charge: Charge) -> npt.NDArray[np.bool_]:
-        """One cycle: which pixels reach a threshold in it."""
+        """Runs one cycle; returns which pixels reach a threshold in it."""
         state, model = self._state, self._model
         state.deficit -= charge
         fired = state.deficit < 0

@@ -1,4 +1,4 @@
-"""The charge that an exact pixel is given over a number of cycles."""
+"""The charge that an exact pixel receives over a number of cycles."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ __all__ = ["Span"]
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Charge that falls in cycles `first` to `first + cycles` of a block's words.
+    """Charge in cycles `first` to `first + cycles` of a block, constant or linear in time.
 
-    charge: Q24.40 of the cycle where this course of light began, (n,) int64 >= 0. slope: its
-    change a cycle, or None. elapsed: cycles between that one and `first`, so that the same arrays
-    serve every block and every split of the run.
+    The charge of cycle c is charge + slope x (c - first + elapsed).
+
+    Attributes:
+        first: first cycle, within the block.
+        cycles: number of cycles.
+        charge: (n,) int64 >= 0, Q24.40 in the cycle in which this course of light began.
+        slope: (n,) int64, its change a cycle; None if constant.
+        elapsed: cycles from that cycle to `first`, so that all blocks share the arrays.
     """
 
     first: int

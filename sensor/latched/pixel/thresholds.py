@@ -1,4 +1,4 @@
-"""Thresholds and initial charges as draws: one random word each, keyed by pixel, spike and seed."""
+"""Draws of thresholds and initial charges: one random word each, keyed by pixel, spike and seed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,16 @@ def thresholds(
     pixels: npt.NDArray[np.uint32],
     seed: int,
 ) -> Charge:
-    """Threshold of spike k of each pixel, Q24.40.
+    """Threshold of spike k of each pixel, (n,) Q24.40.
 
-    Word k mod 4 of counter (pixel, high and low word of k div 4, 0), key (seed, SHOT_NOISE).
+    The random word is word k mod 4 of counter (pixel, high and low word of k div 4, 0), with key
+    (seed, SHOT_NOISE).
+
+    Args:
+        table: quantiles, see `interval_table`.
+        k: (n,) index of the spike.
+        pixels: (n,) numbers of the pixels.
+        seed: of the run.
     """
     block = k >> np.uint64(2)
     high, low = block >> np.uint64(32), block & np.uint64(0xFFFFFFFF)
@@ -30,15 +37,20 @@ def thresholds(
 
 
 def first_thresholds(table: Charge, pixels: npt.NDArray[np.uint32], seed: int) -> Charge:
-    """Threshold of spike 0 of each pixel."""
+    """Threshold of spike 0 of each pixel, (n,) Q24.40."""
     return thresholds(table, np.zeros(pixels.shape, np.uint64), pixels, seed)
 
 
 def initial_deficit(first: Charge, pixels: npt.NDArray[np.uint32], seed: int) -> Charge:
-    """Deficit (threshold - charge - 1, Q24.40) of each pixel before its first cycle.
+    """Deficit (threshold - charge - 1, Q24.40) of each pixel before its first cycle, (n,).
 
-    first: thresholds of spike 0, (n,) int64. The charge is threshold x word / 2^32, rounded down,
-    in integers: it is below the threshold, so the deficit is never negative.
+    The charge is threshold x word / 2^32, rounded down in integers. It is below the threshold, so
+    the deficit is never negative.
+
+    Args:
+        first: (n,) int64, thresholds of spike 0.
+        pixels: (n,) numbers of the pixels.
+        seed: of the run.
     """
     word = philox4x32((pixels, 0, 0, 0), (seed, Stream.INITIAL_CHARGE))[0].astype(np.int64)
     high, low = first >> 32, first & 0xFFFFFFFF

@@ -1,8 +1,8 @@
-"""A pointwise map of the charge that a cycle brings, before it is accumulated.
+"""A pointwise map of the charge of a cycle, before accumulation.
 
-A light-dependent gain or a saturation is such a map. Each tier computes it in its own arithmetic:
-the reference tier in float64, the exact tier in Q24.40 integers, the fast tier in float32. numpy
-and OpenCL must give the same bits in the last two.
+A light-dependent gain or a saturation is such a map. The reference tier computes it in float64, the
+exact tier in Q24.40 integers, and the fast tier in float32. In the last two, numpy and OpenCL must
+give the same bits.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ __all__ = ["Transfer", "charge_source", "light_source", "transferred", "transfer
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """A pointwise map x -> T(x) of a cycle's charge, x >= 0, T(x) >= 0, not falling.
+    """A pointwise, non-decreasing map x -> T(x) of a cycle's charge, x >= 0, T(x) >= 0.
 
     Attributes:
-        share: numpy form for light in units of the nominal threshold, of float64 (reference tier)
-            or float32 (fast tier) arrays; constants must be Python floats that float32 holds.
-        charge: numpy form for Q24.40 charge up to LARGEST, of int64 arrays.
-        share_cl: body of an OpenCL function float16 -> float16 of `x`, with one rounding an
+        share: numpy form, for charge in units of the nominal threshold, float64 (reference tier) or
+            float32 (fast tier). Constants must be Python floats that float32 represents exactly.
+        charge: numpy form, for int64 Q24.40 charge up to LARGEST.
+        share_cl: body of an OpenCL function float16 -> float16 of `x`. It rounds after each
             operation, in the same order as `share`.
         charge_cl: body of an OpenCL function long16 -> long16 of `x`.
-        least, most: limits of T(x) / x over all x.
+        least, most: lower and upper limit of T(x) / x over all x.
     """
 
     share: Callable[[Any], Any]
@@ -42,13 +42,14 @@ class Transfer:
 
 
 def _charge(transfers: Sequence[Transfer], charge: Charge) -> Charge:
+    """Q24.40 charge after all maps, each clipped to LARGEST."""
     for transfer in transfers:
         charge = np.minimum(transfer.charge(charge), LARGEST * ONE)
     return charge
 
 
 def transferred(spans: Iterable[Span], transfers: Sequence[Transfer]) -> Iterator[Span]:
-    """The same spans with the charge mapped; light that changes becomes a span a cycle."""
+    """The spans with their charge mapped; changing light becomes one span a cycle."""
     for span in spans:
         if span.slope is None:
             yield replace(span, charge=_charge(transfers, span.charge))
@@ -59,7 +60,7 @@ def transferred(spans: Iterable[Span], transfers: Sequence[Transfer]) -> Iterato
 
 
 def _chained(bodies: Iterable[str], kind: str, name: str, after: str) -> str:
-    """OpenCL functions of the maps, and one that applies them in turn."""
+    """OpenCL source of a function for each map, and of `name`, which applies them in turn."""
     text, calls = "", ""
     for n, body in enumerate(bodies):
         text += f"inline {kind} {name}_{n}(const {kind} x)\n{{\n{body}\n}}\n"
@@ -68,15 +69,17 @@ def _chained(bodies: Iterable[str], kind: str, name: str, after: str) -> str:
 
 
 def charge_source(transfers: Sequence[Transfer]) -> str:
-    """OpenCL text that defines `long16 transfer(long16)` in Q24.40."""
+    """OpenCL source of `long16 transfer(long16)` in Q24.40."""
     most = f"min({{}}, (long16)({LARGEST * ONE}L))"
     return _chained((t.charge_cl for t in transfers), "long16", "transfer", most)
 
 
 def light_source(transfers: Sequence[Transfer], ratio: float) -> str:
-    """OpenCL text that defines `float16 transfer(float16)`.
+    """OpenCL source of `float16 transfer(float16)`.
 
-    ratio: nominal thresholds in a unit of its argument and result.
+    Args:
+        transfers: maps, in their order.
+        ratio: nominal thresholds per unit of the argument and the result.
     """
     scaled = "" if ratio == 1 else f" * {float(np.float32(ratio)).hex()}f"
     back = "" if ratio == 1 else f" * {float(np.float32(1 / ratio)).hex()}f"
@@ -88,7 +91,7 @@ def light_source(transfers: Sequence[Transfer], ratio: float) -> str:
 
 
 def transferred_light(transfers: Sequence[Transfer], light: Any, ratio: float) -> Any:
-    """`transfer` of `light_source` for arrays of float32 or float64, in their own precision."""
+    """numpy form of `light_source`, for float32 or float64 arrays, in their precision."""
     kind = light.dtype.type
     if ratio != 1:
         light = light * kind(np.float32(ratio))

@@ -1,5 +1,7 @@
-"""The reference tier: the pixel event by event in continuous time and float64, the truth that every
-figure of accuracy is measured against."""
+"""The reference tier: an event-driven pixel in continuous time and float64.
+
+The error of every run is measured against it.
+"""
 
 from sensor.latched.reference.pixels import ReferencePixels
 

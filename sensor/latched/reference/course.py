@@ -1,7 +1,8 @@
-"""One pixel's light in float64: where it is at an instant, and what it brings until another.
+"""Light on one pixel in float64: its rate at an instant, and its integral up to another instant.
 
-Light is piecewise linear; piece i runs from `begins[i]` to `ends[i]` (ps, no gaps) and from
-`first[i]` to `last[i]` (electrons a picosecond). Before the first piece light is as at its start.
+Light is piecewise linear. Piece i runs from `begins[i]` to `ends[i]` (ps, no gaps), and its rate
+from `first[i]` to `last[i]` (electrons a picosecond). Before the first piece, light has the rate of
+the start of that piece.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ __all__ = ["gathered", "here", "latch_of", "piece_at"]
 
 @njit(cache=True, error_model="numpy")
 def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
-    """The piece that holds whole picosecond `tick`, searched from piece i on; -1 before all."""
+    """Index of the piece at `tick` (ps), searched from piece i on; -1 before the first piece."""
     if tick < begins[0]:
         return -1
     i = max(i, 0)
@@ -26,8 +27,8 @@ def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def here(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-def]
-    """(rate, slope, end) at an instant in piece i: electrons a picosecond, their change a
-    picosecond, the instant up to which that holds."""
+    """(rate, slope, end) at the instant tick + part (ps) in piece i: electrons a picosecond, its
+    change a picosecond, and the instant up to which both are valid."""
     if i < 0:
         return first[0], 0.0, begins[0]
     if first[i] == last[i]:
@@ -38,7 +39,7 @@ def here(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-d
 
 @njit(cache=True, error_model="numpy")
 def gathered(begins, ends, first, last, i, tick, part, until):  # type: ignore[no-untyped-def]
-    """Electrons from an instant in piece i to a later whole picosecond `until`."""
+    """Electrons from the instant tick + part (ps) in piece i to a later whole picosecond."""
     total = 0.0
     while tick < until:
         i = piece_at(begins, ends, i, tick)
@@ -51,8 +52,8 @@ def gathered(begins, ends, first, last, i, tick, part, until):  # type: ignore[n
 
 @njit(cache=True, error_model="numpy")
 def latch_of(edges, offset, tick, part):  # type: ignore[no-untyped-def]
-    """The first cycle of these edges whose latch, edges[c + 1] + offset, is not before an instant;
-    edges.size - 1 or more where all are."""
+    """The first cycle whose latch, edges[c + 1] + offset, is not before the instant tick + part;
+    edges.size - 1 if there is none."""
     cycles = edges.size - 1
     tick -= offset
     if part > 0.0:

@@ -1,8 +1,8 @@
-"""The reference pixel's inner loop: from spike to spike in continuous time, whatever the clock.
+"""The inner loop of the reference pixel: from spike to spike in continuous time.
 
-What a pixel is between two calls changes only at its own events and at the ends of pieces, never
-at the end of a call, so that a run gives the same bits however it is split: an interval under way
-is computed again from its anchor until it ends.
+The state of a pixel changes only at its events and at the ends of pieces of light, never at the end
+of a call. An interval that is not complete is computed again from its anchor in the next call, so a
+run gives the same bits however it is split.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ __all__ = ["expose"]
 
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
-"""Relative: charge this near a threshold has reached it, an instant this near a latch is it."""
+"""Relative tolerance within which charge counts as at a threshold, and an instant as at a latch."""
 _INSTANT = 2.0**-20
-"""Picoseconds: what rounding adds to an instant whatever its interval."""
+"""Rounding error of an instant in picoseconds, independent of the interval."""
 _PILED = float(LARGEST)
+"""Most electrons beyond a threshold under `subtract`."""
 
 
 @njit(cache=True, error_model="numpy")
 def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
-    """An instant, moved onto a latch where it is as near to one as rounding of `span` can tell."""
+    """The instant tick + part, moved to a latch within the rounding error of `span` (ps)."""
     near = tick + 1 if part > 0.5 else tick
     c = latch_of(edges, offset, near, 0.0)
     if c < edges.size - 1 and edges[c + 1] + offset == near:
@@ -42,17 +43,31 @@ def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
     return tick, part
 
 
+# Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
+# loop, and unpacking records takes 3 us a call.
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, pixels, offsets, begins, ends, first, last, edges,
     rule, dead, q, kind, sigma, table, functions, seed, words,
 ):  # fmt: skip
-    """Runs every pixel over the cycles of `edges` (cycles + 1, ps) and sets their bits.
+    """Runs every pixel over the cycles of `edges` and sets its bits in `words`.
 
-    State of a pixel (n,): ticks, parts: the anchor, the instant (ps and a fraction) from which on
-    light counts. charges: electrons held there. goals: threshold of the interval under way.
-    spikes: its index. held: electrons at the last latch. first, last: (n, pieces). rule: 0
-    residual, 1 hard, 2 subtract. dead: ps. q: threshold.
+    Args:
+        ticks, parts: (n,) anchor, the instant from which light is integrated: ps and a fraction.
+        charges: (n,) electrons at the anchor.
+        goals: (n,) electrons, threshold of the current interval.
+        spikes: (n,) index of the current interval.
+        held: (n,) electrons at the last latch; an output.
+        pixels: (n,) numbers of the pixels.
+        offsets: (n,) ps from a clock edge to the latch.
+        begins, ends: (pieces,) ps.
+        first, last: (n, pieces) electrons a picosecond at the begin and the end of a piece.
+        edges: (cycles + 1,) ps.
+        rule: 0 residual, 1 hard, 2 subtract.
+        dead: dead time, ps.
+        q, kind, sigma, table, functions: distribution of thresholds, see `Law`.
+        seed: of the run.
+        words: (ceil(cycles / 32), n) uint32; an output.
     """
     cycles = edges.size - 1
     for p in prange(ticks.size):
@@ -60,9 +75,9 @@ def expose(  # type: ignore[no-untyped-def]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         pixel = np.uint64(pixels[p])
         stop = edges[cycles] + offset
-        i, done = np.int64(-1), -1  # a constant would have `piece_at` compiled for it as well
+        i, done = np.int64(-1), -1  # a literal would compile `piece_at` a second time
         if tick < begins[0] and begins[0] > 0:
-            # Light that was cut anew: what was gathered by the last latch is as good an anchor.
+            # The pieces were cut anew: start from the charge at the last latch.
             tick, part, charge = max(tick, edges[0] + offset), 0.0, held[p]
         while True:
             if tick > stop or (tick == stop and part > 0.0):
@@ -122,15 +137,15 @@ def expose(  # type: ignore[no-untyped-def]
                 tick, part = at, at_part
                 rest = gathered(begins, ends, rate0, rate1, i, tick, part, latch) - goal
                 if rest > ROOM * q:
-                    # Whole thresholds at once, as the exact tier does at this latch: the interval
-                    # under way stands for them all, and JUMP are left to be drawn.
+                    # Take whole thresholds off at once, as the exact tier does at this latch. The
+                    # current interval stands for all of them; JUMP are left to be drawn.
                     whole = max(math.floor(rest / q) - JUMP, 0.0)
                     goal += whole * q
                     k += np.uint64(whole)
                 continue
             tick, part = later(at, at_part, dead)
-            # Whole intervals of the mean length, threshold / light + dead time, while the latch and
-            # the piece of light last.
+            # Skip whole intervals of the mean length, threshold / light + dead time, up to the
+            # latch or the end of the piece.
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
             left = float(min(latch, end) - tick) - part

@@ -13,16 +13,18 @@ from sensor.latched.setting import CameraSetting
 __all__ = ["DRAWS", "reference_error"]
 
 DRAWS = 256
-"""Thresholds on which the reference is compared with its law."""
+"""Number of thresholds that are compared with their distribution."""
 
 
 def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
-    """Relative error of the reference tier: the thresholds of the first spikes of these pixels
-    against the inverse of their law. Its time is in closed form, exact to roundings.
+    """Relative error of the reference tier.
+
+    It is the error of the first thresholds of these pixels against the inverse of their
+    distribution. Instants are in closed form and exact up to rounding.
 
     Args:
-        setting: of the camera.
-        numbers: (n,) numbers of pixels, row by row.
+        setting: setting of the camera.
+        numbers: (n,) uint32, numbers of the pixels.
     """
     model = setting.model
     words = philox4x32((numbers, 0, 0, 0), (setting.seed, Stream.SHOT_NOISE))[0]

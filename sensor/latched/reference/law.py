@@ -1,10 +1,12 @@
-"""The exact law of an interval's threshold in float64: the quantile of the word of every tier.
+"""The exact distribution of an interval's threshold in float64.
 
-Shot noise alone is Gamma(Q), inverted by scipy for each draw; threshold noise alone is normal.
-Their sum has no inverse in closed form: it is inverted to full precision at nodes of the normal
-score, where it is nearly straight, and read between them (`mixed_quantiles`). A word w stands
-for the probability (w + 1/2) / 2^32; beyond the median it is counted from the upper end, as in
-the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep their digits.
+All tiers take the quantile of the same random word. With shot noise alone the threshold is
+Gamma(Q), which scipy inverts for each draw; with threshold noise alone it is normal. The sum of
+both has no inverse in closed form. It is inverted to full precision at nodes of the normal score,
+in which it is nearly linear, and interpolated between them (`mixed_quantiles`). A word w stands for
+the probability (w + 1/2) / 2^32. Beyond the median the probability is counted from the upper end,
+as in the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep their
+digits.
 """
 
 from __future__ import annotations
@@ -24,19 +26,19 @@ __all__ = ["Law", "draw", "draw_all", "law_error", "law_of", "mixed_law", "mixed
 Values = npt.NDArray[np.float64]
 
 LEAST: Final = 2.0**-40
-"""Electrons: the least threshold, as in the exact tier; so no draw makes a pixel fire for ever."""
+"""Lowest threshold in electrons, as in the exact tier. It prevents an endless burst of spikes."""
 _FIXED, _GAMMA, _NORMAL, _MIXED = 0, 1, 2, 3
 _SCORE: Final = 6.5
-"""Beyond the scores of all 32-bit words, which end at 6.34."""
+"""Range of normal scores; those of 32-bit words end at 6.34."""
 _NODES: Final = 261
-"""Scores at which the mixed law is inverted; below 10 electrons, where it bends more, 3 times as
-many."""
+"""Scores at which the sum of both noises is inverted; 3 times as many up to 10 electrons, where it
+is less linear."""
 _CELLS: Final = 8192
-"""Cells of the table that is read; the cubic in each leaves 1e-13 of what the nodes carry."""
+"""Cells of the lookup table; the cubic in each adds a relative error of 1e-13."""
 
 
 def _tails(below: Values, above: Values, small: npt.NDArray[np.bool_]) -> tuple[Values, Values]:
-    """Both tails of all from the lower one where it is small and the upper one elsewhere."""
+    """Both tails, from the lower tail where it is the small one and the upper tail elsewhere."""
     lower, upper = np.empty(small.size), np.empty(small.size)
     lower[small], upper[~small] = below, above
     lower[~small], upper[small] = 1 - above, 1 - below
@@ -47,9 +49,9 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
     """(lower tail, upper tail, density) of Gamma(q, 1) + Normal(0, sigma) at x, (n,) each.
 
     With g = exp(t) the lower tail is the integral over t of exp(q t - g) / Gamma(q) times
-    Phi((x - g) / sigma): smooth, and falling fast at either end, so that the trapezoid rule
-    converges faster than any power of its step. Where the gamma is the wider one and far from zero
-    it is the normal variate that is integrated over. All terms are positive: no cancellation.
+    Phi((x - g) / sigma). The integrand is smooth and decays fast at both ends, so the trapezoid
+    rule converges faster than any power of its step. If the gamma is the wider one and far from
+    zero, the integral is taken over the normal variate. All terms are positive, so nothing cancels.
     """
     from scipy.special import gammainc, gammaincc, gammaln, ndtr
 
@@ -60,7 +62,7 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
         weight = np.exp(-z * z / 2)
         weight /= weight.sum()
         g = x[narrow, None] - sigma * z
-        # Each tail to its own digits where it is the smaller one; the other is what it leaves.
+        # The smaller tail is computed, which keeps its digits; the other is 1 minus it.
         small = x[narrow] < q
         lower[narrow], upper[narrow] = _tails(
             gammainc(q, g[small]) @ weight, gammaincc(q, g[~small]) @ weight, small
@@ -69,7 +71,7 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
     if not narrow.all():
         rest = x[~narrow]
         most = float(rest.max()) + 12 * sigma
-        # Only a lower tail is here where the gamma is the wider one: g reaches little beyond x.
+        # If the gamma is the wider one, only lower tails remain, and g matters little beyond x.
         top = np.log(most if sigma * sigma < q else max(q + 12 * np.sqrt(q) + 80, most))
         bottom = min((np.log(1e-20) + gammaln(q + 1)) / q, np.log(q))
         if sigma * sigma >= q > 200:
@@ -78,7 +80,7 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
         t = np.linspace(bottom, top, int(np.clip(3 * (top - bottom) / wide, 400, 20_000)))
         g = np.exp(t)
         weight = np.exp(q * t - g - gammaln(q)) * (t[1] - t[0])
-        # Below the first node the gamma is as good as zero, above the last as good as not there.
+        # Below the first node the gamma counts as zero; above the last it has no mass.
         below = gammainc(q, g[0])
         score = (rest[:, None] - g) / sigma
         lower[~narrow] = ndtr(score) @ weight + below * ndtr(rest / sigma)
@@ -93,8 +95,11 @@ def mixed_law(q: float, sigma: float, x: Values) -> tuple[Values, Values, Values
 
 
 def mixed_quantiles(q: float, sigma: float, score: Values) -> Values:
-    """Quantiles of Gamma(q) + Normal(0, sigma) at normal scores (increasing), by Newton's rule on
-    the score of the law, which is nearly straight in x."""
+    """Quantiles of Gamma(q) + Normal(0, sigma) at increasing normal scores, (n,) electrons.
+
+    Newton's method on the score of the distribution, which is nearly linear in x, with bisection
+    as the fallback.
+    """
     from scipy.special import ndtri
 
     x = q + np.hypot(np.sqrt(q), sigma) * score + (score * score - 1) * q / (3 * (q + sigma**2))
@@ -117,7 +122,7 @@ def mixed_quantiles(q: float, sigma: float, score: Values) -> Values:
         after = np.where(np.isfinite(after) & (after > low) & (after < high), after, halved)
         moved = float(np.max(np.abs(after - x) / np.hypot(np.sqrt(q), sigma)))
         x = after
-        # Newton doubles the digits a step; what no longer shrinks is the law's own last digits.
+        # Newton doubles the digits in each step; a step that no longer shrinks is rounding.
         if moved < 1e-13 or (moved < 1e-11 and moved > best / 4):
             break
         best = moved
@@ -126,8 +131,15 @@ def mixed_quantiles(q: float, sigma: float, score: Values) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """kind: of the law. q, sigma: electrons. table: (2, cells + 1) quantiles and their change a
-    cell, of the mixed law alone. functions: addresses of gammaincinv, gammainccinv, ndtri."""
+    """Distribution of a threshold, in the form that compiled loops take.
+
+    Attributes:
+        kind: 0 constant, 1 gamma, 2 normal, 3 sum of gamma and normal.
+        q: threshold, electrons.
+        sigma: threshold noise, electrons.
+        table: (2, cells + 1) quantiles and their change a cell, for kind 3 only.
+        functions: (3,) int64, addresses of gammaincinv, gammainccinv and ndtri.
+    """
 
     kind: int
     q: float
@@ -138,7 +150,7 @@ class Law:
 
 @lru_cache(maxsize=8)
 def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
-    """Law of Gamma(q) with Normal(0, sigma) added; without `shot` q itself with it added."""
+    """Distribution of G + Normal(0, sigma); G is Gamma(q) with shot noise, else the constant q."""
     functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
     table = np.zeros((2, 1))
     kind = (_MIXED if sigma > 0 else _GAMMA) if shot else (_NORMAL if sigma > 0 else _FIXED)
@@ -154,7 +166,7 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
 
 @njit(cache=True, error_model="numpy")
 def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def]
-    """Threshold in electrons of a word below 2^32."""
+    """Threshold in electrons of a random word below 2^32. Arguments: see `Law`."""
     if kind == 0:
         return max(q, 2.0**-40)
     upper = word >= 0x80000000
@@ -185,17 +197,18 @@ def _all(kind, q, sigma, table, functions, words, out):  # type: ignore[no-untyp
 
 
 def draw_all(law: Law, words: npt.NDArray[np.uint32]) -> Values:
-    """Thresholds of words, (n,) electrons."""
+    """Thresholds of random words, (n,) electrons."""
     out = np.empty(words.size)
     _all(law.kind, law.q, law.sigma, law.table, law.functions, words, out)
     return out
 
 
 def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
-    """Largest relative difference of these words' thresholds from the law itself, plus a rounding.
+    """Largest relative error of the thresholds of these words, plus one rounding.
 
-    The mixed law is inverted for these very words; a Gamma quantile is off by the step that
-    Newton's rule would still make, (F(x) - p) / (f(x) x), F and p counted from the nearer end.
+    For the sum of both noises the distribution is inverted at these words. The relative error of a
+    Gamma quantile is the next step of Newton's method, (F(x) - p) / (f(x) x), with F and p counted
+    from the nearer end.
     """
     from scipy.special import gammainc, gammaincc, gammaln, ndtri
 

@@ -1,4 +1,4 @@
-"""Reference pixels: light in, spike words out, in continuous time and float64."""
+"""Pixels of the reference tier: they turn light into spike words in continuous time and float64."""
 
 from __future__ import annotations
 
@@ -32,21 +32,33 @@ _KEYS = {
 
 
 class ReferencePixels:
-    """The pixel of the exact tier (sensor/latched/pixel/model.py) without its steps: the same
-    effects and the same random word for the threshold of spike k, which is its exact quantile.
+    """The pixel of the exact tier (sensor/latched/pixel/model.py) without discretisation. It has
+    the same effects, and takes the threshold of spike k as the exact quantile of the same word.
 
-    A pixel under `residual` restarts itself at each crossing: its dead time begins then and not at
-    the latch, and light is lost in it exactly. `hard` and `subtract` act at the latch. A crossing
-    at the latch instant counts. Very bright pixels take whole intervals of the mean at once (see
-    engine.py); only the phase in which such a pixel leaves saturation knows of it, and with neither
-    dead time nor circuit that phase is the exact tier's own.
+    Under `residual` a pixel restarts at each crossing: its dead time begins there and not at the
+    latch, and exactly the light in it is lost. `hard` and `subtract` act at the latch. A crossing
+    at the latch instant counts. Very bright pixels skip whole intervals of mean length (see
+    engine.py). This affects only the phase with which such a pixel leaves saturation; without dead
+    time and circuit, that phase equals the exact tier's.
 
-    numbers: of the pixels, (n,) uint32. gain: electrons a second for a unit of light. pattern: of
-    these pixels. offsets: (n,) int64 ps from a clock edge to each pixel's latch. circuit: each
-    spike then takes its comparator's delay and its reset, and the charge leaks, instead of the
-    model's dead time, which must be 0, and under `residual` alone. overshoot: electrons that it
-    gathers beyond a threshold until the comparator answers, for `fraction` alone. Memory: 16 bytes
-    a pixel and piece of light beside the light itself: it is for patches.
+    The class needs 16 bytes per pixel and piece of light in addition to the light, and is meant for
+    patches.
+
+    Args:
+        model: rules of a pixel.
+        numbers: (n,) uint32, numbers of the pixels on the chip.
+        clock: of the latches.
+        gain: electrons a second per unit of light.
+        pattern: fixed pattern of these pixels, None if all are nominal.
+        offsets: (n,) int64, ps from a clock edge to the latch of each pixel; None for 0.
+        circuit: circuit of the pixel, None for none. Each spike then takes the delay of its
+            comparator and its reset, and the charge leaks.
+        overshoot: electrons beyond a threshold until the comparator switches; only `fraction` uses
+            them.
+
+    Raises:
+        ValueError: `offsets` has another shape, or a circuit comes with a dead time or with a reset
+            other than `residual`, or its capacitance falls to 0 at twice the threshold.
     """
 
     def __init__(
@@ -73,7 +85,7 @@ class ReferencePixels:
                     "a circuit must stand with reset 'residual' and no dead time, not "
                     f"{model.reset!r} and {model.dead_time:g} cycle"
                 )
-            circuit.swing(2 * model.threshold)  # refuses a C that comes near zero
+            circuit.swing(2 * model.threshold)  # raises if the capacitance nears zero
         self._overshoot = overshoot
         shot = model.shot
         self._law = law_of(model.threshold, model.threshold_noise, shot)
@@ -87,23 +99,23 @@ class ReferencePixels:
         }  # fmt: skip
 
     def _initial(self, shot: bool) -> tuple[Values, Values]:
-        """Threshold of spike 0 and the charge a run starts with, as `ExactModel.initial` has them:
-        longer intervals are met more often, and the charge is uniform below the threshold."""
+        """Threshold of spike 0 and initial charge, (n,) electrons each, as in `ExactModel.initial`:
+        intervals are weighted by their length, and the charge is uniform below the threshold."""
         model, numbers, law = self._model, self._numbers, self._law
-        kept = model.random_start
-        if kept and model.noisy:
+        if model.random_start and model.noisy:
             longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
             law = law_of(longer, model.threshold_noise, shot)
         goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
-        if not kept:
+        if not model.random_start:
             return goal, np.zeros(goal.size)
         words = philox4x32((numbers, 0, 0, 0), (model.seed, Stream.INITIAL_CHARGE))[0]
         return goal, goal * (words / 2.0**32)
 
     def _level(self, plane: Plane) -> Values:
-        """Electrons a picosecond under a steady plane, (n,), before transfers, each plane computed
-        once. What the exact tier holds at LARGEST a cycle is not held here: a flash keeps its
-        charge."""
+        """Electrons a picosecond under a steady plane before transfers, (n,); cached by plane.
+
+        Unlike in the exact tier, LARGEST is no limit here: a flash keeps all of its charge.
+        """
         for known, rates in self._levels:
             if known is plane:
                 return rates
@@ -120,8 +132,8 @@ class ReferencePixels:
     def _course(
         self, light: Light, first: int, last: int
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Values, Values]:
-        """Begins, ends (pieces,) and rates at either, (n, pieces), of the pieces that are needed
-        between two instants."""
+        """Begins and ends, (pieces,) ps, and rates at both, (n, pieces), of the pieces between two
+        instants."""
         n = self._numbers.size
         if light.shape[0] * light.shape[1] != n:
             raise ValueError(f"light must fall on {n} pixels, not {light.shape}")
@@ -144,9 +156,11 @@ class ReferencePixels:
     def _transferred(
         self, pieces: list[Piece], first: int, last: int
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Values, Values]:
-        """The same with the transfers applied to the rate. Light that changes is cut at the clock's
-        edges, and the mapped rate is linear between them; what that leaves out is of second order
-        in the change within a cycle."""
+        """`_course` with the transfers applied to the rate.
+
+        Changing light is cut at the clock edges, and the mapped rate is linear between them. The
+        error is of second order in the change within a cycle.
+        """
         clock, model = self._clock, self._model
         per_threshold = PS * float(clock.period) / model.threshold
         begins, ends, starts, stops = [], [], [], []
@@ -176,12 +190,22 @@ class ReferencePixels:
         )  # fmt: skip
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
-        """Latched bits of cycles `start` to `start + cycles` of the clock: (ceil(cycles / 32), n)
-        words, bit b of word w being cycle start + 32 w + b.
+        """Latched bits of cycles `start` to `start + cycles` of the clock.
 
-        light: its pixels are these, row by row; it covers these cycles, moved by every offset.
-        Calls follow each other without gaps; results do not depend on how a run is split, as long
-        as its pieces of light are the same.
+        Calls follow each other without gaps. Results do not depend on how a run is split into
+        calls, as long as the pieces of light are the same.
+
+        Args:
+            light: light on these pixels, row by row. It covers the cycles, moved by every offset.
+            start: first cycle.
+            cycles: number of cycles.
+
+        Returns:
+            (ceil(cycles / 32), n) uint32; bit b of word w is cycle start + 32 w + b.
+
+        Raises:
+            ValueError: the light has another size, is negative or does not cover the cycles, or
+                `start` does not follow the last call.
         """
         state, clock = self._state, self._clock
         edges = np.array([clock.edge(start + c) for c in range(cycles + 1)], np.int64)
@@ -196,28 +220,28 @@ class ReferencePixels:
         begin = int(edges[0] + self._offsets.min())
         course = self._course(light, begin, int(edges[-1] + self._offsets.max()))
         before = tuple(state[key] for key in ("tick", "part", "charge", "goal", "spikes", "held"))
-        given = (self._numbers, self._offsets, *course, edges)
+        inputs = (self._numbers, self._offsets, *course, edges)
         drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
         run: Any = expose if self._circuit is None else expose_circuit
         if self._circuit is None:
             dead = model.dead_time * float(clock.period) * PS
-            run(*before, *given, _RULE[model.reset], dead, *drawn, words)
+            run(*before, *inputs, _RULE[model.reset], dead, *drawn, words)
         else:
             phases = (state["phase"], state["volts"], state["wait"])
-            run(*before, *phases, *given, self._circuit, *drawn, words)
+            run(*before, *phases, *inputs, self._circuit, *drawn, words)
         state["cycle"] = np.full(1, start + cycles)
         return words
 
     def fraction(self) -> Values:
-        """Charge stored at each pixel's last latch over the threshold of the interval that is
-        running there, with what a late comparator lets it gather beyond; at most 1, (n,)."""
+        """Charge at each pixel's last latch over the threshold of its current interval, including
+        the overshoot; at most 1, (n,)."""
         fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
         return np.minimum(fraction, 1.0) if self._overshoot else fraction
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next cycles depend on, as copies."""
+        """The state that the next call depends on, as copies."""
         return {key: self._state[key].copy() for key in _KEYS}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self._state = {key: np.array(state[key], kind) for key, kind in _KEYS.items()}

@@ -1,4 +1,7 @@
-"""Special functions of scipy inside compiled loops, by address: so the loops stay cacheable."""
+"""Special functions of scipy for compiled loops.
+
+They are called by address, so that numba can cache the compiled loops.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,11 @@ __all__ = ["address", "call_one", "call_two"]
 
 
 def address(name: str) -> np.int64:
-    """Where scipy.special.cython_special has a function of doubles; it changes from process to
-    process, so it is an argument of what is compiled, never a constant in it."""
+    """Address of a function of doubles in scipy.special.cython_special.
+
+    The address changes from process to process, so compiled code takes it as an argument and never
+    as a constant.
+    """
     return np.int64(get_cython_function_address("scipy.special.cython_special", name))
 
 
@@ -40,6 +46,6 @@ def _two(typing, where, a, x):  # type: ignore[no-untyped-def]
 
 
 call_one: Any = intrinsic(_one)
-"""f(x) of the function at an address."""
+"""call_one(address, x): f(x) of the function at the address."""
 call_two: Any = intrinsic(_two)
-"""f(a, x) of the function at an address."""
+"""call_two(address, a, x): f(a, x) of the function at the address."""

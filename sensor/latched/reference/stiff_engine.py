@@ -1,6 +1,6 @@
-"""The reference pixel with its circuit: crossing, comparator, reset, each by its own closed form.
+"""The reference pixel with its circuit: integration, comparator delay and reset in closed form.
 
-As in engine.py a pixel's state changes only at its own events and at the ends of pieces of light.
+As in engine.py, the state of a pixel changes only at its events and at the ends of pieces of light.
 """
 
 from __future__ import annotations
@@ -25,13 +25,16 @@ _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
 
 
+# Many arguments, for the reason in engine.py.
 @njit(cache=True, error_model="numpy")
 def _stored(  # type: ignore[no-untyped-def]
     begins, ends, first, last, i, tick, part, stop, phase, charge, volts, wait, goal, circuit
 ):
-    """Charge at `stop` (ps), before any event, of the interval under way: beyond its threshold
-    while the comparator answers (its leak is of no account then), none while the switch is
-    closed."""
+    """Charge of the current interval at `stop` (ps), with no event before it.
+
+    During the comparator delay it is beyond the threshold, and its leak is neglected. During the
+    reset it is 0.
+    """
     if phase == RESET:
         return 0.0
     if phase == DELAY:
@@ -53,13 +56,20 @@ def _stored(  # type: ignore[no-untyped-def]
     return min(charge, goal)
 
 
+# Many arguments, for the reason in engine.py.
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose_circuit(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, offsets, begins,
     ends, first, last, edges, circuit, q, kind, sigma, table, functions, seed, words,
 ):  # fmt: skip
-    """As engine.expose under `residual`. phases: of each pixel (stiff/phases.py). outputs: volts
-    of its comparator. waits: ps that its reset has left."""
+    """Runs every pixel as `engine.expose` does under `residual`, with these further arguments.
+
+    Args:
+        phases: (n,) phase of each pixel (sensor/circuit/phases.py).
+        outputs: (n,) output of its comparator, V.
+        waits: (n,) ps until the end of its reset.
+        circuit: `Circuit.packed()`.
+    """
     cycles = edges.size - 1
     for p in prange(ticks.size):
         rate0, rate1, offset = first[p], last[p], offsets[p]
@@ -67,7 +77,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         phase, volts, wait = phases[p], outputs[p], waits[p]
         pixel = np.uint64(pixels[p])
         stop = edges[cycles] + offset
-        i = np.int64(-1)  # a constant would have `piece_at` compiled for it as well
+        i = np.int64(-1)  # a literal would compile `piece_at` a second time
         while True:
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
@@ -117,8 +127,8 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                 continue
             phase = DELAY if charge >= goal else INTEGRATE
             wait = 0.0
-            # Whole intervals of the mean threshold at once, under the mean light of the stretch
-            # that both this cycle and the piece of light last.
+            # Skip whole intervals of the mean threshold, under the mean light up to the latch or
+            # the end of the piece.
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
             c = latch_of(edges, offset, tick, part)
