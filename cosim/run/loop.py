@@ -16,9 +16,9 @@ import numpy as np
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted
-from cosim.stage import BLOCK, Stage, State, Stateful, blocks
+from cosim.stage import BLOCK, Stage, State, Stateful, blocks, section
 
-__all__ = ["Checkpoint", "run_blocks"]
+__all__ = ["Checkpoint", "run_blocks", "stop_requests"]
 
 
 @dataclass(frozen=True)
@@ -65,23 +65,27 @@ class Checkpoint:
             )
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
-                prefix = f"{name}/"
-                stage.restore(
-                    {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-                )
+                stage.restore(section(arrays, name))
         return cycle
 
 
 @contextmanager
-def _stop_requests() -> Iterator[threading.Event]:
-    """Set by Ctrl-C and by a request to terminate, so that a block is always finished first."""
+def stop_requests() -> Iterator[threading.Event]:
+    """Set by Ctrl-C and by a request to terminate, so that a block is always finished first. A
+    second one raises KeyboardInterrupt at once."""
     asked = threading.Event()
+
+    def ask(*_: object) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
     if threading.current_thread() is not threading.main_thread():
         yield asked  # signals reach the main thread only
         return
     before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        signal.signal(number, lambda *_: asked.set())
+        signal.signal(number, ask)
     try:
         yield asked
     finally:
@@ -109,7 +113,7 @@ def run_blocks(
     spent = dict.fromkeys(stages, 0.0)
     saved = time.monotonic()
     progress(begin)
-    with _stop_requests() as asked:
+    with stop_requests() as asked:
         for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():
