@@ -275,3 +275,19 @@ def test_a_noisy_line_is_not_taken_for_a_wrong_baud(good):
     report = brought_up(Noisy(SIZE))
     assert (report.failed_stage, report.failed.kind) == ("bytes", "short"), report.cause
     assert "were complete" in report.cause
+
+
+def test_counters_that_fall_to_nothing_are_a_fault_and_no_division():
+    """What a restart between two readings of the threshold stage looks like."""
+    reached = []
+
+    def frames(value):
+        if value >= 48:
+            reached.append(value)
+        return 0 if len(reached) > 1 else value
+
+    port = changed(0x32C, frames)
+    port.changed[0x334] = lambda value: 0 if reached else value
+    report = brought_up(port)
+    assert not report.ok and report.stages[-1].outcome != "ok"
+    assert "the frame counter fell to 0 after it had reached 48" in report.cause

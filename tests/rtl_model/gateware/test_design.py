@@ -10,8 +10,8 @@ from rtl_model.gateware.baud import TOLERANCE, baud_error, check_baud
 from rtl_model.gateware.block_ram import block_rams
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
-from rtl_model.synthesis import VERILOG, synthesise
-from rtl_model.verilated import build_crc
+from rtl_model.synthesis import synthesise
+from rtl_model.verilated import VERILOG, build_crc
 
 ULX3S = TARGETS["ulx3s-25f"]
 

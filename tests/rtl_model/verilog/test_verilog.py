@@ -8,7 +8,7 @@ import pytest
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.registers.verilog import HEADER, verilog_header, write_verilog_header
-from rtl_model.synthesis import VERILOG
+from rtl_model.verilated import VERILOG
 
 
 def test_the_header_is_made_from_the_table(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtl_model.synthesis import VERILOG
+from rtl_model.verilated import VERILOG
 
 BENCH = Path(__file__).with_name("testbench.v")
 needs_icarus = pytest.mark.skipif(
