@@ -1,4 +1,4 @@
-"""A chain that records in memory: a run that is interrupted cannot be resumed."""
+"""A chain that records in memory. An interrupted run cannot be resumed."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ AFRESH = "run it afresh with another --out"
 
 @contextmanager
 def start_again(folder: Path, done: int, length: int) -> Iterator[None]:
-    """Work on a run that cannot be resumed: an interruption and a full disk end with that advice.
+    """Context of a run that cannot be resumed: after an interruption or on a full disk, the message
+    advises to start again.
 
     Args:
-        folder: of the run.
-        done, length: cycles simulated so far, and of the whole run.
+        folder: folder of the run.
+        done, length: cycles simulated so far, and cycles of the whole run.
     """
     try:
         with room_for("the run", folder, "run it again with another --out"):
@@ -41,13 +42,13 @@ class MemoryChain:
     """Stages over steps of any length.
 
     Attributes:
-        title: what runs, for the progress bar.
-        folder: of the run.
+        title: text of the progress bar.
+        folder: folder of the run.
         clock, cycles: unit and length of the run.
         steps: light, start and stop (ps) of each step.
-        stages: by name, from the pixels to the sink; each maps its input, start and stop (ps).
-        sink: holds the recording.
-        seconds: wall time of each stage, s; with what was spent before the chain began.
+        stages: stages by name, from the pixels to the sink; called with input, start and stop (ps).
+        sink: last stage, with the recording.
+        seconds: wall time of each stage, s, including time before the chain.
     """
 
     title: str
@@ -61,18 +62,18 @@ class MemoryChain:
 
     @property
     def checkpoint(self) -> Path:
-        """A file that is never there."""
+        """File of the checkpoint; it never exists."""
         return self.folder / CHECKPOINT
 
     def load(self) -> None:
-        """Raises InputError: there is nothing to go on from."""
+        """Raises InputError, because there is no checkpoint."""
         raise InputError("--resume", "for a run with checkpoints", "for one without", AFRESH)
 
     def save(self) -> None:
-        """Nothing: the recording is lost."""
+        """Does nothing; the recording is lost."""
 
     def discard(self) -> None:
-        """Nothing: no file has been written."""
+        """Does nothing; there are no files."""
 
     def run(self, progress: Progress) -> dict[str, float]:
         """See `Chain`."""
@@ -95,7 +96,7 @@ class MemoryChain:
 
 
 def _spent(seconds: dict[str, float], stage: str, since: float) -> float:
-    """Counts the time since `since` for a stage; the time now."""
+    """Adds the time since `since` to a stage; returns the current time."""
     now = time.perf_counter()
     seconds[stage] += now - since
     return now
