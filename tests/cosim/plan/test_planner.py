@@ -102,8 +102,8 @@ def test_tiles_decide_for_themselves_and_a_plane_goes_by_its_worst():
 
 def test_the_tier_s_own_error_takes_its_part():
     one = [effect("a", 0.4)]
-    assert plan(one, 1.0, own=0.1).left_out == ("a",)
-    assert plan(one, 1.0, own=0.11).left_out == ()
+    assert plan(one, 1.0, tier_error=0.1).left_out == ("a",)
+    assert plan(one, 1.0, tier_error=0.11).left_out == ()
 
 
 def test_an_infinite_bound_is_never_left_out_and_darkness_changes_nothing():
