@@ -1,4 +1,4 @@
-"""A serial server that negotiates by RFC 2217, before the port of a board."""
+"""A serial server that negotiates by RFC 2217, in front of the port of a board."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Rfc2217Server"]
 
 
 class _Pty(serial.Serial):
-    """A pty has no modem lines, of which the manager reports."""
+    """Omits the modem lines, which the manager reports but a pty does not have."""
 
     cts = dsr = ri = cd = property(lambda self: False)
 
@@ -74,7 +74,7 @@ class Rfc2217Server:
         client.settimeout(0.001)
 
         class Connection:
-            """What the manager answers negotiations through."""
+            """Sends the manager's answers to negotiations."""
 
             def write(self, data: bytes) -> None:
                 client.sendall(data)

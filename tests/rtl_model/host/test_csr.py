@@ -1,4 +1,4 @@
-"""csr.csv of any LiteX design: our own, a foreign one, a broken one, anything at all."""
+"""csr.csv of the Viform board, of another LiteX design, a broken one, and any text."""
 
 import pytest
 from hypothesis import given
@@ -35,7 +35,7 @@ def test_our_own_map_is_the_table(tmp_path):
 
 
 class Words:
-    """A port whose words are known: answers reads, keeps writes."""
+    """A port with known words: it answers reads and records writes."""
 
     name, baud = "words", 115_200
 

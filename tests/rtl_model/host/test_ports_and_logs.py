@@ -1,4 +1,4 @@
-"""Ports of every kind and what is wrong with them; logs, and their replay without a board."""
+"""Ports of every kind with their faults; logs, and their replay without a board."""
 
 import json
 import os
