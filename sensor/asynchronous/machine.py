@@ -13,7 +13,7 @@ from typing import Final
 from cosim import Light
 from cosim.files import write_events
 from cosim.light.steps import light_steps
-from cosim.run.inputs import sealed
+from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
@@ -121,7 +121,7 @@ class AsynchronousMachine:
 
     def _identity(self) -> str:
         """Text that depends on the scenario, its files, what is left out, and the version."""
-        text = sealed(self.spec.inputs) + viform_version()
+        text = add_digests(self.spec.inputs) + viform_version()
         return hashlib.sha256(text.encode() + self.plan.left_out.tobytes()).hexdigest()
 
     def _steps(self) -> Iterator[tuple[Light, int, int]]:

@@ -14,7 +14,7 @@ import numpy as np
 from cosim import Clock, InputError, Intensities, Light, join_intensities
 from cosim.files.intensities import write_intensities
 from cosim.light.steps import light_steps
-from cosim.run.inputs import sealed
+from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, latency_rows, viform_version
@@ -143,7 +143,7 @@ class ContinuousMachine:
             f"{spec.name}: {chip.width} x {chip.height} continuous pixels", folder,
             spec.setting.clock, spec.cycles, self._steps(sink.light),
             {"sensor": ContinuousCamera(spec.setting), "recorder": sink}, sink,
-            hashlib.sha256((sealed(spec.inputs) + viform_version()).encode()).hexdigest(),
+            hashlib.sha256((add_digests(spec.inputs) + viform_version()).encode()).hexdigest(),
         )  # fmt: skip
 
     def _steps(self, drawn: PixelLight) -> Iterator[tuple[Light, int, int]]:
