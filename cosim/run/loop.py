@@ -16,9 +16,9 @@ import numpy as np
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted
-from cosim.stage import BLOCK, Stage, State, Stateful, blocks
+from cosim.stage import BLOCK, Stage, State, Stateful, blocks, section
 
-__all__ = ["Checkpoint", "run_blocks"]
+__all__ = ["Checkpoint", "run_blocks", "stop_requests"]
 
 
 @dataclass(frozen=True)
@@ -71,23 +71,29 @@ class Checkpoint:
             )
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
-                prefix = f"{name}/"
-                stage.restore(
-                    {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-                )
+                stage.restore(section(arrays, name))
         return cycle
 
 
 @contextmanager
-def _stop_requests() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, so that the current block is always completed."""
+def stop_requests() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, so that the current block is always completed.
+
+    A second signal raises KeyboardInterrupt at once.
+    """
     requested = threading.Event()
+
+    def request(*_: object) -> None:
+        if requested.is_set():
+            raise KeyboardInterrupt
+        requested.set()
+
     if threading.current_thread() is not threading.main_thread():
         yield requested  # signals reach the main thread only
         return
     before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        signal.signal(number, lambda *_: requested.set())
+        signal.signal(number, request)
     try:
         yield requested
     finally:
@@ -127,7 +133,7 @@ def run_blocks(
     spent = dict.fromkeys(stages, 0.0)
     saved = time.monotonic()
     progress(begin)
-    with _stop_requests() as requested:
+    with stop_requests() as requested:
         for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():

@@ -16,7 +16,7 @@ from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
 from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, draw_thresholds
-from sensor.latched.pixel.transfer import transferred_light
+from sensor.latched.pixel.transfer import transfer_light
 
 __all__ = ["NumpyFast"]
 
@@ -132,7 +132,7 @@ class NumpyFast:
         for c, rate in enumerate(self._rates(course, cycles)):
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
-                rate = transferred_light(model.transfers, positive, self._array.ratio)
+                rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
             fired = self._phase(rate) | self._deficit(rate)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
