@@ -237,7 +237,7 @@ class Board:
         A design that only its csr.csv describes has no such register and passes. Raises LineFault
         NOT_OURS.
         """
-        if not (self.csr.ours or self.csr.imager):
+        if not (self.csr.is_viform_board or self.csr.imager):
             return
         expected = IMAGER_MAGIC if self.csr.imager else MAGIC
         magic = self.read_twice("ctrl_magic")
@@ -254,7 +254,7 @@ class Board:
         Raises LineFault NOT_OURS if another design or another version is loaded.
         """
         magic = self.read_twice("ctrl_magic") if "ctrl_magic" in self.csr.registers else 0
-        if magic != MAGIC or not self.csr.ours:
+        if magic != MAGIC or not self.csr.is_viform_board:
             raise LineFault(
                 Cause.NOT_OURS, f"the board's first register is {magic:#010x}, not {MAGIC:#010x}"
             )

@@ -132,7 +132,7 @@ def open_endpoint(
 
 
 def csr_map(csr: Path | None) -> CsrMap | None:
-    """The register map of a csr.csv file; None for our own design.
+    """The register map of a csr.csv file; None without a file, for the Viform board.
 
     Raises InputError for a file that is not a csr.csv.
     """

@@ -1,4 +1,4 @@
-"""config.yaml: what public sets write, what it settles, what is refused, never overwritten."""
+"""config.yaml: content of public sets, size of frames, refused content; never overwritten."""
 
 from __future__ import annotations
 
