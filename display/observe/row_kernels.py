@@ -79,6 +79,7 @@ def _add_eight(total, lines, place, weight, t):  # type: ignore[no-untyped-def]
         )
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def add_images(first, stop, planes, pad, plane, down, begin, place, weight, images):  # type: ignore[no-untyped-def]
     """Rows `first` to `stop` of images: images[i, y, x] += sum over taps t of image i of weight[t]

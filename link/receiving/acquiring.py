@@ -23,6 +23,7 @@ from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
+    Sampling,
     Witnesses,
     choose_witnesses,
     known_cells,
@@ -229,7 +230,7 @@ def _time(
             fit = fit_timing(w, begun, clocking.span)
             timing, levels = fit.timing, fit.levels
             mixed = choose_witnesses(
-                recording, layout, registration, timing, known, low, pure=False
+                recording, layout, registration, timing, known, low, Sampling(pure=False)
             )
             if mixed is not None:
                 levels = fit_levels(mixed, timing, levels)
@@ -247,7 +248,9 @@ def _time(
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
     known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)
-    w = choose_witnesses(recording, layout, registration, begun, known_part, begin, of_pilots=True)
+    w = choose_witnesses(
+        recording, layout, registration, begun, known_part, begin, Sampling(of_pilots=True)
+    )
     if w is None:
         return None
     fit = fit_timing(w, begun, clocking.span)

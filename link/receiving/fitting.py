@@ -17,7 +17,7 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import project
-from link.receiving.synthesis import Levels, choose_witnesses, light_on, likelihoods
+from link.receiving.synthesis import Levels, Sampling, choose_witnesses, light_on, likelihoods
 from link.timing import Registration, Timing
 
 __all__ = ["fit_by_known"]
@@ -41,7 +41,13 @@ def fit_by_known(
     unit = np.array([[half[0], 0, half[0]], [0, half[1], half[1]], [0, 0, 1.0]])
     back = np.linalg.inv(unit)
     w = choose_witnesses(
-        recording, layout, registration, timing, known, begin, count=_PIXELS, pure=False, seed=2
+        recording,
+        layout,
+        registration,
+        timing,
+        known,
+        begin,
+        Sampling(pixels=_PIXELS, pure=False, seed=2),
     )
     if w is None:
         return None

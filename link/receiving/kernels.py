@@ -41,6 +41,7 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
     return rest - math.floor(rest) if rule == 0 else rest
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
@@ -73,6 +74,7 @@ def likelihood(  # type: ignore[no-untyped-def]
     return out
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def slopes(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip

@@ -10,7 +10,7 @@ a pixel does next is judged from its spikes so far, so that errors do not add up
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ __all__ = [
     "RULES",
     "SKIP",
     "Levels",
+    "Sampling",
     "Witnesses",
     "choose_witnesses",
     "known_cells",
@@ -108,15 +109,40 @@ def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> npt.
     return out
 
 
+class Sampling(NamedTuple):
+    """How witnesses are drawn.
+
+    Attributes:
+        pixels: number of them, at most.
+        of_pilots: whether they lie on pilot cells; otherwise within the panel.
+        pure: whether pixels that see several cells are left out if enough others are there: where
+            cells meet, light follows blur and registration, whose errors would pass for delay.
+        seed: of the draw.
+    """
+
+    pixels: int = 1500
+    of_pilots: bool = False
+    pure: bool = True
+    seed: int = 1
+
+
+DEFAULT: Final = Sampling()
+
+
 def choose_witnesses(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
-    known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, *, count: int = 1500,
-    of_pilots: bool = False, pure: bool = True, seed: int = 1,
+    known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, how: Sampling = DEFAULT,
 ) -> Witnesses | None:  # fmt: skip
-    """Pixels by chance within the panel, or on its pilots. known: (n, rows, columns) of symbols
-    from `begin` on. pure: only such as see one cell, if there are enough: where cells meet, light
-    follows blur and registration, whose errors would pass for lateness. None where too few pixels
-    or ticks are there."""
+    """Pixels whose light is known, drawn at random; None if there are too few pixels or ticks.
+
+    Args:
+        recording: of the camera.
+        layout, registration, timing: of the panel on it.
+        known: cells of consecutive symbols, (n, rows, columns).
+        begin: number of the first of these symbols.
+        how: pixels are drawn.
+    """
+    count, of_pilots, pure, seed = how
     mode, h = layout.mode, registration.homography
     rng = np.random.default_rng(seed)
     middle = float(timing.start(begin + len(known) / 2, timing.rows / 2))

@@ -154,6 +154,7 @@ def output(drive, slope, leak, over, gain, pole, y, t):  # type: ignore[no-untyp
     return volts, (gain * beyond - volts) * a, beyond
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, error_model="numpy")
 def wait_for(drive, slope, leak, over, gain, pole, y, trip, left):  # type: ignore[no-untyped-def]
     """First t <= left at which the comparator's output has risen to trip, or infinite.

@@ -35,6 +35,7 @@ def _moved(rate, slope, tau, a, electrons, charge, goal, left):  # type: ignore[
     return math.inf, after
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, error_model="numpy")
 def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # type: ignore[no-untyped-def]
     """(t, charge, volts): the time t <= left at which the phase ends, and the charge and the

@@ -25,6 +25,7 @@ SWELLS = tuple(1.0 + 0.02 * m + 0.0114 * m * m for m in range(14))
 """Standoffs, over the steady one, for which a sphere's flow is kept; in between, linear."""
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def mix(out, steady, swirl, grain, x, y, ripple, pixel, xs, xc, xp, gas, ring):  # type: ignore[no-untyped-def]
     """Density along sight lines, kg/m2: the steady flow upstream of the starting shock at xs, cold

@@ -194,6 +194,7 @@ class Wedge:
         return width * (self.density(x, y) - 1.0)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def _layer_density(  # type: ignore[no-untyped-def]
     x, r, radius, off, curve, slope, gamma, mach, stag, pitot, corner, wake, rays, ratios

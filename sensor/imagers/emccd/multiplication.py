@@ -101,6 +101,7 @@ def _binomial_one(count, p, pixel, frame, draw, seed, stream):  # type: ignore[n
             return int(k)
 
 
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def _branch(electrons, p, stages, numbers, frame, seed, stream, attempts, out):  # type: ignore[no-untyped-def]
     flip = p > 0.5
