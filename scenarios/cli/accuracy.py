@@ -3,39 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from scenarios.cli.options import ScenarioName, ScenarioOptions, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["accuracy"]
 
 
+@expand_options
 def accuracy(
-    scenario: Annotated[
-        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
-    ],
-    assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
+    scenario: ScenarioName,
+    options: ScenarioOptions,
     figure: Annotated[Path | None, typer.Option(help="a PNG to draw error against time to")] = None,
     json: Json = False,
 ) -> None:
     """Measure error against run time: every tier at a ladder of tolerances."""
     from cosim import InputError
     from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.schema.loading import load
 
-    name, given = load(scenario, assignments, seed=seed)
-    study = assemble_study("accuracy", name, given, device)
+    name, given = options.load(scenario)
+    study = assemble_study("accuracy", name, given, options.device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
     progress = make_progress()

@@ -4,10 +4,40 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
-from typing import Any, get_type_hints
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
-__all__ = ["expand_options"]
+import typer
+
+if TYPE_CHECKING:
+    from scenarios.assemble.schema.scenario import AnyScenario
+
+__all__ = ["ScenarioName", "ScenarioOptions", "Tolerance", "expand_options"]
+
+ScenarioName = Annotated[
+    str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
+]
+Tolerance = Annotated[float | None, typer.Option(help="error allowed, relative")]
+
+
+@dataclass(frozen=True)
+class ScenarioOptions:
+    """What the command line overrides of a scenario, and the device that simulates it."""
+
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
+    ] = None
+    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None
+    device: Annotated[
+        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
+    ] = None
+
+    def load(self, scenario: str, tolerance: float | None = None) -> tuple[str, AnyScenario]:
+        """Short name and checked scenario. Raises InputError."""
+        # The schema takes half a second to import, which `--help` does not wait for.
+        from scenarios.assemble.schema.loading import load
+
+        return load(scenario, self.assignments, tolerance=tolerance, seed=self.seed)
 
 
 def expand_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
+from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["plan"]
 
 
+@expand_options
 def plan(
-    scenario: Annotated[
-        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
-    ],
-    assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
-    ] = None,
-    tolerance: Annotated[float | None, typer.Option(help="error allowed, relative")] = None,
-    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
+    scenario: ScenarioName,
+    options: ScenarioOptions,
+    tolerance: Tolerance = None,
     json: Json = False,
 ) -> None:
     """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
     from scenarios.assemble.machine import assemble_study
-    from scenarios.assemble.schema.loading import load
 
-    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
-    study = assemble_study("plan", name, loaded, device)
+    name, loaded = options.load(scenario, tolerance)
+    study = assemble_study("plan", name, loaded, options.device)
     progress = make_progress()
     try:
         document = study.forecast(progress)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
 from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
 
 if TYPE_CHECKING:
@@ -19,20 +20,13 @@ _BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_nu
 """Metrics that are printed below the table of a run with a display."""
 
 
+@expand_options
 def run(
-    scenario: Annotated[
-        str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
-    ] = "glass",
-    assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
-    ] = None,
-    tolerance: Annotated[float | None, typer.Option(help="error allowed, relative")] = None,
-    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
+    options: ScenarioOptions,
+    scenario: ScenarioName = "glass",
+    tolerance: Tolerance = None,
     out: Annotated[Path | None, typer.Option(help="folder to make [runs/SCENARIO-N]")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on in --out")] = False,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
     trace: Annotated[
         Path | None,
         typer.Option(
@@ -45,13 +39,12 @@ def run(
     a test board up."""
     from cosim.run.machine import Options
     from scenarios.assemble.machine import check_options
-    from scenarios.assemble.schema.loading import load
     from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
-    name, loaded = load(scenario, assignments, tolerance=tolerance, seed=seed)
-    options = Options(device, resume, trace)
-    check_options(loaded, options)
+    name, loaded = options.load(scenario, tolerance)
+    asked = Options(options.device, resume, trace)
+    check_options(loaded, asked)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -61,7 +54,7 @@ def run(
             return
     progress = make_progress()
     try:
-        done = run_scenario(name, loaded, out, options=options, progress=progress, began=BEGAN)
+        done = run_scenario(name, loaded, out, options=asked, progress=progress, began=BEGAN)
     finally:
         progress.close()
     print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
