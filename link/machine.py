@@ -38,7 +38,7 @@ class PanelLoop(Protocol):
 
     @property
     def fault(self) -> str | None:
-        """Why the run has failed; None if all bits came back as they were sent."""
+        """Cause of a failed run; None if all bits came back as they were sent."""
         ...
 
     def close(self) -> None: ...
@@ -68,7 +68,7 @@ class LinkChain(BlockChain):
 
 
 class LinkMachine:
-    """See `Machine`. The check of the plan is its trial.
+    """The machine of a link; see `Machine`. Its trial is the check of the plan.
 
     Args:
         name: short name of the scenario.
@@ -113,7 +113,7 @@ class LinkMachine:
     def chain(self, folder: Path) -> LinkChain:
         setup, chip = self._setup, self._setup.setting.camera.chip
         air = self._link.make_air()
-        sensor = self._link.make_camera(air.late)
+        sensor = self._link.make_camera(air.row_delay)
         clock = setup.setting.camera.clock
         recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock)
         return LinkChain(
@@ -123,7 +123,8 @@ class LinkMachine:
         )  # fmt: skip
 
     def _identity(self) -> str:
-        """Text that depends on the scenario, the mode, the plan, the file and the version."""
+        """Returns a text that depends on the scenario, the mode, the plan, the file and the
+        version."""
         setup, plan = self._setup, self._link.plan
         text = to_toml(setup.scenario.model_copy(update={"title": ""})) + viform_version()
         text += f"{setup.mode} {plan.tier} {sorted(plan.left_out)}"
@@ -131,7 +132,7 @@ class LinkMachine:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def shortfall(self, recording: Recording) -> list[Finding]:
-        """None: the plan was checked before the recording."""
+        """Returns an empty list: the plan was checked before the recording."""
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
@@ -147,12 +148,12 @@ class LinkMachine:
         files = write_delivery(
             recording.folder, setup.payload, link.delivered, link.verdict_document()
         )
-        progress.start("report", 2)  # in the place of the receiver's
+        progress.start("report", 2)  # replaces the progress of the receiver
         return Outcome(
             outcome="failed" if faults or not link.delivered else outcome,
             simulated_s=setup.cycles / setup.setting.camera.clock.hz,
             error=link.check.error,
-            kept=plan.kept,
+            kept=plan.simulated,
             left_out=link.left_out,
             metrics={
                 **link_metrics(link, seconds["air"] + seconds["sensor"]),

@@ -1,8 +1,8 @@
-"""Modes: what a sender chooses and a receiver reads from the panel itself.
+"""Modes: chosen by a sender, and read by a receiver from the panel itself.
 
 The ids of the four AprilTags (36h11, 587 of them) carry the mode: corner k shows id 4 d_k + k, with
 digits d: width of the panel in 32 pixels, its height, cell and ticks, line code and redundancy. So
-any stretch of a stream says how to read it, and which corner is which.
+any part of a stream identifies the mode and the corners.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from link.line_codes.code import LineCode
 __all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "Mode"]
 
 LINE_CODES: Final = tuple(CATALOGUE)
-"""Names of the codes along time."""
+"""Names of the line codes."""
 CELLS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
-"""Panel pixels to the side of a cell."""
+"""Sides of a cell, panel pixels."""
 TICKS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
-"""Panel planes to a symbol."""
+"""Lengths of a symbol, panel planes."""
 PARITIES: Final = (16, 32, 64, 128)
-"""Bytes of a Reed-Solomon codeword of 255 that are parity."""
+"""Parity bytes of a Reed-Solomon codeword of 255."""
 STEP: Final = 32
-"""Panel pixels that a panel's sides are multiples of."""
+"""Factor of a panel's sides, pixels."""
 _DIGITS: Final = 146
-"""Values of a digit: 587 ids, four corners."""
+"""Values of a digit: 587 ids for four corners."""
 
 
 def _index(name: str, value: object, known: tuple[object, ...]) -> int:
@@ -37,8 +37,14 @@ def _index(name: str, value: object, known: tuple[object, ...]) -> int:
 
 @dataclass(frozen=True)
 class Mode:
-    """width, height: of the panel, pixels, multiples of 32. cell: panel pixels to its side. ticks:
-    panel planes to a symbol. line: code along time, of each cell on its own. parity: bytes of 255.
+    """A mode of transmission.
+
+    Attributes:
+        width, height: of the panel, pixels, multiples of 32.
+        cell: side of a cell, panel pixels.
+        ticks: length of a symbol, panel planes.
+        line: name of the line code, applied to each cell independently.
+        parity: parity bytes of 255.
     """
 
     width: int
@@ -63,7 +69,7 @@ class Mode:
 
     @property
     def code(self) -> LineCode:
-        """The code along time."""
+        """The line code."""
         return CATALOGUE[self.line]
 
     @property
@@ -80,7 +86,7 @@ class Mode:
 
     @classmethod
     def from_tags(cls, tags: tuple[int, int, int, int]) -> Mode:
-        """The mode whose `tags` these are. Raises ValueError where they are of no mode."""
+        """Returns the mode of these tags. Raises ValueError if they belong to no mode."""
         if [tag % 4 for tag in tags] != [0, 1, 2, 3]:
             raise ValueError(f"tags must be of corners 0, 1, 2 and 3, not {tags}")
         wide, high, size, code = (tag // 4 for tag in tags)

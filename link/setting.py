@@ -1,4 +1,4 @@
-"""A scenario of a link as numbers: the file, the panel, lens, aim and air, and the camera."""
+"""The numbers of a link's scenario: file, panel, lens, aim, air and camera."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from cosim import Clock, InputError
 from cosim.light.lens import FASTEST_F_NUMBER
 from display import SpikePanel
-from link.air import Aim, Air, AirSetting, Optics, Source, f_number_for
+from link.air import Aim, Air, AirSetting, Optics, Scene, Source, f_number_for
 from link.air.geometry import lengths
 from link.air.projection import Places
 from link.coding import safe_name
@@ -28,19 +28,25 @@ __all__ = [
 LEAD, TAIL = 8, 4
 """Camera cycles before the panel's first light, and after its last plane."""
 LARGEST = 1_000_000_000
-"""Bytes of a file, at most."""
+"""Largest size of a file, bytes."""
 SLOWEST_F_NUMBER = 1000.0
-"""The largest that a scenario may give; a pinhole."""
+"""Largest f-number of a scenario; a pinhole."""
 _MICRO = 1e-6
 _RANDOM_NAME = "random.bin"
-"""What the random bytes are called where no file is given."""
+"""Name of the random bytes if no file is given."""
 _STREAM_BYTES, _STREAM_PHASE = 0x4C494E4B, 0x50484153
-"""Streams of the payload and of the panel's phase, beside the scenario's seed."""
+"""Streams of random numbers of the payload and of the panel's phase; the key is the scenario's
+seed."""
 
 
 @dataclass(frozen=True)
 class Payload:
-    """What is sent: its name in `received/`, and its bytes."""
+    """What is sent.
+
+    Attributes:
+        name: of the file in `received/`.
+        data: its bytes.
+    """
 
     name: str
     data: bytes
@@ -51,11 +57,11 @@ class LinkSetting:
     """A link as it is simulated.
 
     Attributes:
-        camera, panel, optics, aim, air: as they are set.
+        camera, panel, optics, aim, air: the parts.
         first_light: time at which the first row of the panel begins plane 0, ps.
-        phase: delay of the panel's planes against the camera's ticks, ticks.
-        scale: camera pixels to a panel pixel.
-        chosen_f_number: whether link.aim.on_level has chosen the f-number.
+        phase: delay of the panel's planes after the camera's ticks, ticks.
+        scale: camera pixels for a panel pixel.
+        chosen_f_number: whether the f-number follows from link.aim.on_level.
     """
 
     camera: CameraSetting
@@ -69,13 +75,13 @@ class LinkSetting:
     chosen_f_number: bool
 
     def make_air(
-        self, source: Source, planes: int, kept: Collection[str] | None = None,
+        self, source: Source, planes: int, effects: Collection[str] | None = None,
         places: Places | None = None,
     ) -> Air:  # fmt: skip
-        """The stage that makes the light on the camera; see `Air` for its arguments."""
+        """Returns the stage that makes the light on the camera; see `Air` for its arguments."""
         return Air(
-            source, self.panel, self.optics, self.aim, self.air, self.camera,
-            first_light=self.first_light, planes=planes, kept=kept, places=places,
+            source, Scene(self.panel, self.optics, self.aim, self.air), self.camera,
+            first_light=self.first_light, planes=planes, effects=effects, places=places,
         )  # fmt: skip
 
 
@@ -84,7 +90,8 @@ def _random(seed: int, stream: int) -> np.random.Generator:
 
 
 def payload_of(scenario: LinkScenario) -> Payload:
-    """The file, or random bytes of the scenario's seed. Raises InputError for no such file."""
+    """Returns the file, or random bytes of the scenario's seed. Raises InputError for a missing
+    file."""
     section = scenario.link
     if section.file is None:
         return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
@@ -112,7 +119,10 @@ def payload_of(scenario: LinkScenario) -> Payload:
 
 
 def _refuse_lens(lens: LensSection) -> None:
-    """The link's lens stands in [link.aim]; of [sensor.lens] only its transmission counts."""
+    """Raises InputError for a lens in [sensor.lens]: that of a link is in [link.aim].
+
+    Only the transmission is read from [sensor.lens].
+    """
     plain = LensSection()
     for name in ("f_number", "white_rate", "magnification", "psf"):
         if getattr(lens, name) != getattr(plain, name):
@@ -123,13 +133,13 @@ def _refuse_lens(lens: LensSection) -> None:
 
 
 def _panel_clock(clock: Clock, ppm: float) -> Clock:
-    """The camera's nominal clock, off by so many parts per million."""
+    """Returns the camera's nominal clock with an offset in parts per million."""
     rate = Fraction(clock.num, clock.den) * (1 + Fraction(repr(ppm)) / 10**6)
     return Clock(rate.numerator, rate.denominator)
 
 
 def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
-    """The panel and the lens, with its f-number or the one that makes cells as bright as asked."""
+    """Returns the panel and the lens, with its f-number or the one for the requested brightness."""
     section, panel, aim = scenario.link, scenario.link.panel, scenario.link.aim
     optics = Optics(
         width=panel.width, height=panel.height, pitch=panel.pitch * _MICRO,
@@ -166,10 +176,14 @@ def check_receiver(sensor: SensorSection) -> None:
 
 
 def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
-    """The link of a scenario. Raises InputError for what cannot be simulated.
+    """Returns the link of a scenario.
 
     Args:
+        scenario: the scenario.
         camera: that of [sensor], with every effect.
+
+    Raises:
+        InputError: if the scenario cannot be simulated.
     """
     section, sensor = scenario.link, scenario.sensor
     panel, aim, air = section.panel, section.aim, section.air
@@ -177,7 +191,7 @@ def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
     optics = _optics(scenario, camera)
     scale = lengths(optics, distance).camera * optics.pitch / distance
     row_scan = panel.row_scan
-    if row_scan is None:  # a row of the image is shown as late as the camera samples it
+    if row_scan is None:  # each row of the image is shown when the camera samples it
         row_scan = min(sensor.row_skew * panel.height * scale / camera.chip.height, 1.0)
     phase = panel.phase
     if phase is None:

@@ -1,4 +1,4 @@
-"""Why a transmission did not arrive, in words a user can act on."""
+"""Causes of a failed transmission, in words that a user can act on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Cause", "Verdict"]
 
 @unique
 class Cause(Enum):
-    """What a receiver can tell apart; the text names it."""
+    """What a receiver can distinguish; the text names it."""
 
     NONE = "received whole"
     DARK = "no light of a panel"
@@ -34,7 +34,7 @@ class Verdict:
 
     Attributes:
         cause: the main one.
-        text: a sentence with the figures that show it, and a remedy.
+        text: a sentence with the supporting figures, and a remedy.
     """
 
     cause: Cause

@@ -1,4 +1,4 @@
-"""What lies between panel and camera: geometry, lens, air, stray light."""
+"""The optical path from panel to camera: geometry, lens, atmosphere, stray light."""
 
 from link.air.air import Air, lens_psf
 from link.air.effects import Change, air_effects

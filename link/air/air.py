@@ -1,4 +1,4 @@
-"""From the panel's symbols to lux on the camera's pixels: the stage before the camera."""
+"""The stage before the camera: symbols on the panel become illuminance on the camera's pixels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Block, Light, Piece, Plane
-from display import SpikePanel
 from link.air.emission import Emission, Source
 from link.air.fog import halo_angle
 from link.air.geometry import image_of, lengths
@@ -21,7 +20,7 @@ from link.air.names import NAMES, Scene, simplified
 from link.air.patches import FlickerSeries, flicker_of
 from link.air.projection import Places, Projection, cut
 from link.air.radiometry import levels
-from link.air.setting import Aim, AirSetting, Optics
+from link.air.setting import Optics
 from link.air.sun import sun_glare, sun_image
 from link.timing import Registration
 from sensor import CameraSetting
@@ -29,15 +28,15 @@ from sensor import CameraSetting
 __all__ = ["Air", "lens_psf"]
 
 _AROUND: Final = 2
-"""Cycles of light before and after a block: rows of the camera are sampled up to one late, those of
-the panel shown up to one of its own late."""
+"""Cycles of light before and after a block. Camera rows sample up to one cycle after the first row;
+panel rows are shown up to one of their cycles after the first."""
 _FOREVER: Final = 1 << 61
 _COARSE: Final = 8
-"""Camera pixels to a pixel of a halo hundreds wide."""
+"""Size of a pixel of the coarse grid that a wide halo is computed on, camera pixels."""
 
 
 def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
-    """Of the lens at the panel's distance."""
+    """Returns the point spread function of the lens at the panel's distance."""
     at_panel = lengths(optics, distance)
     cutoff = None
     if optics.diffraction:
@@ -48,7 +47,7 @@ def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
 
 @njit(cache=True, nogil=True)
 def _weigh(weights, light):  # type: ignore[no-untyped-def]
-    """Sum of weights x light, both (h, w)."""
+    """Returns the sum of weights x light, both (h, w) float32."""
     total = 0.0
     for row in range(light.shape[0]):
         line = np.float64(0)
@@ -59,9 +58,17 @@ def _weigh(weights, light):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _finish(image, base, glare, mean, more):  # type: ignore[no-untyped-def]
-    """image = max(image + base, 0) in place, then (1 - glare) of it and glare of the mean, plus
-    `more`. mean: of the whole image; NaN where that is this one."""
+def _finish(image, base, glare, mean, stray):  # type: ignore[no-untyped-def]
+    """Adds the base and the veiling glare to an image, in place.
+
+    image = max(image + base, 0); then (1 - glare) image + glare mean + stray.
+
+    Args:
+        image, base: (h, w) float32, lux.
+        glare: share of the light that the lens spreads over the whole image.
+        mean: mean of the whole image, lux; NaN if `image` is the whole image.
+        stray: illuminance added everywhere, lux.
+    """
     total = 0.0
     for row in range(image.shape[0]):
         line = np.float64(0)
@@ -72,46 +79,67 @@ def _finish(image, base, glare, mean, more):  # type: ignore[no-untyped-def]
         total += line
     if np.isnan(mean):
         mean = total / image.size
-    keep, add = np.float32(1 - glare), np.float32(glare * mean + more)
+    keep, add = np.float32(1 - glare), np.float32(glare * mean + stray)
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
             image[row, column] = keep * image[row, column] + add
 
 
 class Air:
-    """A stage without input: lux on the camera's pixels, block by block.
+    """Illuminance of the camera's pixels, block by block: a stage without input.
 
-    source: what the panel shows. first_light: ps at which its first row begins plane 0. planes: of
-    the transmission; the panel is dark before and after. kept: names of effects that are simulated
-    (`link.air.NAMES`), all unless given. The light is in the time of the panel's own rows, `late`
-    says how late it is at each row of the camera. Vibration and scintillation stay the same within
-    a symbol; an occluder is as bright as the surroundings. panel.pulse must be 1; panel.fill and
-    panel.luminance are not read (light is even over a pixel, of optics.luminance).
+    The light follows the time of the panel's rows; `row_delay` gives the delay at each camera row.
+    Vibration and scintillation are constant within a symbol. An occluder is as bright as the
+    surroundings. `panel.pulse` must be 1. `panel.fill` and `panel.luminance` are not read: light is
+    even over a panel pixel, of luminance `optics.luminance`.
 
-    places: patches of the camera alone, as `projection.cut` has them, the light of which is the
-    same bits as on the whole plane. Where every pixel hangs on the whole image (fog's halo, a blur
-    of many pixels) that is made all the same.
+    Attributes:
+        shape: (height, width) of the camera.
+        symbols: number of symbols of the transmission; the last one may be cut short.
+        shifts: (symbols, 2) float64, shift of the image by vibration, camera pixels.
+        flicker: law of the scintillation.
+        patches: parts of the panel that scintillate independently.
+        factors: factor of the panel's light for each symbol, (patches,) float64 each.
     """
 
     def __init__(
-        self, source: Source, panel: SpikePanel, optics: Optics, aim: Aim, air: AirSetting,
-        camera: CameraSetting, *, first_light: int, planes: int,
-        kept: Collection[str] | None = None, places: Places | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        source: Source,
+        scene: Scene,
+        camera: CameraSetting,
+        *,
+        first_light: int,
+        planes: int,
+        effects: Collection[str] | None = None,
+        places: Places | None = None,
+    ) -> None:
+        """Prepares the stage.
+
+        Args:
+            source: the symbols that the panel shows.
+            scene: panel, optics, aim and air.
+            camera: the camera that films the panel.
+            first_light: start of plane 0 in the panel's first row, ps.
+            planes: length of the transmission, planes; the panel is dark before and after it.
+            effects: names of the effects to simulate (`link.air.NAMES`), None for all.
+            places: patches of the camera, as in `projection.cut`, if only these are computed. Their
+                light has the same bits as on the whole plane. Where each pixel depends on the whole
+                image (fog halo, wide blur), the whole image is computed and then cut.
+        """
+        panel, optics = scene.panel, scene.optics
         if panel.shape != (optics.height, optics.width):
             raise ValueError(f"panel must be {optics.height, optics.width}, not {panel.shape}")
         if panel.pulse != 1:
             raise ValueError(f"panel.pulse must be 1, not {panel.pulse}")
         if planes < 1 or first_light < 0:
             raise ValueError(f"planes must be 1 or more from 0 ps on, not {planes}, {first_light}")
-        names = frozenset(NAMES if kept is None else kept)
-        scene = simplified(Scene(panel, optics, aim, air), names)
+        names = frozenset(NAMES if effects is None else effects)
+        scene = simplified(scene, names)
         panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
         self._ticks, self._planes, self._first = source.ticks, planes, first_light
         self._panel, self._clock, self._aim = panel, camera.clock, aim
         self.shape = shape = camera.chip.height, camera.chip.width
         self.symbols = -(-planes // source.ticks)
-        """Of the transmission; the last may be cut short."""
         self._levels = level = levels(optics, air, names)
         self._psf = lens_psf(optics, air.distance, "defocus" in names)
         self._homography = image_of(optics, aim, air, shape)
@@ -121,11 +149,8 @@ class Air:
         self.shifts = vibration(
             aim.vibration, aim.vibration_frequency, seconds, self.symbols, air.seed
         )
-        """(symbols, 2) camera pixels."""
         self.flicker, self.patches = flicker_of(optics, air)
-        """Of the air, and where on the panel it is alike."""
         self.factors = FlickerSeries(self.flicker, seconds, self.patches.count, air.seed)
-        """Of a symbol, (patches,), of the panel's own light."""
         self._hidden = round(aim.occluded * optics.width)
         self._glare, self._stray = air.glare, sun_glare(optics, air, aim, shape)
         self._halo = lengths(optics, air.distance).camera * halo_angle(optics.wavelength_nm)
@@ -133,7 +158,7 @@ class Air:
         if air.sun > 0:
             visible = 1 - self._projection(np.ones(panel.shape, np.float32))
             self._base += sun_image(optics, aim, air, shape) * np.clip(visible, 0, 1)
-        # Of what the lens spreads evenly: the panel's pixels by what they are in the whole image.
+        # Weights of the panel's pixels in the image's mean, which veiling glare depends on.
         self._weights = None
         if level.halo <= 0 and not self._projection.wide:
             self._weights, self._base_sum = self._projection.weights(), float(self._base.sum())
@@ -149,15 +174,18 @@ class Air:
 
     @property
     def truth(self) -> Registration:
-        """Where the panel's pixels are imaged, without vibration."""
+        """Geometry of the panel's pixels in the image, without vibration."""
         blur = float(np.hypot(self._psf.sigma, self._psf.disc / 2))
         return Registration(self._homography.copy(), np.zeros((0, 3)), blur)
 
     @property
-    def late(self) -> npt.NDArray[np.int64]:
-        """(H,) ps: the panel row that each camera row sees, in the image's middle column of the
-        panel, is shown so much after the panel's first. Of a panel turned about the line of sight
-        the rest of the row is off by its slope, row_scan sin(rotation) of a tick over the panel."""
+    def row_delay(self) -> npt.NDArray[np.int64]:
+        """(H,) int64 ps: delay of the light at each camera row after the panel's first row.
+
+        The delay is that of the panel row which the camera row images in the middle column of the
+        panel. If the panel is rotated about the line of sight, the other columns of the row deviate
+        by up to row_scan sin(rotation) of a tick over the panel.
+        """
         inverse, rows = np.linalg.inv(self._homography), np.arange(self.shape[0])
         height, width = self._panel.shape
         u, _, w = self._homography @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0])
@@ -166,7 +194,7 @@ class Air:
         return np.rint(row / height * self._panel.row_delay).astype(np.int64)
 
     def shift(self, ps: int) -> tuple[float, float]:
-        """(dx, dy) by which vibration moves the image at an instant, camera pixels."""
+        """Returns the shift (dx, dy) of the image by vibration at an instant, camera pixels."""
         symbol = self._symbol(ps)
         if not 0 <= symbol < self.symbols:
             return 0.0, 0.0
@@ -174,7 +202,8 @@ class Air:
         return float(dx), float(dy)
 
     def step(self, data: Any, block: Block) -> Light:
-        """Lux over the block and two cycles around it, from instant 0 on."""
+        """Returns the illuminance over the block and two cycles on either side, from instant 0
+        on."""
         start = max(self._clock.edge(block.start - _AROUND), 0)
         stop = self._clock.edge(block.stop + _AROUND)
         first = min(max(self._symbol(start), 0), self.symbols)
@@ -189,16 +218,17 @@ class Air:
         return Light(tuple(pieces))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Returns all state that the next block depends on."""
         return self._emission.state(min(max(self._resume, 0), self.symbols))
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self._pieces.clear()
         self._emission.restore(state)
 
     def _symbol(self, ps: int) -> int:
-        """Symbol that the panel's first row shows at an instant; outside, one before or after."""
+        """Returns the symbol in the panel's first row at an instant; before and after the
+        transmission the number continues."""
         return self._panel.clock.cycle_at(ps - self._first) // self._ticks
 
     def _symbol_pieces(self, symbol: int) -> tuple[Piece, ...]:
@@ -221,10 +251,15 @@ class Air:
     def _lux(
         self, plane: npt.NDArray[Any], shift: tuple[float, float], factors: npt.NDArray[np.float64]
     ) -> Plane:
-        """Lux on the sensor while the panel shows this plane, in units of a pixel that is on.
-        factors: (patches,)."""
+        """Returns the illuminance while the panel shows this plane.
+
+        Args:
+            plane: (height, width) of the panel, 1 for a pixel that is on.
+            shift: (dx, dy) of the image, camera pixels.
+            factors: (patches,) scintillation factors.
+        """
         level = self._levels
-        # What differs from the surroundings is projected, so that the panel's edge is right.
+        # The difference from the surroundings is projected, so that the panel's edge is correct.
         light = plane.astype(np.float32)
         self.patches.multiply(light, level.panel * factors)
         light += np.float32(level.face - level.around)
@@ -238,7 +273,7 @@ class Air:
         return image
 
     def _whole(self, light: Plane, shift: tuple[float, float]) -> Plane:
-        """The same where light goes far."""
+        """`_lux` where light spreads over many pixels: the whole image, then its patches."""
         level, base = self._levels, self._base
         image = self._projection(light, shift)
         if level.halo > 0:
@@ -248,7 +283,7 @@ class Air:
         return image if self._places is None else cut(image, self._places)
 
     def _spread(self, image: Plane) -> Plane:
-        """The image through the fog's forward scattering, on a coarse grid."""
+        """Returns the image after forward scattering by fog, computed on a coarse grid."""
         import cv2
 
         height, width = image.shape

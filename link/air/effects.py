@@ -1,21 +1,23 @@
-"""Effects between panel and camera: what each costs, and what leaving it out can change.
+"""Effects on the path from panel to camera: their cost, and the change if they are left out.
 
-Every bound begins with a share e of a lit pixel's charge by which no pixel's charge in a tick can
-be wrong, whatever the panel shows:
+Every bound starts from a share e of the charge of a lit pixel. No pixel's charge in a tick is wrong
+by more than e, whatever the panel shows:
 
-- blur: weights k of panel pixels, adding up to 1, become k': e = sum |k - k'| / 2;
-- a shift by (x, y) camera pixels: what a pixel sees changes by |x| + |y| of its area;
+- blur: the weights k of the panel pixels, which sum to 1, become k': e = sum |k - k'| / 2;
+- a shift by (x, y) camera pixels: the field of a pixel changes by |x| + |y| of its area;
 - any displacement up to r: 4 r + pi r^2 of its area;
-- light that is added or taken away: its share, the largest in the image;
-- vibration: its standard deviation, and how long it lasts.
+- light that is added or removed: its largest share in the image;
+- vibration: its standard deviation and its correlation time.
 
-Scintillation is no such share, but a factor of the light of a patch of the panel, on and off alike:
-its law, how long it lasts and how many patches have their own (`flicker_units`).
+Scintillation is not such a share. It multiplies the light of a patch of the panel, of ON and OFF
+alike, and is described by its law, its correlation time and the number of independent patches
+(`flicker_units`).
 
-`ber_units` (summary.py) says what that does to the bit error rate of a decision of its own, by a
-few pixels and ticks in the panel's middle, the panel taken as alike all over. The receiver decides
-otherwise, so every bound is an estimate, and counts twice; what the receiver makes of it is what
-the plan's check films. What is a mere number in the computation costs nothing and is kept.
+`ber_units` (summary.py) turns e into a change of the bit error rate. It assumes the optimal
+decision from a few pixels and ticks in the middle of a uniform panel. The receiver decides
+otherwise, so every bound is an estimate and counts twice; the check of the plan measures the effect
+on the receiver itself. An effect that is only a number in the computation costs nothing and is
+kept.
 """
 
 from __future__ import annotations
@@ -46,10 +48,10 @@ __all__ = ["Change", "air_effects", "charge_changes"]
 
 _PHASES: Final = 32
 _STILL: Final = 1e6
-"""Seconds, for air that never moves."""
+"""Correlation time of air without wind, s."""
 
-# ns a camera pixel of a new plane of light, on one core at 2.5 GHz beside others' work; the order
-# in which the planner leaves effects out, as in `sensor/latched/effects/costs.py`.
+# ns for each camera pixel of a new plane of light, on one loaded core at 2.5 GHz. The costs decide
+# the order in which the planner leaves effects out, as in `sensor/latched/effects/costs.py`.
 _COSTS: Final = {
     "lens blur": 6.0,  # 4 x 4 taps for 2 x 2
     "diffraction": 1e-3,
@@ -58,7 +60,7 @@ _COSTS: Final = {
     "fog blur": 4.0,
     "glare": 1.0,
     "scintillation": 1e-3,
-    "emitter response": 30.0,  # each plane has an image of its own
+    "emitter response": 30.0,  # one image for each plane instead of one for each symbol
 }
 _SOURCES: Final = {
     "lens blur": "a Gaussian PSF",
@@ -80,28 +82,34 @@ _SOURCES: Final = {
 
 @dataclass(frozen=True)
 class Change:
-    """size: e; a standard deviation where `lasts` is above 0, cycles for which what chance brings
-    stays about the same. law: of a factor of the panel's light, on and off alike, of which `size`
-    is the deviation; patches: parts of the panel that have one each."""
+    """Change of the charges if an effect is left out.
+
+    Attributes:
+        size: e; a standard deviation if `duration` is above 0.
+        duration: correlation time of a random effect, cycles; 0 for a constant one.
+        law: law of the factor of the panel's light, of which `size` is the deviation; None for an
+            effect that is not a factor.
+        patches: number of parts of the panel with independent factors.
+    """
 
     size: float
-    lasts: float = 0.0
+    duration: float = 0.0
     law: Flicker | None = None
     patches: int = 1
 
     def units(self, scene: LinkSummary) -> float:
-        """What it does to the link's bit error rate."""
-        times = max(scene.cycles / self.lasts, 1.0) if self.lasts > 0 else 0.0
+        """Returns the change of the link's bit error rate, in half-widths of its interval."""
+        times = max(scene.cycles / self.duration, 1.0) if self.duration > 0 else 0.0
         if self.law is not None:
             return flicker_units(scene, self.law, times * self.patches)
         return ber_units(scene, self.size, times)
 
 
 def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> float:
-    """e of one PSF for another, in the middle of the panel."""
+    """Returns e if one PSF is replaced by the other, in the middle of the panel."""
     if one == other:
         return 0.0
-    if max(one.radius, other.radius) > 3:  # its own pixel is hardly seen
+    if max(one.radius, other.radius) > 3:  # a camera pixel hardly resolves the panel pixel
         return 1.0
     optics = scene.optics
     home = image_of(optics, scene.aim, scene.air, shape)
@@ -112,7 +120,8 @@ def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> 
 
 
 def _displacement(scene: Scene, shape: tuple[int, int]) -> float:
-    """Most that turning and tilting moves a corner of the panel's image, camera pixels."""
+    """Returns the largest displacement of a corner of the panel's image by rotation and tilt,
+    camera pixels."""
     flat = replace(scene.aim, rotation=0.0, tilt=(0.0, 0.0))
     ends = []
     for aim in (scene.aim, flat):
@@ -122,7 +131,7 @@ def _displacement(scene: Scene, shape: tuple[int, int]) -> float:
 
 
 def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
-    """Of every effect that acts in the scene, by name."""
+    """Returns the change of charges of every effect that is active in the scene, by name."""
     panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
     shape = camera.chip.height, camera.chip.width
     level, psf = levels(optics, air), lens_psf(optics, air.distance)
@@ -138,7 +147,7 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
         clear = levels(optics, air, frozenset({"ambient on the panel", "surroundings"}))
         out["fog extinction"] = max(clear.on, clear.around) * -math.expm1(-thick) / lit
         out["airlight"] = level.fog / lit
-        # Left out, airlight takes the place of the halo.
+        # Without the halo, airlight takes its share.
         most = max(clear.on, clear.around, level.fog / max(-math.expm1(-thick), 1e-300))
         out["fog blur"] = forward_share(thick) * most / lit
     out["ambient on the panel"] = level.face * (1 + level.halo / level.dimmed) / lit
@@ -151,20 +160,20 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
         out["sun"] = (disc + stray) / lit
         out["glare"] += air.glare * disc / lit
     law, patches = flicker_of(optics, air)
-    late = max(panel.rise, panel.decay) * panel.clock.hz
-    out["emitter response"] = -late * math.expm1(-1 / late) if late > 0 else 0.0
+    response = max(panel.rise, panel.decay) * panel.clock.hz
+    out["emitter response"] = -response * math.expm1(-1 / response) if response > 0 else 0.0
     hz = camera.clock.hz
-    # Two correlation times, of a resonance 1 / (damping 2 pi f).
-    lasts = {"vibration": hz / (math.pi * DAMPING * aim.vibration_frequency)}
-    changes = {name: Change(size, lasts.get(name, 0.0)) for name, size in out.items() if size > 0}
+    # Twice the correlation time, which is 1 / (damping 2 pi f) for a resonance.
+    duration = {"vibration": hz / (math.pi * DAMPING * aim.vibration_frequency)}
+    changes = {name: Change(e, duration.get(name, 0.0)) for name, e in out.items() if e > 0}
     if law.index > 0:
-        lasting = 2 * min(law.time, _STILL) * hz
-        changes["scintillation"] = Change(math.sqrt(law.index), lasting, law, patches.count)
+        independent = 2 * min(law.time, _STILL) * hz
+        changes["scintillation"] = Change(math.sqrt(law.index), independent, law, patches.count)
     return changes
 
 
 def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:
-    """Every effect that acts in the scene. Their bounds read a `LinkSummary`."""
+    """Returns every effect that is active in the scene. The bounds read a `LinkSummary`."""
     return tuple(_effect(name, change) for name, change in charge_changes(scene, camera).items())
 
 

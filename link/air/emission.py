@@ -1,7 +1,8 @@
-"""The light of each plane of a symbol, in units of a pixel that is on.
+"""The light of each plane of a symbol, relative to an ON pixel.
 
-A panel that follows its drive at once shows all planes of a symbol alike. One that rises and decays
-goes through `display`'s own emitter, plane by plane; within a plane its light is spread evenly.
+A panel that follows its drive without delay shows all planes of a symbol alike. For one with rise
+and decay times, `display`'s emitter model computes each plane; within a plane its light is spread
+evenly.
 """
 
 from __future__ import annotations
@@ -17,13 +18,18 @@ from display.trial.pixels import PanelPixels
 __all__ = ["Emission", "Source"]
 
 Pixels = npt.NDArray[np.bool_]
-_KEPT = 16
-"""Symbols whose beginning is remembered, so that a run may go on from a checkpoint: a block's light
-reaches four cycles beyond where it would go on. Each is a panel of float64."""
+_REMEMBERED = 16
+"""Number of symbols whose initial state is stored, so that a run can continue from a checkpoint: a
+block's light reaches four cycles beyond the next block's begin. Each state is a float64 for each
+panel pixel."""
 
 
 class Source(Protocol):
-    """What the panel shows (`link.sending.Transmission`)."""
+    """The symbols that the panel shows (`link.sending.Transmission`).
+
+    Attributes:
+        ticks: planes of a symbol.
+    """
 
     def pixels(self, symbol: int) -> Pixels: ...
     @property
@@ -31,8 +37,16 @@ class Source(Protocol):
 
 
 class Emission:
-    """planes: of the whole transmission. Symbols must be asked for in order once the emitter is
-    slow; `seek` begins anew."""
+    """Light of the panel, symbol by symbol.
+
+    If the emitter has a memory, symbols must be requested in order; `restore` continues from a
+    checkpoint.
+
+    Args:
+        source: the symbols.
+        panel: the panel.
+        planes: planes of the whole transmission.
+    """
 
     def __init__(self, source: Source, panel: SpikePanel, planes: int) -> None:
         self._source, self._panel, self._planes = source, panel, planes
@@ -42,7 +56,7 @@ class Emission:
         self._before: dict[int, npt.NDArray[np.float64]] = {}
 
     def planes(self, symbol: int) -> list[npt.NDArray[Any]]:
-        """One (height, width) of the panel for all planes of the symbol, or one for each."""
+        """Returns one plane (height, width) for the whole symbol, or one for each of its planes."""
         bits = self._source.pixels(symbol)
         if not self.slow:
             return [bits]
@@ -52,22 +66,22 @@ class Emission:
         pixels = PanelPixels(self._panel, bits.size)
         pixels.level[:] = self._level
         self._before[symbol] = self._level
-        self._before.pop(symbol - _KEPT, None)
+        self._before.pop(symbol - _REMEMBERED, None)
         word = np.where(bits.ravel(), np.uint32((1 << ticks) - 1), np.uint32(0))[None]
         light = pixels.light(word, ticks, 1)
         self._level, self._next = pixels.level, symbol + 1
         return [plane.reshape(bits.shape).astype(np.float32) for plane in light]
 
     def state(self, symbol: int) -> dict[str, npt.NDArray[Any]]:
-        """What `planes` needs to go on from this symbol, one of the last that were asked for or the
-        next."""
+        """Returns what `planes` needs to continue from a symbol: the next one, or one of the last
+        ones."""
         if not self.slow:
             return {"symbol": np.array(symbol)}
         symbol = min(max(symbol, min(self._before, default=self._next)), self._next)
         return {"symbol": np.array(symbol), "level": self._before.get(symbol, self._level).copy()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self._next = int(state["symbol"])
         self._before.clear()
         if self.slow:

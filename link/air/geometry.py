@@ -1,9 +1,9 @@
-"""Where the panel's pixels fall on the camera's: a pinhole at the lens, a flat panel before it.
+"""Geometry of the image: a pinhole camera before a flat panel.
 
-The lens is at the origin, looks along z, x to the right and y down. The sensor stands v behind it,
-where a thin lens of focal length f images what is `focus` away: 1/v = 1/f - 1/focus. A point
-(X, Y, Z) is imaged at (c X / Z, c Y / Z) from the sensor's middle, c = v over the camera's pitch.
-Not modelled: distortion, cos^4 fall-off.
+The lens is at the origin and looks along z, with x to the right and y down. The sensor stands at v
+behind it, where a thin lens of focal length f focuses the distance `focus`: 1/v = 1/f - 1/focus. A
+point (X, Y, Z) is imaged at (c X / Z, c Y / Z) from the sensor's centre, with c = v over the
+camera's pixel pitch. Distortion and the cos^4 law are not modelled.
 """
 
 from __future__ import annotations
@@ -24,9 +24,15 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lengths:
-    """image: from lens to sensor, m. camera: the same in camera pixels. magnification: m = v / d of
-    the panel. extension: v / f, 1 + m where the lens is focused at the panel; scales the f-number.
-    disc: radius of a panel point's image by defocus alone, camera pixels."""
+    """Distances and scales behind the lens.
+
+    Attributes:
+        image: from lens to sensor, m.
+        camera: from lens to sensor, camera pixels.
+        magnification: m = v / d of the panel.
+        extension: v / f, 1 + m if the lens is focused at the panel; scales the f-number.
+        disc: radius of the image of a panel point by defocus alone, camera pixels.
+    """
 
     image: float
     camera: float
@@ -36,7 +42,8 @@ class Lengths:
 
 
 def lengths(optics: Optics, distance: float) -> Lengths:
-    """Raises InputError where the panel or the focus is not beyond the focal length."""
+    """Returns the lengths. Raises InputError if the panel or the focus is within the focal
+    length."""
     f, focus = optics.focal_length, distance if optics.focus is None else optics.focus
     for what, at in (("the distance", distance), ("the focus", focus)):
         if not at > f:
@@ -51,18 +58,25 @@ def lengths(optics: Optics, distance: float) -> Lengths:
 
 
 def _turn(aim: Aim) -> Matrix:
-    """From the panel's axes to the lens's: about the line of sight after the tilts."""
+    """Returns the rotation from the panel's axes to the lens's: the tilts, then the rotation."""
     a, b, c = (math.radians(x) for x in (aim.rotation, aim.tilt[0], aim.tilt[1]))
     roll = np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
-    # Positive: its right side, its lower side, further away.
+    # Positive tilt: the panel's right (lower) side is further away.
     yaw = np.array([[math.cos(b), 0, -math.sin(b)], [0, 1, 0], [math.sin(b), 0, math.cos(b)]])
     pitch = np.array([[1, 0, 0], [0, math.cos(c), -math.sin(c)], [0, math.sin(c), math.cos(c)]])
     return np.asarray(roll @ yaw @ pitch, np.float64)
 
 
 def image_of(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) -> Matrix:
-    """(3, 3) homography from panel to camera pixels, (x, y, 1), for a sensor of `shape` (height,
-    width). Raises InputError where part of the panel is at the lens or behind it."""
+    """Returns the (3, 3) homography from panel to camera pixels, (x, y, 1).
+
+    Args:
+        optics, aim, air: the link.
+        shape: (height, width) of the sensor.
+
+    Raises:
+        InputError: if part of the panel is at the lens or behind it.
+    """
     c, d = lengths(optics, air.distance).camera, air.distance
     turn = _turn(aim)
     scale = np.array([[optics.pitch, 0.0], [0.0, optics.pitch]])
@@ -83,13 +97,13 @@ def image_of(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) 
 
 
 def panel_corners(optics: Optics) -> Matrix:
-    """The panel's outer corners in its pixels, (4, 3): (x, y, 1)."""
+    """Returns the panel's outer corners in panel pixels, (4, 3): (x, y, 1)."""
     x, y = optics.width - 0.5, optics.height - 0.5
     return np.array([[-0.5, -0.5, 1], [x, -0.5, 1], [x, y, 1], [-0.5, y, 1]])
 
 
 def affine_at(homography: Matrix, x: float, y: float) -> Matrix:
-    """(2, 2) change of (camera x, camera y) by a panel pixel along x and along y, at (x, y)."""
+    """Returns the (2, 2) derivative of camera (x, y) by panel (x, y), at a panel point."""
     u, v, w = homography @ np.array([x, y, 1.0])
     top = homography[:2, :2] - np.outer([u / w, v / w], homography[2, :2])
     return np.asarray(top / w, np.float64)

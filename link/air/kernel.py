@@ -1,14 +1,15 @@
-"""What a panel's pixel gives a camera's pixel: the boxes of both and the lens's blur, tabulated.
+"""Tabulated weights of a panel pixel in a camera pixel: both apertures and the lens's blur.
 
-Near a point the image is affine: panel pixel steps a1, a2 (camera pixels). A panel pixel's share of
-a camera pixel's light, its centre r away in the image, is K(r) = B(r) * C(r) * P(r): B is 1 within
-the parallelogram a1, a2, C is the camera's pixel, P the PSF of light 1. Summed over the panel it is
-1 everywhere. Its Fourier transform is a product, frequencies f in cycles a camera pixel:
+Locally the image is affine: a panel pixel steps by a1 and a2 camera pixels. The share of a panel
+pixel in the light of a camera pixel at distance r in the image is K(r) = B(r) * C(r) * P(r). B is 1
+within the parallelogram a1, a2, C is the camera's pixel, P a PSF of unit sum. The sum over the
+panel is 1 everywhere. The Fourier transform is a product, for frequencies f in cycles per camera
+pixel:
 
     |a1 x a2| sinc(a1 f) sinc(a2 f) sinc(fx) sinc(fy) exp(-2 pi^2 s^2 f^2) MTF(f) 2 J1(z) / z
 
-with the lens's blur s, the diffraction MTF of `cosim.lens` and defocus of radius q, z = 2 pi q f
-(Goodman, Introduction to Fourier Optics, 3rd ed., 6.4: the geometrical limit).
+with the lens's blur s, the diffraction MTF of `cosim.light.lens` and defocus of radius q, z = 2 pi
+q f (Goodman, Introduction to Fourier Optics, 3rd ed., 6.4: the geometrical limit).
 """
 
 from __future__ import annotations
@@ -28,13 +29,18 @@ Values = npt.NDArray[np.float64]
 _GRID: Final = 384
 """Samples along a side of the kernel's square."""
 _TAIL: Final = 2.6
-"""Standard deviations of blur within the taps; what lies beyond is put back among them."""
+"""Standard deviations of blur within the taps; the remainder is distributed among them."""
 
 
 @dataclass(frozen=True)
 class Psf:
-    """sigma: standard deviation of the Gaussian part, camera pixels. disc: radius of defocus,
-    camera pixels. cutoff: of diffraction, cycles a camera pixel; None for none."""
+    """Point spread function of the lens.
+
+    Attributes:
+        sigma: standard deviation of the Gaussian part, camera pixels.
+        disc: radius of defocus, camera pixels.
+        cutoff: diffraction limit, cycles per camera pixel; None for no diffraction.
+    """
 
     sigma: float = 0.0
     disc: float = 0.0
@@ -42,11 +48,11 @@ class Psf:
 
     @property
     def radius(self) -> float:
-        """Camera pixels that it reaches, all but the tails."""
+        """Radius without the tails, camera pixels."""
         return _TAIL * self.sigma + self.disc
 
     def mtf(self, fx: Values, fy: Values) -> Values:
-        """Of everything, at frequencies in cycles a camera pixel."""
+        """Modulation transfer function at frequencies in cycles per camera pixel."""
         from scipy.special import j1
 
         f = np.hypot(fx, fy)
@@ -60,16 +66,24 @@ class Psf:
 
 
 def taps(affine: Values, psf: Psf) -> int:
-    """Panel pixels along a side that give light to a camera pixel, even."""
+    """Returns the number of panel pixels along a side that contribute to a camera pixel, even."""
     inverse = np.abs(np.linalg.inv(affine))
     reach = 0.5 + 0.5 * inverse.sum(axis=1) + psf.radius * np.sqrt((inverse**2).sum(axis=1))
     return 2 * math.ceil(float(reach.max()))
 
 
 def kernel_table(affine: Values, psf: Psf, count: int, phases: int) -> npt.NDArray[np.float32]:
-    """(phases, phases, count, count) float32: weights of the `count` panel pixels along y and x
-    about a point whose fraction of a panel pixel along y and x is (n + 1/2) / phases; each set adds
-    up to 1. The pixels begin count / 2 - 1 before the one that the point's whole part names.
+    """Returns the weights of panel pixels by sub-pixel position, each set of sum 1.
+
+    Args:
+        affine: (2, 2) camera pixels for a step of one panel pixel.
+        psf: point spread function.
+        count: taps along each axis.
+        phases: sub-pixel positions along each axis, at (n + 1/2) / phases.
+
+    Returns:
+        (phases, phases, count, count) float32, weights along y and x. The pixels begin count / 2 -
+        1 before the one at the integer part of the position.
     """
     from scipy.ndimage import map_coordinates
 

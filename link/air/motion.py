@@ -1,9 +1,9 @@
-"""Vibration: the image moves as a damped resonance that noise drives, one shift to each symbol.
+"""Vibration: a damped resonance driven by noise shifts the image, one shift for each symbol.
 
-x'' + 2 z w x' + w^2 x = noise, along each axis on its own: a stationary Gaussian process. From one
-symbol to the next it is exact: the state (x, x' / w) turns by exp(A T) and gains a normal draw with
-the covariance that keeps the state's own, diag(s^2, s^2) (e.g. Gillespie, Am. J. Phys. 64:225,
-1996, for the method).
+x'' + 2 z w x' + w^2 x = noise, independently along each axis: a stationary Gaussian process. The
+step from one symbol to the next is exact: the state (x, x' / w) is multiplied by exp(A T), and a
+normal draw is added whose covariance preserves that of the state, diag(s^2, s^2) (for the method
+see Gillespie, Am. J. Phys. 64:225, 1996).
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ __all__ = ["DAMPING", "normal_draws", "resonance_step", "vibration"]
 
 Values = npt.NDArray[np.float64]
 DAMPING: Final = 0.1
-"""Of critical."""
+"""Ratio to critical damping."""
 
 
 def normal_draws(
     seed: int, stream: Stream, axis: int | npt.NDArray[np.intp], count: int, first: int = 0
 ) -> Values:
-    """(count, 2) standard normal, of counter (axis, 0, n, 0), n from `first` on; (count, axes, 2)
-    of several axes."""
+    """Returns (count, 2) standard normal numbers of counter (axis, 0, n, 0), n from `first` on.
+
+    For several axes the shape is (count, axes, 2).
+    """
     from scipy.special import ndtri
 
     n = np.arange(first, first + count, dtype=np.uint64)
@@ -39,8 +41,16 @@ def normal_draws(
 
 
 def resonance_step(frequency: float, seconds: float) -> tuple[Values, Values]:
-    """(2, 2) turn of the state (x, x' / w) in so long, and the (2, 2) lower root of the covariance
-    that is added, of unit variance. frequency: of the undamped resonance, Hz."""
+    """Returns the step of the state (x, x' / w) over `seconds`.
+
+    Args:
+        frequency: undamped resonance, Hz.
+        seconds: duration of the step.
+
+    Returns:
+        (2, 2) propagator of the state, and the (2, 2) lower Cholesky factor of the added
+        covariance, for unit variance.
+    """
     w = 2 * math.pi * frequency
     root = math.sqrt(1 - DAMPING**2)
     phase, gone = w * root * seconds, math.exp(-DAMPING * w * seconds)
@@ -55,15 +65,22 @@ def resonance_step(frequency: float, seconds: float) -> tuple[Values, Values]:
 def vibration(
     deviation: float, frequency: float, seconds: float, symbols: int, seed: int
 ) -> Values:
-    """(symbols, 2) shifts (dx, dy) of the image, camera pixels. deviation: standard, along each
-    axis. seconds: of a symbol. seed: below 2^32."""
+    """Returns the shifts (dx, dy) of the image, (symbols, 2), camera pixels.
+
+    Args:
+        deviation: standard deviation along each axis, camera pixels.
+        frequency: resonance, Hz.
+        seconds: duration of a symbol.
+        symbols: number of symbols.
+        seed: below 2^32.
+    """
     out = np.zeros((symbols, 2))
     if deviation <= 0:
         return out
     turn, root = resonance_step(frequency, seconds)
     for axis in range(2):
         draws = normal_draws(seed, Stream.VIBRATION, axis, symbols)
-        x, y = draws[0] if symbols else (0.0, 0.0)  # from the stationary law
+        x, y = draws[0] if symbols else (0.0, 0.0)  # the stationary law
         pushed = draws @ root.T
         for n in range(symbols):
             if n:

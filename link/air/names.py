@@ -1,4 +1,4 @@
-"""Names of the effects between panel and camera, and a link with some of them left out."""
+"""Names of the effects between panel and camera, and a link without some of them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,19 @@ NAMES: Final = (
     "airlight", "fog blur", "ambient on the panel", "surroundings", "glare", "sun",
     "scintillation", "emitter response",
 )  # fmt: skip
-"""Every effect, in the order of reports."""
+"""All effects, in the order of reports."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What stands between bytes and light: panel, lens, aim and air."""
+    """The optical path of a link.
+
+    Attributes:
+        panel: the panel's timing and emitter.
+        optics: the panel's pixels and the lens.
+        aim: position of the panel in the view.
+        air: the atmosphere and the light around.
+    """
 
     panel: SpikePanel
     optics: Optics
@@ -29,24 +36,27 @@ class Scene:
     air: AirSetting
 
 
-def simplified(scene: Scene, kept: Collection[str]) -> Scene:
-    """The scene without the effects that are not in `kept`, as far as its numbers say them; fog,
-    ambient light, surroundings and defocus are told apart where they are computed."""
+def simplified(scene: Scene, effects: Collection[str]) -> Scene:
+    """Returns the scene without the effects that are not in `effects`.
+
+    Fog, ambient light, surroundings and defocus have no number of their own in the scene; the code
+    that computes them distinguishes them.
+    """
     panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
-    if "emitter response" not in kept:
+    if "emitter response" not in effects:
         panel = replace(panel, rise=0.0, decay=0.0)
-    if "lens blur" not in kept:
+    if "lens blur" not in effects:
         optics = replace(optics, blur=0.0)
-    if "diffraction" not in kept:
+    if "diffraction" not in effects:
         optics = replace(optics, diffraction=False)
-    if "vibration" not in kept:
+    if "vibration" not in effects:
         aim = replace(aim, vibration=0.0)
-    if "misalignment" not in kept:
+    if "misalignment" not in effects:
         aim = replace(aim, rotation=0.0, tilt=(0.0, 0.0))
-    if "glare" not in kept:
+    if "glare" not in effects:
         air = replace(air, glare=0.0)
-    if "sun" not in kept:
+    if "sun" not in effects:
         air = replace(air, sun=0.0)
-    if "scintillation" not in kept:
+    if "scintillation" not in effects:
         air = replace(air, structure=0.0)
     return Scene(panel, optics, aim, air)

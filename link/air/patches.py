@@ -1,9 +1,8 @@
-"""The panel in patches of air: each flickers on its own, with the law and the time of all.
+"""Patches of the panel with independent scintillation of the same law and correlation time.
 
-Patch n (row by row) at symbol t draws two normal numbers of counter (n, 0, t, 0): what it does
-depends on the seed, its number and the symbol alone. Patches have edges, real air has none: what is
-right is the law at a point, the course in time, and how little large areas flicker as a whole
-(`scintillation.patch_side`).
+Patch n (row by row) at symbol t draws two normal numbers with counter (n, 0, t, 0), so its factor
+depends only on the seed, n and t. Patches have edges, unlike real air. The law at a point, its
+course in time, and the scintillation of large areas are correct (`scintillation.patch_side`).
 """
 
 from __future__ import annotations
@@ -25,13 +24,19 @@ __all__ = ["FlickerSeries", "Patches", "flicker_of"]
 Values = npt.NDArray[np.float64]
 _CHUNK: Final = 1 << 14
 _SYMBOLS: Final = 64
-"""Draws, and symbols, that are made at once, at most."""
+"""Largest number of draws, and of symbols, that are computed at once."""
 
 
 class Patches:
-    """An even grid on the panel, as many along each side as have room for `side`, one at least.
+    """Uniform grid of patches on the panel.
 
-    panel: (height, width) pixels. pitch, side: m. shape: (rows, columns) of patches.
+    Args:
+        panel: (height, width), pixels.
+        pitch: pitch of the panel's pixels, m.
+        side: smallest side of a patch, m; along each axis as many patches as fit, at least one.
+
+    Attributes:
+        shape: (rows, columns) of patches.
     """
 
     def __init__(self, panel: tuple[int, int], pitch: float, side: float) -> None:
@@ -47,7 +52,7 @@ class Patches:
         return self.shape[0] * self.shape[1]
 
     def multiply(self, light: npt.NDArray[np.float32], factors: Values) -> None:
-        """The panel's light (height, width) times each patch's own of (count,), in place."""
+        """Multiplies light (height, width) by the factor of each patch, (count,), in place."""
         by = factors.astype(np.float32).reshape(self.shape)
         if self.count == 1:
             light *= by[0, 0]
@@ -57,48 +62,59 @@ class Patches:
 
 
 class FlickerSeries:
-    """The patches' factors, symbol by symbol. seconds: of a symbol. seed: below 2^32. One that lies
-    before the last ones asked for is made from the beginning, with the same bits."""
+    """Factors of the patches, symbol by symbol: an Ornstein-Uhlenbeck process in each patch.
+
+    Symbols are computed in order. A symbol before those in memory is computed from the beginning,
+    with the same bits.
+
+    Args:
+        law: law of the factors.
+        seconds: duration of a symbol.
+        patches: number of patches.
+        seed: below 2^32.
+    """
 
     def __init__(self, law: Flicker, seconds: float, patches: int, seed: int) -> None:
         self._law, self._patches, self._seed = law, patches, seed
-        self._stays = math.exp(-seconds / law.time)
-        self._new = math.sqrt(-math.expm1(-2 * seconds / law.time))
+        self._decay = math.exp(-seconds / law.time)
+        self._gain = math.sqrt(-math.expm1(-2 * seconds / law.time))
         self._step = max(min(_CHUNK // patches, _SYMBOLS), 1)
-        self._still = np.ones(patches)
+        self._constant = np.ones(patches)
         self._first, self._last = 0, np.zeros((patches, 2))
-        self._made = np.zeros((0, patches))
+        self._factors = np.zeros((0, patches))
 
     def __getitem__(self, symbol: int) -> Values:
-        """(patches,) of a symbol from 0 on."""
+        """Returns the factors of a symbol, (patches,) float64."""
         if symbol < 0:
             raise IndexError(f"symbol must be 0 or more, not {symbol}")
         if self._law.index <= 0:
-            return self._still
+            return self._constant
         if symbol < self._first:
-            self._first, self._made = 0, self._made[:0]
-        while symbol >= self._first + len(self._made):
+            self._first, self._factors = 0, self._factors[:0]
+        while symbol >= self._first + len(self._factors):
             self._advance()
-        return np.asarray(self._made[symbol - self._first])
+        return np.asarray(self._factors[symbol - self._first])
 
     def _advance(self) -> None:
-        """Makes the next symbols, an Ornstein-Uhlenbeck process in each patch."""
-        first = self._first + len(self._made)
+        """Computes the next symbols."""
+        first = self._first + len(self._factors)
         draws = normal_draws(
             self._seed, Stream.SCINTILLATION, np.arange(self._patches), self._step, first
         )
         for n in range(self._step):
-            if first + n:  # the first is of the stationary law
-                draws[n] = self._stays * self._last + self._new * draws[n]
+            if first + n:  # the first symbol has the stationary law
+                draws[n] = self._decay * self._last + self._gain * draws[n]
             self._last = draws[n]
         factors = self._law.factors(draws.reshape(-1, 2))
-        self._first, self._made = first, factors.reshape(self._step, self._patches)
+        self._first, self._factors = first, factors.reshape(self._step, self._patches)
 
 
 def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
-    """How the light of what a camera pixel sees of the panel flickers, and the panel's patches that
-    do so on their own. What a pixel sees is taken as a disc of its area, blur left aside, which
-    would average more."""
+    """Returns the law of scintillation of what a camera pixel images, and the panel's patches.
+
+    The field of a camera pixel is taken as a disc of equal area. Blur would average more and is
+    neglected.
+    """
     pixel = air.distance / lengths(optics, air.distance).camera
     optical = optics.wavelength_nm, air.distance, optics.focal_length / optics.f_number
     disc = 2 / math.sqrt(math.pi) * pixel

@@ -1,11 +1,11 @@
-"""A panel's plane on the camera's pixels, fast: each camera pixel sums the panel pixels about it.
+"""Fast projection of a panel plane onto the camera: each camera pixel sums nearby panel pixels.
 
-Weights come from `kernel.py`, tabulated by the sub-pixel place; a tilted panel, whose scale varies
-over the image, has a table for each of several regions. Blur far wider than a pixel is done on the
-camera's grid afterwards. The image may be shifted (vibration) at no cost.
+The weights come from `kernel.py` and are tabulated by sub-pixel position. If the panel is tilted,
+the scale varies over the image, and each of several regions has its own table. Blur much wider than
+a pixel is applied afterwards on the camera's grid. A shift of the image (vibration) costs nothing.
 
-Against direct integration (tests/link/air/golden.py) it is right to 0.012 of white RMS and 0.05 at
-the worst pixel, at 0.3 to 4 camera pixels a panel pixel and any rotation.
+Deviation from direct integration (tests/link/air/golden.py), at 0.3 to 4 camera pixels for each
+panel pixel and any rotation: 0.012 of white RMS, 0.05 at the worst pixel.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from link.air.kernel import Psf, kernel_table, taps
 __all__ = ["Places", "Projection", "cut", "disc_kernel"]
 
 Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
-"""Patches of a camera: rows (patches, a) and columns (patches, b) of each."""
+"""Patches of a camera: their rows, (patches, a), and their columns, (patches, b)."""
 
 _PHASES: Final = {2: 128, 4: 64}
-"""Sub-pixel places of a table along each axis, by its taps."""
+"""Sub-pixel positions of a table along each axis, by its number of taps."""
 _FEWER: Final = 32
-"""The same where there are several tables; twice as many for more taps in one."""
+"""Positions if there are several tables; twice as many for one table with more taps."""
 _EVEN: Final = 0.02
-"""Relative change of scale within a region."""
+"""Largest relative change of scale within a region."""
 _REGIONS: Final = 10
 _WIDE_SIGMA: Final = 1.2
 _TABLE_SIGMA: Final = 0.8
-"""Above the first, the second is in the table and the rest is done afterwards."""
+"""A blur above _WIDE_SIGMA is split: _TABLE_SIGMA in the table, the rest on the camera's grid."""
 _WIDE_DISC: Final = 2.0
 _MOST_DISC: Final = 200.0
-"""Camera pixels; a wider disc is as wide as that."""
+"""Largest radius of defocus, camera pixels; a wider disc is clipped to it."""
 
 
 _U: Final = tuple(np.uint64(n) for n in range(16))
@@ -51,12 +51,18 @@ def _project(  # type: ignore[no-untyped-def]
     padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
     out,
 ):  # fmt: skip
-    """Fills `out` (len(rows), len(columns)), of a camera of `shape`. padded: (high wide,), with
-    `pad` pixels of 0 on every side. inverse: camera to panel, row-major. tables: flat,
-    (regions^2, phases, phases, count, count).
+    """Fills `out`, (len(rows), len(columns)) float32, for a camera of `shape`.
 
-    Everything is flat and unsigned, and four taps are summed column by column: so the compiler
-    makes vectors of it, which halves its time.
+    All arrays are flat and indices unsigned, and four taps are summed column by column, so that the
+    compiler vectorises the loop; this halves the time. A record as argument would prevent it, hence
+    the long list of arguments.
+
+    Args:
+        padded: (high wide,) float32, the panel with `pad` zeros on every side.
+        inverse: (9,) homography from camera to panel, row-major.
+        dx, dy: shift of the image, camera pixels.
+        tables: (regions^2, phases, phases, count, count) weights, flattened.
+        rows, columns: camera pixels to compute.
     """
     (height, width), across = shape, len(columns)
     shift = np.float64(pad - (count // 2 - 1))
@@ -70,7 +76,7 @@ def _project(  # type: ignore[no-untyped-def]
             x = columns[column] - dx
             depth = g * x + h * y + i
             scale = 1.0 / depth
-            # Not before the lens: beyond the horizon of the panel's plane.
+            # depth <= 0: beyond the horizon of the panel's plane, behind the lens.
             us[column] = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
             vs[column] = (d * x + e * y + f) * scale + shift
         line = rows[row] * regions // height * regions
@@ -117,7 +123,7 @@ def _project(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type: ignore[no-untyped-def]
-    """Adds to `out`, of the padded panel, the weights with which `_project` takes each pixel."""
+    """Adds to `out`, of the padded panel, the weight of each panel pixel in the image's sum."""
     high, wide = out.shape
     shift = np.float64(pad - (count // 2 - 1))
     a, b, c, d, e, f, g, h, i = inverse
@@ -139,7 +145,7 @@ def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type:
 
 
 def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
-    """Patches of a plane, stacked: (patches a, b)."""
+    """Returns the patches of a plane, stacked: (patches a, b)."""
     rows, columns = places
     patches = plane[rows[:, :, None], columns[:, None, :]]
     return np.ascontiguousarray(patches.reshape(-1, columns.shape[1]))
@@ -147,7 +153,7 @@ def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
 
 @lru_cache(maxsize=2)
 def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
-    """An even disc of `radius` pixels on a grid, its edge by area, adding up to 1."""
+    """Returns a uniform disc of `radius` pixels on a grid, its edge by area, sum 1."""
     reach, fine = math.ceil(radius + 0.5), 16
     at = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
     inside = np.hypot(at[:, None], at[None, :]) <= radius
@@ -157,7 +163,14 @@ def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
 
 
 class Projection:
-    """homography: panel to camera pixels. panel, camera: (height, width) of both. psf: of lens."""
+    """Projection of panel planes onto the camera.
+
+    Attributes:
+        homography: (3, 3) float64, panel to camera pixels.
+        panel, camera: (height, width) of both.
+        psf: point spread function of the lens.
+        tables: (regions^2, phases, phases, taps, taps) float32 weights.
+    """
 
     def __init__(
         self,
@@ -183,14 +196,13 @@ class Projection:
         self.tables = np.stack(
             [kernel_table(each, near, self._count, self._phases) for each in affines]
         )
-        """(regions, phases, phases, taps, taps)."""
         self._flat = self.tables.ravel()
         self._pad = self._count
         self._all = np.arange(camera[0]), np.arange(camera[1])
         self._padded = np.zeros((panel[0] + 2 * self._pad, panel[1] + 2 * self._pad), np.float32)
 
     def _affines(self) -> tuple[int, list[npt.NDArray[np.float64]]]:
-        """Regions along a side of the camera's image, and what a panel pixel measures in each."""
+        """Returns the number of regions along a side of the image, and the affine map in each."""
         (h, w), (rows, columns) = self.panel, self.camera
         corners = [(0.0, 0.0), (w - 1.0, 0.0), (0.0, h - 1.0), (w - 1.0, h - 1.0)]
         middle = affine_at(self.homography, (w - 1) / 2, (h - 1) / 2)
@@ -205,7 +217,7 @@ class Projection:
         for y in (np.arange(regions) + 0.5) * rows / regions:
             for x in (np.arange(regions) + 0.5) * columns / regions:
                 u, v, t = self._inverse @ np.array([x, y, 1.0])
-                # Beyond the panel nothing is seen, and the horizon may be there.
+                # The table outside the panel is not used, and the horizon may lie there.
                 u, v = (u / t, v / t) if t > 0 else (w / 2, h / 2)
                 at = float(np.clip(u, 0, w - 1)), float(np.clip(v, 0, h - 1))
                 affines.append(affine_at(self.homography, *at))
@@ -213,12 +225,14 @@ class Projection:
 
     @property
     def wide(self) -> bool:
-        """Whether it blurs over many pixels, on the camera's grid."""
+        """Whether blur over many pixels is applied on the camera's grid."""
         return self._after > 0 or self._disc > 0
 
     def weights(self) -> npt.NDArray[np.float32]:
-        """With which each panel pixel counts in the sum of the unshifted image, (h, w); what a wide
-        blur does at the image's border aside."""
+        """Returns the weight of each panel pixel in the sum of the unshifted image, (h, w) float32.
+
+        The effect of a wide blur at the image's border is neglected.
+        """
         pad, image = self._pad, np.zeros(self._padded.shape)
         _collect(
             self._inverse.ravel(), self.tables, self._regions, self._phases, self._count, pad,
@@ -232,9 +246,14 @@ class Projection:
         shift: tuple[float, float] = (0.0, 0.0),
         places: Places | None = None,
     ) -> Plane:
-        """(height, width) float32 of the camera for a plane of the panel, 0 all round it. shift:
-        (dx, dy) of the image, camera pixels. places: patches alone, as `cut` has them, the same
-        bits."""
+        """Returns the camera's image of a panel plane, (height, width) float32.
+
+        Args:
+            plane: (h, w) light of the panel; 0 outside.
+            shift: (dx, dy) of the image, camera pixels.
+            places: patches to compute, with the same bits as in the whole image; None for the whole
+                image. The result is then as from `cut`.
+        """
         pad = self._pad
         self._padded[pad:-pad, pad:-pad] = plane
         if places is None:
@@ -257,7 +276,7 @@ class Projection:
         return out
 
     def _widely(self, image: Plane) -> Plane:
-        """Blur of many pixels."""
+        """Applies the blur over many pixels."""
         if self._after == 0 and self._disc == 0:
             return image
         import cv2

@@ -1,7 +1,7 @@
-"""Lux on the sensor: of the panel's pixels, of what surrounds them, of glare.
+"""Illuminance on the sensor: of the panel's pixels, of their surroundings, of fog.
 
-A resolved surface of luminance L gives pi L T / (4 N^2 (v / f)^2) lux whatever its distance (Ray,
-Applied Photographic Optics, 3rd ed., 2002), v / f = 1 + m in focus. cos^4 is left out.
+A resolved surface of luminance L gives pi L T / (4 N^2 (v / f)^2) lux at any distance (Ray, Applied
+Photographic Optics, 3rd ed., 2002), with v / f = 1 + m in focus. The cos^4 law is not modelled.
 """
 
 from __future__ import annotations
@@ -19,17 +19,23 @@ __all__ = ["Levels", "f_number_for", "lens_gain", "levels"]
 
 
 def lens_gain(optics: Optics, distance: float) -> float:
-    """Lux on the sensor for a cd/m2 of the scene."""
+    """Returns the illuminance on the sensor for a luminance of 1 cd/m2, lux."""
     working = optics.f_number * lengths(optics, distance).extension
     return math.pi * optics.transmission / (4 * working**2)
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Of the image before glare, lux on the sensor. panel: of a pixel that is on, of its own light
-    alone. face: what the panel reflects. around: its surroundings. fog: airlight, which is added to
-    all three. halo: share of the undimmed image that comes spread out; dimmed: what is left of the
-    image itself, already in the other figures."""
+    """Illuminance of the parts of the image before glare, lux on the sensor.
+
+    Attributes:
+        panel: light of an ON pixel itself.
+        face: light reflected by the panel.
+        around: surroundings of the panel.
+        fog: airlight, added to all three.
+        halo: share of the unattenuated image that arrives blurred.
+        dimmed: share of the image that arrives sharp; the other figures include it.
+    """
 
     panel: float
     face: float
@@ -40,20 +46,20 @@ class Levels:
 
     @property
     def on(self) -> float:
-        """Of the middle of a large part that is on, everything counted but glare."""
+        """Illuminance in the middle of a large ON area, without glare."""
         return self.panel * (1 + self.halo / self.dimmed) + self.off
 
     @property
     def off(self) -> float:
-        """Of the middle of a large part that is off, likewise."""
+        """Illuminance in the middle of a large OFF area, without glare."""
         return self.face * (1 + self.halo / self.dimmed) + self.fog
 
 
-def levels(optics: Optics, air: AirSetting, kept: frozenset[str] | None = None) -> Levels:
-    """kept: names of effects (`link.air.effects`), all of them unless given."""
+def levels(optics: Optics, air: AirSetting, effects: frozenset[str] | None = None) -> Levels:
+    """Returns the illuminance levels with these effects (`link.air.effects`), None for all."""
 
     def has(name: str) -> bool:
-        return kept is None or name in kept
+        return effects is None or name in effects
 
     gain = lens_gain(optics, air.distance)
     thickness = 0.0
@@ -76,10 +82,20 @@ def f_number_for(
     on_level: float, optics: Optics, distance: float, threshold: float,
     electrons_per_lux: float, clock: Clock,
 ) -> float:  # fmt: skip
-    """F-number at which a pixel that is on, by the panel's own light in clear air, brings
-    `on_level` thresholds (electrons) a tick of `clock`. That of `optics` is not looked at.
+    """Returns the f-number at which an ON pixel gives `on_level` thresholds in a tick.
 
-    Raises InputError where no lens is so fast.
+    Only the panel's own light in clear air counts. The f-number in `optics` is not read.
+
+    Args:
+        on_level: charge of a tick over the threshold.
+        optics: panel and lens.
+        distance: from lens to panel, m.
+        threshold: electrons.
+        electrons_per_lux: electrons a second of a pixel under 1 lux.
+        clock: latch clock of the camera.
+
+    Raises:
+        InputError: if no lens is fast enough.
     """
     lux = on_level * threshold * clock.hz / electrons_per_lux
     extension = lengths(optics, distance).extension

@@ -1,20 +1,21 @@
-"""Scintillation: turbulence makes the panel's light flicker, patch by patch.
+"""Scintillation: turbulence modulates the panel's light, patch by patch.
 
-Every point of the panel is a source of spherical waves: Rytov variance 0.4 x 1.23 Cn2 k^(7/6)
-L^(11/6) (Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., 2005), its
-index by Al-Habash, Andrews and Phillips (Opt. Eng. 40:1554, 2001), 1/a + 1/b + 1/(a b). A lens of
-diameter D averages it (`aperture_averaging`; no inner scale). Weak flicker is log-normal, the rest
-gamma-gamma, whose a and b are raised alike until the averaged index comes out (assumed). In time it
-follows Ornstein-Uhlenbeck processes of correlation exp(-t / t_c), t_c = sqrt(wavelength L) / wind,
-through the quantile functions of log-normal light or of both Gamma factors, so each symbol's factor
-has exactly the law. That a lens wider than a Fresnel zone also makes it slower is not modelled.
+Every point of the panel emits a spherical wave of Rytov variance 0.4 x 1.23 Cn2 k^(7/6) L^(11/6)
+(Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., 2005). The index is 1/a
++ 1/b + 1/(a b) (Al-Habash, Andrews and Phillips, Opt. Eng. 40:1554, 2001). A lens of diameter D
+averages it (`aperture_averaging`; no inner scale). Weak scintillation is log-normal. Otherwise it
+is gamma-gamma, whose a and b are scaled alike to match the averaged index (assumed). In time it
+follows Ornstein-Uhlenbeck processes with correlation exp(-t / t_c), t_c = sqrt(wavelength L) /
+wind, mapped through the quantile functions of the log-normal law or of both gamma factors, so each
+symbol's factor has exactly the law. A lens wider than a Fresnel zone also slows it; this is not
+modelled.
 
-Two points of the panel flicker the less alike the further they are apart, as the air that their
-light goes through is not the same (scintillation anisoplanatism): at x of the path from the source
-their rays are s (1 - x) apart. So the covariance is the integral of `aperture_averaging` with
-J0(q u (1 - x)) in it, u = s sqrt(k / L), and a disc of sources averages as the lens does, (2 J1(q e
-(1 - x)) / (q e (1 - x)))^2: by reciprocity lens and disc may change places. `patch_side` makes of
-that square patches of the panel, alike within and on their own beyond (`link.air.patches`).
+The correlation between two points of the panel falls with their distance s, because their light
+passes through different air (scintillation anisoplanatism): at x of the path from the source their
+rays are s (1 - x) apart. The covariance is the integral of `aperture_averaging` with an additional
+J0(q u (1 - x)), u = s sqrt(k / L). A disc of sources averages as a lens does, by (2 J1(q e (1 - x))
+/ (q e (1 - x)))^2: by reciprocity lens and disc can be exchanged. `patch_side` turns this into
+square patches of the panel, uniform within and mutually independent (`link.air.patches`).
 """
 
 from __future__ import annotations
@@ -34,16 +35,21 @@ __all__ = ["Flicker", "aperture_averaging", "flicker", "patch_side"]
 Values = npt.NDArray[np.float64]
 _PLACES: Final = 32
 _WAVES: Final = 4000
-"""Nodes along the path, and of spatial frequencies."""
+"""Nodes along the path (_PLACES) and of spatial frequency."""
 _DISCS: Final = (1.0, 60.0, 24)
-"""In lenses or Fresnel zones: from, to, how many. The largest is met at 7 to 16, and is flat."""
+"""Sizes of discs in lens diameters or Fresnel zones: from, to, count. The maximum is at 7 to 16 and
+flat."""
 WEAK: Final = 0.3
 """Rytov variance below which flicker is log-normal (Andrews and Phillips: weak is well below 1)."""
 
 
 def _averaging(d: float, discs: Values) -> Values:
-    """(n,) index behind a lens d of light from discs of sources, (n,), over that of a point's light
-    at a point; sizes as in `aperture_averaging`."""
+    """Returns the index of light from discs of sources behind a lens, (n,), over that of a point.
+
+    Args:
+        d: diameter of the lens, as in `aperture_averaging`.
+        discs: (n,) diameters of the discs of sources, in the same unit.
+    """
     from scipy.special import j1
 
     x, weight = np.polynomial.legendre.leggauss(_PLACES)
@@ -62,7 +68,7 @@ def _averaging(d: float, discs: Values) -> Values:
 
 
 def _per_metre(wavelength_nm: float, distance: float) -> float:
-    """sqrt(k / (4 L)): what a diameter is multiplied by."""
+    """Returns sqrt(k / (4 L)), which converts diameters in m to the dimensionless d."""
     return math.sqrt(2 * math.pi / (wavelength_nm * 1e-9) / (4 * distance))
 
 
@@ -70,14 +76,22 @@ def _per_metre(wavelength_nm: float, distance: float) -> float:
 def aperture_averaging(
     diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
 ) -> float:
-    """Index behind a lens over that at a point, weak turbulence: what the lens leaves of
+    """Returns the index behind a lens over that at a point, for weak turbulence.
+
+    It is the ratio of
 
         int int q^(-8/3) (1 - cos(q^2 x (1 - x))) (2 J1(q d x) / (q d x))^2 dq dx
 
-    over its value at d = 0; x from the source in L, q in sqrt(k / L), d^2 = k D^2 / (4 L) (Andrews
-    and Phillips, 2005, chapter 10). It goes to 1 / (0.214 d^(7/3)) for large lenses (Churnside,
-    Appl. Opt. 30:1982, 1991); his fit 1 / (1 + 0.214 d^(7/3)) is two thirds too much at d^2 = 1.4.
-    source: diameter of a disc of sources that all show the same, m.
+    to its value at d = 0; x from the source in L, q in sqrt(k / L), d^2 = k D^2 / (4 L) (Andrews
+    and Phillips, 2005, chapter 10). For large lenses it tends to 1 / (0.214 d^(7/3)) (Churnside,
+    Appl. Opt. 30:1982, 1991); his fit 1 / (1 + 0.214 d^(7/3)) is too large by two thirds at d^2 =
+    1.4.
+
+    Args:
+        diameter: of the lens, m.
+        wavelength_nm: nm.
+        distance: m.
+        source: diameter of a disc of sources that show the same, m.
     """
     unit = _per_metre(wavelength_nm, distance)
     return float(_averaging(diameter * unit, np.array([source * unit]))[0])
@@ -87,14 +101,19 @@ def aperture_averaging(
 def patch_side(
     diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
 ) -> float:
-    """Side of the panel's patches, m: of a point's light about half the lens's diameter, 0.87
-    sqrt(wavelength L) at a point (0.44 diameters of a lens far wider than that). source: diameter
-    of the disc whose index the patches have.
+    """Returns the side of the panel's patches, m.
 
-    Patches of side p on their own leave p^2 / A of the variance in the mean over an area A of many.
-    The side is the least at which that is no less, for a disc of any area, than theory leaves (weak
-    turbulence). A very large disc has less than the patches say, A^(-7/6): far points flicker a
-    little against each other.
+    For a point source it is about half the diameter of the lens: 0.87 sqrt(wavelength L) for a
+    point aperture, 0.44 diameters for a lens much wider than that.
+
+    Independent patches of side p leave p^2 / A of the variance in the mean over an area A of many
+    patches. The side is the smallest at which this is at least what theory leaves, for a disc of
+    any area (weak turbulence). For a very large disc the patches leave too little, since theory
+    falls as A^(-7/6): distant points are weakly anticorrelated.
+
+    Args:
+        diameter, wavelength_nm, distance: as in `aperture_averaging`.
+        source: diameter of the disc of sources whose index the patches have, m.
     """
     unit = _per_metre(wavelength_nm, distance)
     d, e = diameter * unit, source * unit
@@ -105,15 +124,21 @@ def patch_side(
 
 @dataclass(frozen=True)
 class Flicker:
-    """index: variance of the light's factor, whose mean is 1. shape: (a, b) of gamma-gamma, None
-    where it is log-normal. time: of correlation, s; infinite in still air."""
+    """Law of the factor of the light, whose mean is 1.
+
+    Attributes:
+        index: variance of the factor.
+        shape: (a, b) of the gamma-gamma law, None for a log-normal law.
+        time: correlation time, s; infinite in still air.
+    """
 
     index: float
     shape: tuple[float, float] | None
     time: float
 
     def factors(self, normal: Values) -> Values:
-        """(n,) factors of (n, 2) standard normal numbers; log-normal needs the first alone."""
+        """Returns (n,) factors from (n, 2) standard normal numbers; a log-normal law reads only the
+        first."""
         from scipy.special import gammaincinv, ndtr
 
         if self.index <= 0:
@@ -125,7 +150,7 @@ class Flicker:
         return np.asarray(parts[0] * parts[1], np.float64)
 
     def quantiles(self, chance: float) -> tuple[float, float]:
-        """Factors that are passed below and above with at most this chance each."""
+        """Returns a lower and an upper limit, each exceeded with at most this probability."""
         from scipy.special import ndtri
 
         z = float(ndtri(chance if self.shape is None else chance / 2))
@@ -137,8 +162,15 @@ def flicker(
     structure: float, wavelength_nm: float, distance: float, diameter: float, wind: float,
     source: float = 0.0,
 ) -> Flicker:  # fmt: skip
-    """Of a path of constant Cn2 (m^(-2/3)). distance, diameter: m. wind: m/s. source: diameter of
-    the disc of sources whose light is seen together, m."""
+    """Returns the law of scintillation over a path of constant Cn2.
+
+    Args:
+        structure: Cn2, m^(-2/3).
+        wavelength_nm: nm.
+        distance, diameter: of the path and of the lens, m.
+        wind: m/s.
+        source: diameter of the disc of sources that a camera pixel averages, m.
+    """
     wavelength = wavelength_nm * 1e-9
     variance = float(rytov(structure, wavelength, distance, "spherical"))
     time = float(correlation_time(wavelength, distance, wind)) if wind > 0 else math.inf
@@ -149,7 +181,7 @@ def flicker(
         return Flicker(variance * averaging, None, time)
     a, b = (float(n) for n in gamma_gamma(variance))
     index = averaging * float(scintillation_index(a, b))
-    # 1/(c a) + 1/(c b) + 1/(c^2 a b) = index, for c
+    # Solve 1/(c a) + 1/(c b) + 1/(c^2 a b) = index for c.
     half = (1 / a + 1 / b) / 2
     inverse = 2 * index / (half * 2 + math.sqrt(4 * half**2 + 4 * index / (a * b)))
     return Flicker(index, (a / inverse, b / inverse), time)

@@ -1,4 +1,4 @@
-"""Everything between the panel's pixels and the camera's, as numbers."""
+"""Parameters of the path from the panel's pixels to the camera's."""
 
 from __future__ import annotations
 
@@ -11,11 +11,21 @@ __all__ = ["Aim", "AirSetting", "Optics"]
 
 @dataclass(frozen=True)
 class Optics:
-    """The panel and the lens. width, height: panel pixels. pitch: of them, m. luminance: of a pixel
-    that is on, cd/m2. reflectance: of the panel's face (diffuse). focal_length: m. f_number,
-    transmission: of the lens. focus: distance it is focused at, m; None: at the panel. blur: of the
-    lens beside diffraction and defocus, standard deviation, camera pixels. camera_pitch: m.
-    wavelength_nm: of the light."""
+    """The panel's pixels and the lens.
+
+    Attributes:
+        width, height: panel pixels.
+        pitch: pitch of the panel's pixels, m.
+        luminance: luminance of an ON pixel, cd/m2.
+        reflectance: diffuse reflectance of the panel's face.
+        focal_length: m.
+        f_number, transmission: of the lens.
+        focus: distance that the lens is focused at, m; None for the panel's distance.
+        blur: standard deviation of the lens's blur without diffraction and defocus, camera pixels.
+        camera_pitch: pitch of the camera's pixels, m.
+        wavelength_nm: wavelength of the light, nm.
+        diffraction: whether diffraction is included.
+    """
 
     width: int
     height: int
@@ -34,11 +44,16 @@ class Optics:
 
 @dataclass(frozen=True)
 class Aim:
-    """How the panel stands in the camera's view. offset: (x, y) of its centre's image from the
-    sensor's, camera pixels. rotation: about the line of sight, degrees, clockwise in the image.
-    tilt: (about the vertical, about the horizontal), degrees. vibration: standard deviation of the
-    image's shift along each axis, camera pixels. vibration_frequency: Hz, of a resonance with a
-    tenth of critical damping. occluded: share of the panel, from its left, that is hidden."""
+    """Position of the panel in the camera's view.
+
+    Attributes:
+        offset: (x, y) of the panel's centre from the sensor's centre in the image, camera pixels.
+        rotation: about the line of sight, degrees, clockwise in the image.
+        tilt: about the vertical and about the horizontal axis, degrees.
+        vibration: standard deviation of the image's shift along each axis, camera pixels.
+        vibration_frequency: resonance, Hz, at a tenth of critical damping.
+        occluded: share of the panel, from its left side, that is hidden.
+    """
 
     offset: tuple[float, float] = (0.0, 0.0)
     rotation: float = 0.0
@@ -50,12 +65,21 @@ class Aim:
 
 @dataclass(frozen=True)
 class AirSetting:
-    """distance: from lens to panel, m. ambient: lux, on the panel's face and its surroundings.
-    surroundings: their reflectance. visibility: m, None for clear air. particles: which law of
-    extinction. structure: Cn2, m^(-2/3), constant along the path. wind: across the path, m/s. sun:
-    lux on a plane facing it, of a sun within the view or near it; 0 for none. sun_angle: degrees
-    between it and the panel's centre, to the right. glare: share of the light through the lens that
-    is spread over the whole image. seed: of vibration and scintillation."""
+    """The atmosphere and the light around the panel.
+
+    Attributes:
+        distance: from lens to panel, m.
+        ambient: illuminance of the panel's face and its surroundings, lux.
+        surroundings: reflectance of the surroundings.
+        visibility: m, None for clear air.
+        particles: law of extinction.
+        structure: refractive-index structure constant Cn2, m^(-2/3), constant along the path.
+        wind: across the path, m/s.
+        sun: illuminance of a plane that faces the sun, lux; 0 for no sun in or near the view.
+        sun_angle: angle of the sun from the panel's centre, to the right, degrees.
+        glare: share of the light through the lens that is spread over the whole image.
+        seed: of vibration and scintillation.
+    """
 
     distance: float
     ambient: float = 0.0

@@ -1,10 +1,11 @@
-"""What bounds of a link's effects read, and the unit they end in.
+"""What the bounds of a link's effects read, and the unit of these bounds.
 
 The error of a link's simulation is |BER(with) - BER(without)| over half the width of the 99.9 %
 interval of the bit error rate over the run's bits (Clopper and Pearson, Biometrika 26:404, 1934).
-Each effect first bounds by how much it can change a pixel's charge in a tick; `ber_units` makes the
-unit of it, by the closed form of the pixel: with reset to zero it fires where Poisson electrons
-reach the threshold, with the residual carried that is as likely in any phase of the charge.
+Each effect bounds the change of a pixel's charge in a tick; `ber_units` converts it to this unit
+with the closed form of the pixel. With reset to zero, the pixel fires if the Poisson electrons of a
+tick reach the threshold; with the residual carried over, the same holds from a uniformly
+distributed charge.
 """
 
 from __future__ import annotations
@@ -29,21 +30,30 @@ __all__ = ["LinkSummary", "ber", "ber_units", "flicker_units", "link_summary"]
 
 Values = npt.NDArray[np.float64]
 _RISK: Final = 0.001
-"""Of the interval: 99.9 %."""
+"""Complement of the confidence level, 99.9 %."""
 _DEVIATIONS: Final = 3.29
-"""Of a normal quantity, within which 99.9 % lie."""
+"""Standard deviations of a normal variate that enclose 99.9 %."""
 _NODES: Final = 15
+"""Nodes of the Gauss-Hermite rule."""
 _FACTORS: Final = 49
+"""Factors of light between which error rates are interpolated."""
 _TICKS: Final = 3
-"""At most that are taken to decide a bit: fewer make more errors."""
+"""Largest number of ticks assumed to decide a bit; fewer ticks give more errors."""
 
 
 @dataclass(frozen=True)
 class LinkSummary(Summary):
-    """on, off: electrons a tick of a pixel well within a part that is on, or off. shares: (pixels,
-    cells) of the light of the pixels that decide a cell, that is the cell's own, first, and that is
-    its eight neighbours'. ticks: that decide it. bits: of the run. noise: of the threshold,
-    electrons. carried: whether the residual is."""
+    """Summary of a link for the bounds of its effects.
+
+    Attributes:
+        on, off: charge in a tick of a pixel well inside an ON or an OFF area, electrons.
+        shares: (pixels, cells); for each pixel that decides a cell, the share of its light from the
+            cell itself (first) and from its eight neighbours.
+        ticks: number of ticks that decide a bit.
+        bits: number of bits of the run.
+        noise: standard deviation of the threshold, electrons.
+        carried: whether the residual charge is carried to the next tick.
+    """
 
     on: float = 0.0
     off: float = 0.0
@@ -55,7 +65,7 @@ class LinkSummary(Summary):
 
 
 def _fires(scene: LinkSummary, electrons: Values) -> Values:
-    """Chance that a tick's flag is set."""
+    """Returns the probability that a tick's flag is set, for mean charges `electrons`."""
     from scipy.special import gammainc, gammaincc
 
     z, weight = np.polynomial.hermite_e.hermegauss(_NODES if scene.noise > 0 else 1)
@@ -69,8 +79,15 @@ def _fires(scene: LinkSummary, electrons: Values) -> Values:
 
 
 def _outcomes(chances: Values, ticks: int) -> Values:
-    """Chance of each outcome, (ticks + 1) ^ pixels, of flags that pixels set in so many ticks, the
-    mean over neighbours' patterns. chances: (patterns, pixels) of a flag in a tick."""
+    """Returns the probability of each outcome, ((ticks + 1) ^ pixels,), averaged over patterns.
+
+    An outcome is the number of flags of each pixel in `ticks` ticks.
+
+    Args:
+        chances: (patterns, pixels) probability of a flag in a tick, for each pattern of the
+            neighbours.
+        ticks: number of ticks.
+    """
     counts = np.arange(ticks + 1)
     ways = np.array([math.comb(ticks, n) for n in counts])
     p = chances[..., None]
@@ -82,13 +99,13 @@ def _outcomes(chances: Values, ticks: int) -> Values:
 
 
 def _both(scene: LinkSummary, epsilon: float, gain: float) -> tuple[Values, Values]:
-    """Chance of each outcome of a cell that is on, and of one that is off; see `ber`."""
+    """Returns the probability of each outcome of an ON cell and of an OFF cell; see `ber`."""
     shares = np.array(scene.shares)
     neighbours = shares.shape[1] - 1
     patterns = np.arange(1 << neighbours)[:, None] >> np.arange(neighbours) & 1
     others = patterns @ shares[:, 1:].T  # (patterns, pixels)
     swing = (scene.on - scene.off) * gain
-    # Charges that have met can only pass each other, and then tell of the bit again.
+    # Capped where both charges are equal: beyond that point they would tell the bit again.
     wrong = np.minimum(epsilon * scene.on, swing * shares[:, 0] / 2)
     on, off = (
         _outcomes(_fires(scene, scene.off + swing * light + more), scene.ticks)
@@ -98,15 +115,24 @@ def _both(scene: LinkSummary, epsilon: float, gain: float) -> tuple[Values, Valu
 
 
 def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
-    """Bit error rate of the best decision by the flags of the pixels and ticks that decide a cell,
-    its neighbours showing what they will. epsilon: of the charge of a pixel that is on, by which
-    all charges are wrong, the way that makes errors likelier (above 0) or rarer."""
+    """Returns the bit error rate of the optimal decision on a cell with random neighbours.
+
+    The decision reads the flags of the pixels and ticks that `scene` names.
+
+    Args:
+        scene: the link.
+        epsilon: error of all charges, as a share of the charge of an ON pixel; above 0 in the
+            direction that makes errors more likely, below 0 less likely.
+    """
     return float(min(np.minimum(*_both(scene, epsilon, 1.0)).sum() / 2, 0.5))
 
 
 def _rates(scene: LinkSummary, factors: Values) -> Values:
-    """(n,) bit error rates where all of the panel's light, of on and off alike, is times each of
-    (n,) factors, which the decision does not know: it is the best one at 1."""
+    """Returns the bit error rates (n,) if the panel's light, ON and OFF, is scaled by `factors`
+    (n,).
+
+    The decision does not know the factor: it is the optimal one at factor 1.
+    """
     is_on = np.greater(*_both(scene, 0.0, 1.0))
     both = (_both(scene, 0.0, float(factor)) for factor in factors)
     return np.array([np.where(is_on, off, on).sum() / 2 for on, off in both])
@@ -122,15 +148,20 @@ def _half_width(rate: float, bits: int) -> float:
 
 
 def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
-    """|BER(with) - BER(without)| in half-widths, where every charge changes by no more than
-    `epsilon` of that of a pixel that is on, at most: errors are the rarer the more the charges of
-    on and off differ, so the ends of what these may become bound all between.
+    """Returns |BER(with) - BER(without)| in half-widths of the confidence interval.
 
-    An estimate, however sure `epsilon` is: of the rate of `ber`'s own decision by a few pixels in
-    the panel's middle, not of a receiver's, and over the half-width at `ber`'s own rate.
+    Every charge changes by at most `epsilon` of the charge of an ON pixel. The error rate falls
+    monotonically with the difference between ON and OFF charges, so the two extremes bound every
+    case between them.
 
-    times: where above 0, `epsilon` is a standard deviation instead, of a change that comes anew so
-    often in the run (at least once); the RMS of what it does to the run's rate.
+    The result is an estimate even if `epsilon` is exact: it uses the error rate and the half-width
+    of `ber`, a decision from a few pixels in the middle of the panel, not of a receiver.
+
+    Args:
+        scene: the link.
+        epsilon: largest change of a charge; its standard deviation if `times` is above 0.
+        times: number of independent draws of a random change in the run, at least one; the result
+            is then the RMS change of the run's error rate.
     """
     if epsilon <= 0:
         return 0.0
@@ -149,20 +180,23 @@ def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
 
 
 def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
-    """|BER(with) - BER(without)| in half-widths, of a factor of the panel's light that comes anew
-    `times` times in the run (at least once), from patch to patch and in time, B(x) the rate at x:
+    """Returns |BER(with) - BER(without)| in half-widths for a random factor of the panel's light.
 
-        |E B(x) - B(1)| + z sqrt(Var B(x) / times),  z = 3.29 of 99.9 %.
+    The factor is drawn `times` times in the run (at least once), over patches and time. With B(x)
+    the error rate at factor x, the result is
 
-    The first is what bending makes of the flicker, half its variance times B'' where it is weak,
-    and stays however large the panel; the second is the linear part, which patches average. For
-    patches on their own and a correlation in time that is never below 0 the variance of the mean is
-    no more (by Hermite's series no function of such a course is correlated longer, and over T it
-    leaves at most 2 t_c / T), so it holds at 99.9 % for a normal mean.
+        |E B(x) - B(1)| + z sqrt(Var B(x) / times),  z = 3.29 for 99.9 %.
 
-    An estimate all the same: B is `ber`'s, of a decision in the panel's middle that knows nothing
-    of the factor; cells with data count as even over the patches. Of bits at the edge that fall one
-    way or the other by chance it says nothing, nor of a receiver that errs for other reasons.
+    The first term comes from the curvature of B: half the variance times B'' for weak
+    scintillation, whatever the size of the panel. The second is the linear part, which patches
+    average out. For independent patches and a correlation in time that is never negative, the
+    variance of the mean is not larger: by Hermite's series no function of such a process is
+    correlated for longer, and over a time T it leaves at most 2 t_c / T. So the result holds at
+    99.9 % for a normal mean.
+
+    It remains an estimate: B is that of `ber`, and cells with data count as uniform over the
+    patches. It does not cover single bits at the limit of a decision, nor receivers that fail for
+    other reasons.
     """
     if law.index <= 0:
         return 0.0
@@ -172,7 +206,7 @@ def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
     if law.shape:
         weight = np.multiply.outer(weight, weight).ravel()
     factors = law.factors(normal)
-    if law.shape:  # 225 of them: between 49 rates
+    if law.shape:  # 225 factors: interpolate between 49 rates
         grid = np.geomspace(factors.min(), factors.max(), _FACTORS)
         rates = np.interp(np.log(factors), np.log(grid), _rates(scene, grid))
     else:
@@ -184,9 +218,12 @@ def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
 
 
 def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[float, ...], ...]:
-    """`LinkSummary.shares` of cells of so many panel pixels in the middle of the panel, where the
-    sampling is at its worst: four camera pixels half a pixel from the cell's middle along each
-    axis. What is further away than the eight neighbours counts to them."""
+    """Returns `LinkSummary.shares` for cells of `cell` x `cell` panel pixels in the middle of the
+    panel.
+
+    The sampling is the worst case: four camera pixels, each half a pixel from the cell's middle
+    along both axes. Light from beyond the eight neighbours is added to theirs.
+    """
     optics = scene.optics
     middle = (optics.width - 1) / 2, (optics.height - 1) / 2
     affine = affine_at(image_of(optics, scene.aim, scene.air, shape), *middle)
@@ -211,8 +248,18 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
 def link_summary(
     scene: Scene, camera: CameraSetting, *, cell: int, ticks: int, bits: int, cycles: int
 ) -> LinkSummary:
-    """Of a link as it is in full. cell, ticks: of the mode. bits: that are decided in the run. A
-    tick in which symbols meet decides nothing, and three decide no worse than more."""
+    """Returns the summary of a link with all effects.
+
+    A tick shared by two symbols decides nothing, and three ticks decide no worse than more.
+
+    Args:
+        scene: panel, optics, aim and air.
+        camera: the camera.
+        cell: side of a cell of the mode, panel pixels.
+        ticks: ticks of a symbol of the mode.
+        bits: number of bits decided in the run.
+        cycles: length of the run.
+    """
     light = levels(scene.optics, scene.air)
     gain = camera.electrons_per_lux * float(camera.clock.period)
     shape = camera.chip.height, camera.chip.width

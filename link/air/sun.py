@@ -1,4 +1,4 @@
-"""A sun in the view or beside it: its disc on the sensor, and the glare it makes in the lens."""
+"""The sun in or near the field of view: its disc on the sensor, and its glare in the lens."""
 
 from __future__ import annotations
 
@@ -14,28 +14,31 @@ from link.air.setting import Aim, AirSetting, Optics
 __all__ = ["SUN_DIAMETER", "SUN_SOLID_ANGLE", "sun_glare", "sun_image", "sun_lux"]
 
 SUN_DIAMETER: Final = 0.53
-"""Degrees, seen from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 minutes of
-arc over the year)."""
+"""Degrees, from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 arc minutes over
+the year)."""
 SUN_SOLID_ANGLE: Final = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
 """Steradian."""
 
 
 def _defocus(optics: Optics, distances: Lengths) -> float:
-    """Radius of the image of a point infinitely far, camera pixels."""
+    """Returns the radius of the image of a point at infinity, camera pixels."""
     f = optics.focal_length
     return f / optics.f_number * (distances.image - f) / f / 2 / optics.camera_pitch
 
 
 def sun_lux(optics: Optics, air: AirSetting) -> float:
-    """Lux on the sensor in the sun's sharp image: luminance air.sun / solid angle."""
+    """Returns the illuminance in the sun's sharp image, lux: luminance air.sun / solid angle."""
     working = optics.f_number * lengths(optics, air.distance).extension
     return math.pi * air.sun / SUN_SOLID_ANGLE * optics.transmission / (4 * working**2)
 
 
 def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) -> Plane:
-    """(height, width) float32 lux of the disc, out of focus as the lens is; dark where it is out of
-    view. The edge, of two discs convolved, is an error function about the wider one's, and the
-    whole holds the light it must."""
+    """Returns the illuminance of the sun's disc, (height, width) float32, lux.
+
+    The disc is defocused as by the lens; the image is 0 if it is out of view. The edge of two
+    convolved discs is approximated by an error function at the radius of the wider one, and the
+    total flux is exact.
+    """
     from scipy.special import erfc
 
     distances = lengths(optics, air.distance)
@@ -60,8 +63,11 @@ def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int])
 
 
 def sun_glare(optics: Optics, air: AirSetting, aim: Aim, shape: tuple[int, int]) -> float:
-    """Lux that the lens spreads over the sensor of the sun's light: air.glare of what passes it,
-    wherever the sun stands before it (how the share falls with the angle is not modelled)."""
+    """Returns the illuminance of the sun's veiling glare on the sensor, lux.
+
+    The lens spreads the share air.glare of the sun's light over the sensor, at any angle before the
+    lens (the decrease with angle is not modelled).
+    """
     away = math.radians(air.sun_angle) + math.atan(
         aim.offset[0] / lengths(optics, air.distance).camera
     )

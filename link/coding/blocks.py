@@ -1,10 +1,10 @@
-"""Blocks: the codewords that stand on the panel together, and which cell carries which byte.
+"""Blocks: codewords that are on the panel at the same time, and the cells that carry their bytes.
 
-A block is one group of all data cells; on small panels, whose group holds no codeword, as many
-groups as hold one. Interleaved, byte b of codeword w stands at place w + b words of the block, so
-that what hides a part of the panel takes a few bytes of every codeword; otherwise codewords follow
-one another. Everything is scrambled by a keystream that all know, so that cells go on and off
-whatever the bytes are, and a dark panel is no codeword.
+A block is one group of all data cells; on a small panel, whose group holds no codeword, as many
+groups as hold one. With interleaving, byte b of codeword w is at place w + b words of the block, so
+that an obstacle before the panel takes a few bytes of every codeword; without it, codewords follow
+one another. All data are scrambled with a known keystream, so that cells switch on and off whatever
+the bytes are, and a dark panel is not a codeword.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from link.layout import Layout
 __all__ = ["FRAME_SPENT", "MOST_WORDS", "Blocks"]
 
 MOST_WORDS: Final = 8
-"""Codewords of a frame at most: one that is lost takes the frame with it."""
+"""Largest number of codewords of a frame: one lost codeword loses the frame."""
 FRAME_SPENT: Final = 19
-"""Bytes of a frame that are not the file's: head, packet's number, CRC (`link.coding.frames`)."""
+"""Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.frames`)."""
 _ALIGNMENT: Final = 8
-"""The fountain's symbols are multiples of it."""
+"""The size of the fountain's symbols is a multiple of it."""
 _KEY: Final = 0x53435241
 _Bytes = npt.NDArray[np.uint8]
 _Qualities = npt.NDArray[np.float32]
@@ -34,7 +34,15 @@ _Qualities = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Blocks:
-    """Of one layout. Raises ValueError where the panel has too few cells to carry a codeword."""
+    """Blocks of one layout.
+
+    Attributes:
+        layout: of the cells.
+        interleave: whether codewords are interleaved.
+
+    Raises:
+        ValueError: if the panel has too few cells for a codeword.
+    """
 
     layout: Layout
     interleave: bool = True
@@ -50,17 +58,17 @@ class Blocks:
 
     @cached_property
     def groups(self) -> int:
-        """Groups to a block."""
+        """Groups in a block."""
         return max(1, -(-WORD_BYTES // self.group_bytes))
 
     @cached_property
     def words(self) -> int:
-        """Codewords to a block."""
+        """Codewords in a block."""
         return self.groups * self.group_bytes // WORD_BYTES
 
     @property
     def data_bytes(self) -> int:
-        """Of a codeword."""
+        """Data bytes of a codeword."""
         return WORD_BYTES - self.layout.mode.parity
 
     def _symbol(self, words: int) -> int:
@@ -68,23 +76,23 @@ class Blocks:
 
     @cached_property
     def frame_words(self) -> int:
-        """Codewords to a frame: the number that leaves most of a block to the file."""
+        """Codewords in a frame: the number that leaves most of a block to the file."""
         counts = range(1, min(MOST_WORDS, self.words) + 1)
         return max(counts, key=lambda n: self.words // n * self._symbol(n))
 
     @cached_property
     def frames(self) -> int:
-        """Frames to a block."""
+        """Frames in a block."""
         return self.words // self.frame_words
 
     @cached_property
     def frame_bytes(self) -> int:
-        """Of a frame, before Reed-Solomon."""
+        """Bytes of a frame, before Reed-Solomon."""
         return self.frame_words * self.data_bytes
 
     @cached_property
     def symbol_bytes(self) -> int:
-        """Of the file, coded by the fountain, in a frame."""
+        """Bytes of the fountain's symbol in a frame."""
         return self._symbol(self.frame_words)
 
     @cached_property
@@ -94,8 +102,10 @@ class Blocks:
         return word + byte * self.words if self.interleave else word * WORD_BYTES + byte
 
     def lay(self, words: _Bytes, block: int) -> _Bytes:
-        """Codewords, (words, 255), as what the cells carry: (groups, cells) uint8 of values.
-        Places and cells that are left over carry the keystream."""
+        """Returns the values of the cells, (groups, cells) uint8, for codewords (words, 255).
+
+        Unused places and cells carry the keystream.
+        """
         placed = np.zeros(self.groups * self.group_bytes, np.uint8)
         placed[self.places] = words
         out = np.empty((self.groups, self.layout.cells), np.uint8)
@@ -106,8 +116,10 @@ class Blocks:
         return out
 
     def gather(self, values: _Bytes, quality: _Qualities, block: int) -> tuple[_Bytes, _Qualities]:
-        """What `lay` made, with errors, as (words, 255) bytes and qualities, the lowest of a byte's
-        cells."""
+        """Returns the bytes of the codewords, (words, 255) uint8, and their qualities, float32.
+
+        It is the inverse of `lay`. The quality of a byte is the lowest of its cells.
+        """
         bits = self.layout.mode.code.bits
         size = self.groups * self.group_bytes
         placed, sure = np.empty(size, np.uint8), np.empty(size, np.float32)
@@ -120,7 +132,7 @@ class Blocks:
         return placed[self.places], sure[self.places]
 
     def cells_of(self, wrong: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-        """How many of the bytes marked in (words, 255) stand on each data cell, (cells,)."""
+        """Returns the number of marked bytes, (words, 255) bool, on each data cell, (cells,)."""
         placed = np.zeros(self.groups * self.group_bytes, np.int64)
         placed[self.places] = wrong
         each = 8 // self.layout.mode.code.bits
@@ -130,15 +142,15 @@ class Blocks:
         return out
 
     def _keystream(self, group: int) -> _Bytes:
-        """Bytes for all cells of a group, by Philox 4x64."""
+        """Returns the bytes of all cells of a group, from Philox 4x64."""
         stream = np.random.Philox(key=_KEY, counter=[0, group, 0, 0])
-        count = self.group_bytes + 1  # and for cells that are no whole byte
+        count = self.group_bytes + 1  # one more byte for cells beyond the last whole byte
         raw = np.asarray(stream.random_raw(-(-count // 8)), "<u8")
         return raw.view(np.uint8)[:count].copy()
 
 
 def _values(data: _Bytes, bits: int) -> _Bytes:
-    """Bytes as values of `bits` bits, lowest first."""
+    """Returns bytes as values of `bits` bits, lowest first."""
     if bits == 8:
         return data
     shifts = np.arange(0, 8, bits, dtype=np.uint8)
@@ -146,7 +158,7 @@ def _values(data: _Bytes, bits: int) -> _Bytes:
 
 
 def _bytes(values: _Bytes, bits: int) -> _Bytes:
-    """The bytes whose `_values` these are; higher bits of values are not looked at."""
+    """Returns the bytes of `_values`; higher bits of the values are ignored."""
     if bits == 8:
         return values
     shifts = np.arange(0, 8, bits, dtype=np.uint8)

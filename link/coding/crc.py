@@ -1,6 +1,7 @@
-"""Cyclic redundancy checks, by fastcrc, under the names of the CRC RevEng catalogue.
+"""Cyclic redundancy checks from fastcrc, under their names in the CRC RevEng catalogue.
 
-Frames carry CRC-32C, files CRC-64/XZ: two polynomials, so that no pattern passes both by one flaw.
+Frames carry CRC-32C, files CRC-64/XZ: with two different polynomials, no error pattern passes both
+for the same reason.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The field of 256 elements that CCSDS 131.0-B takes for Reed-Solomon codes.
+"""The field of 256 elements of the Reed-Solomon codes of CCSDS 131.0-B.
 
-Polynomial x^8 + x^7 + x^2 + x + 1 (0x187). Powers are of alpha^11, alpha = 2, which the standard
-builds its generator from; it is primitive, since 11 and 255 share no factor, so that everything
-may be written in its powers alone. Bytes are in the conventional basis, not in Berlekamp's dual.
+The polynomial is x^8 + x^7 + x^2 + x + 1 (0x187). Elements are written as powers of alpha^11, alpha
+= 2, which the standard's generator is built from; it is primitive, because 11 and 255 have no
+common factor. Bytes are in the conventional basis, not in Berlekamp's dual basis.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def _powers() -> npt.NDArray[np.uint8]:
     for _ in range(254):
         twice = alpha[-1] << 1
         alpha.append(twice ^ _POLYNOMIAL if twice > 255 else twice)
-    # Twice over, so that the sum of two logarithms is an index.
+    # Two periods, so that the sum of two logarithms is a valid index.
     return np.array([alpha[_STEP * i % 255] for i in range(510)], np.uint8)
 
 
 EXP: Final = _powers()
 """(510,) uint8: powers of alpha^11."""
 LOG: Final = np.zeros(256, np.int32)
-"""(256,) int32: their exponents; that of 0 means nothing."""
+"""(256,) int32: their exponents; the entry of 0 is undefined."""
 LOG[EXP[:255]] = np.arange(255)
 PRODUCT: Final = np.where(
     (np.arange(256)[:, None] > 0) & (np.arange(256) > 0), EXP[LOG[:, None] + LOG], 0

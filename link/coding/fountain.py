@@ -1,8 +1,8 @@
-"""The outer code: a file as packets of which any, slightly more than its own number, bring it back.
+"""The outer code: a file as packets, any slightly larger number of which recovers it.
 
-RaptorQ (RFC 6330), by the library of that name. It believes every packet and panics on a packet
-that cannot be (wrong length, unknown block); so packets are checked here first, and what it makes
-of them carries a CRC of the whole.
+RaptorQ (RFC 6330), from the library of that name. The library trusts every packet and panics on an
+impossible one (wrong length, unknown block). Packets are therefore checked before, and the decoded
+file carries a CRC.
 """
 
 from __future__ import annotations
@@ -22,22 +22,29 @@ __all__ = [
 Packet = bytes
 """Four bytes of number, then the symbol."""
 MOST_BYTES: Final = 2**30
-"""What the fountain carries at most: the decoder's tables grow with what a header says."""
+"""Largest number of bytes of the fountain: the decoder's tables grow with the length in a
+header."""
 _MOST_SYMBOLS: Final = 56403
-"""Source symbols of a block (RFC 6330, section 5.1.2)."""
+"""Largest number of source symbols of a block (RFC 6330, section 5.1.2)."""
 _HEAD: Final = struct.Struct("<QB")
 
 
 @dataclass(frozen=True)
 class Delivered:
-    """A file that arrived whole: its bytes, and a name that is safe to write."""
+    """A file that arrived whole.
+
+    Attributes:
+        data: its bytes.
+        name: a name that is safe to write.
+    """
 
     data: bytes
     name: str
 
 
 def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
-    """The session's number, and what the fountain carries: CRC, name and bytes. Never empty."""
+    """Returns the session's number, and the bytes for the fountain: CRC, name and data. Never
+    empty."""
     called = safe_name(name).encode()
     body = called + data
     packed = _HEAD.pack(crc64_xz(bytes([len(called)]) + body), len(called)) + body
@@ -49,7 +56,7 @@ def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
 
 
 def unpack_file(packed: bytes) -> Delivered | None:
-    """The file; None where the CRC is wrong."""
+    """Returns the file; None if the CRC is wrong."""
     if len(packed) < _HEAD.size:
         return None
     crc, called = _HEAD.unpack_from(packed)
@@ -60,18 +67,21 @@ def unpack_file(packed: bytes) -> Delivered | None:
 
 
 def source_symbols(length: int, symbol: int) -> int:
-    """Symbols that `length` bytes fill."""
+    """Returns the number of symbols that `length` bytes fill."""
     return -(-length // symbol)
 
 
 def source_blocks(length: int, symbol: int) -> int:
-    """Blocks that the library codes on their own (RFC 6330, section 4.3, with its 10 MiB)."""
+    """Returns the number of blocks that the library codes separately (RFC 6330, section 4.3, 10
+    MiB)."""
     return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
 
 
 def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
-    """The first `count` packets, the file's own first; of several blocks in turn, so that what is
-    lost at one time is shared among them."""
+    """Returns the first `count` packets, those of the file itself first.
+
+    Packets of several blocks alternate, so that a burst of losses is shared among them.
+    """
     from raptorq import Encoder
 
     needed, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
@@ -83,7 +93,13 @@ def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
 
 
 class Gathering:
-    """The packets of one session, until they are enough."""
+    """The packets of one session, until there are enough.
+
+    Attributes:
+        length: bytes of the fountain.
+        symbol: bytes of a symbol.
+        needed: source symbols of the file.
+    """
 
     def __init__(self, length: int, symbol: int) -> None:
         self.length, self.symbol = length, symbol
@@ -101,8 +117,10 @@ class Gathering:
         return len(self._numbers)
 
     def put(self, packet: Packet) -> Delivered | None:
-        """The file, with the packet that completes it. A file whose CRC is wrong is thrown away
-        with everything that it was made of."""
+        """Returns the file, with the packet that completes it.
+
+        If the CRC of a decoded file is wrong, the file and all packets are discarded.
+        """
         number = packet[:4]
         if self._done or number in self._numbers:
             return None
@@ -111,7 +129,7 @@ class Gathering:
             packed = self._decoder.decode(packet)
         except (KeyboardInterrupt, SystemExit):
             raise
-        except BaseException:  # a panic of the library, which is no Exception
+        except BaseException:  # a panic of the library is not an Exception
             self._begin()
             return None
         if packed is None:

@@ -1,17 +1,17 @@
-"""Frames: one packet of the fountain each, with what tells whose it is and whether it is right.
+"""Frames: one packet of the fountain each, with its session and a CRC.
 
-| bytes | what |
+| bytes | content |
 |---|---|
 | 2 | magic "Vf" |
 | 1 | version |
 | 4 | session: CRC-32C of the file's length, name and CRC |
-| 4 | length of what the fountain carries |
-| 4 | the packet's number: source block, symbol (RFC 6330, section 3.2) |
+| 4 | length of the fountain's data |
+| 4 | number of the packet: source block, symbol (RFC 6330, section 3.2) |
 | T | the packet's symbol |
 | | zeros, up to whole codewords |
-| 4 | CRC-32C of all before it |
+| 4 | CRC-32C of all preceding bytes |
 
-Numbers are little-endian, but for the packet's.
+Numbers are little-endian, except the packet's.
 """
 
 from __future__ import annotations
@@ -36,7 +36,13 @@ _NUMBER: Final = 4
 
 @dataclass(frozen=True)
 class Frame:
-    """session: whose. length: bytes that the fountain carries. packet: number and symbol."""
+    """A frame.
+
+    Attributes:
+        session: number of the transmission.
+        length: bytes of the fountain's data.
+        packet: number and symbol.
+    """
 
     session: int
     length: int
@@ -44,14 +50,15 @@ class Frame:
 
 
 def write_frame(frame: Frame, size: int) -> npt.NDArray[np.uint8]:
-    """A frame as `size` bytes."""
+    """Returns a frame as `size` bytes."""
     body = _HEAD.pack(_MAGIC, _VERSION, frame.session, frame.length) + frame.packet
     body = body.ljust(size - _CRC.size, b"\0")
     return np.frombuffer(body + _CRC.pack(crc32c(body)), np.uint8)
 
 
 def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
-    """The frame in `data`, with a symbol of `symbol` bytes; None unless every part is right."""
+    """Returns the frame in `data`, with a symbol of `symbol` bytes; None unless every part is
+    correct."""
     raw = data.tobytes()
     body, end = raw[: -_CRC.size], raw[-_CRC.size :]
     if not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:

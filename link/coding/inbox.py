@@ -1,4 +1,4 @@
-"""The receiver's half: values of groups, with errors, become a file, or none."""
+"""The receiver's half: values of groups, with errors, become a file."""
 
 from __future__ import annotations
 
@@ -16,16 +16,32 @@ from link.layout import Layout
 __all__ = ["Inbox"]
 
 _SESSIONS: Final = 4
-"""Files gathered at the same time; of more, the one with the fewest packets is given up."""
+"""Largest number of files gathered at the same time; beyond it, the one with the fewest packets is
+dropped."""
 _ERASED: Final = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the parity that the least sure bytes are erased for, one after another until a word is
-a codeword: generalised minimum distance decoding (Forney 1966), with the frame's CRC as judge."""
+"""Shares of the parity for which the least certain bytes are erased, in turn, until a word is a
+codeword: generalised minimum distance decoding (Forney 1966), with the frame's CRC as check."""
 _SAFE: Final = 0.5
-"""Up to this share of erasures a codeword is believed on its own, beyond only in a right frame."""
+"""Largest share of erasures up to which a codeword is accepted alone; beyond it only in a correct
+frame."""
 
 
 class Inbox:
-    """Groups come in any order, and more than once if need be."""
+    """Decodes groups. They may come in any order, and more than once.
+
+    Attributes:
+        layout: of the cells.
+        file: the first whole file, with the CRC of every frame and of the file correct.
+        over: whether a block without a correct frame of the file has followed the whole file. The
+            transmission has then ended, and later blocks are not counted.
+        frames_read: frames of the blocks, up to the transmission's end.
+        frames_right: those with a correct CRC.
+        codewords: codewords read.
+        codewords_wrong: codewords that could not be corrected, or whose frame was wrong all the
+            same.
+        bytes_corrected: bytes corrected in the others.
+        cell_errors: (cells,) int64, bytes corrected by data cell.
+    """
 
     def __init__(self, layout: Layout, *, interleave: bool = True) -> None:
         self.layout = layout
@@ -38,34 +54,32 @@ class Inbox:
         self._sessions: dict[tuple[int, int], Gathering] = {}
         self._needed: int | None = None
         self.file: Delivered | None = None
-        """The first file that is whole: every frame's CRC and its own are right."""
         self._whole: tuple[int, int] | None = None
         self.over = False
-        """Whether a block came after the whole file that has no right frame of it: what follows is
-        no longer its transmission, and nothing of it is counted."""
-        self.frames_seen = self.frames_right = 0
-        """Frames that blocks had, and those with the right CRC, up to the transmission's end."""
+        self.frames_read = self.frames_right = 0
         self.codewords = self.codewords_wrong = self.bytes_corrected = 0
-        """Codewords read, those that could not be mended or whose frame was wrong all the same, and
-        bytes mended in the others."""
         self.cell_errors: npt.NDArray[np.int64] = np.zeros(layout.cells, np.int64)
-        """Bytes mended, by data cell, (cells,)."""
 
     @property
     def frames_needed(self) -> int | None:
-        """Frames that the file fills, once a frame has told."""
+        """Frames that the file fills, known from its first correct frame; None before."""
         return self._needed
 
     @property
     def frames_gathered(self) -> int:
-        """Different frames of the file that is furthest."""
+        """Different frames of the most advanced file."""
         return max((len(session) for session in self._sessions.values()), default=0)
 
     def put(
         self, group: int, values: npt.NDArray[np.uint8], quality: npt.NDArray[np.float32]
     ) -> int:
-        """One group as `decode_line` gives it, both (cells,); quality 0 for cells that were not
-        seen. Returns how many right frames it brought (0 while its block lacks groups)."""
+        """Adds one group and returns the number of correct frames it completed (0 while its block
+        lacks groups).
+
+        Args:
+            group: number of the group.
+            values, quality: (cells,) of `decode_line`; quality 0 for cells that were not received.
+        """
         if group < 0:
             raise ValueError(f"group must be 0 or more, not {group}")
         for name, array in (("values", values), ("quality", quality)):
@@ -81,8 +95,10 @@ class Inbox:
         return right + (self.flush() if len(self._here) == self._blocks.groups else 0)
 
     def flush(self) -> int:
-        """Reads the block that is open though groups of it are missing, unless the file is whole.
-        Returns right frames."""
+        """Reads the open block although groups are missing, unless the file is whole.
+
+        Returns the number of correct frames.
+        """
         if self._open is None:
             return 0
         missing = [n for n in range(self._blocks.groups) if n not in self._here]
@@ -96,9 +112,9 @@ class Inbox:
 
     def _read(self, words: npt.NDArray[np.uint8], quality: npt.NDArray[np.float32]) -> int:
         form = self._blocks
-        mended, ok, sound = self._mend(words, quality)
+        corrected, ok, sound = self._correct(words, quality)
         used = form.frames * form.frame_words
-        data = mended[:used, : form.data_bytes].reshape(form.frames, form.frame_bytes)
+        data = corrected[:used, : form.data_bytes].reshape(form.frames, form.frame_bytes)
         whole = np.all(ok[:used].reshape(form.frames, form.frame_words), axis=1).tolist()
         right = mine = 0
         before = self._whole
@@ -113,8 +129,8 @@ class Inbox:
         if before is not None and not mine:
             self.over = True
             return 0
-        wrong = (mended != words) & sound[:, None]
-        self.frames_seen += form.frames
+        wrong = (corrected != words) & sound[:, None]
+        self.frames_read += form.frames
         self.frames_right += right
         self.codewords += form.words
         self.codewords_wrong += int((~sound).sum())
@@ -123,11 +139,11 @@ class Inbox:
             self.cell_errors += form.cells_of(wrong)
         return right
 
-    def _mend(
+    def _correct(
         self, words: npt.NDArray[np.uint8], quality: npt.NDArray[np.float32]
     ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Codewords, where there is one, and where it is believed on its own."""
-        mended, ok, _ = self._code.repair(words)
+        """Returns corrected codewords, where there is one, and where it is accepted on its own."""
+        corrected, ok, _ = self._code.repair(words)
         sound = ok.copy()
         for share in _ERASED:
             left = np.flatnonzero(~ok)
@@ -137,10 +153,10 @@ class Inbox:
             least = np.argpartition(quality[left], count, axis=1)[:, :count]
             erased = np.zeros((len(left), words.shape[1]), np.bool_)
             np.put_along_axis(erased, least, True, axis=1)
-            mended[left], ok[left], _ = self._code.repair(words[left], erased)
+            corrected[left], ok[left], _ = self._code.repair(words[left], erased)
             if share <= _SAFE:
                 sound[left] = ok[left]
-        return mended, ok, sound
+        return corrected, ok, sound
 
     def _take(self, frame: Frame) -> None:
         key = frame.session, frame.length

@@ -1,4 +1,4 @@
-"""File names that are safe to write wherever they came from."""
+"""File names that are safe to write, whatever their origin."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Final
 __all__ = ["NAME_BYTES", "safe_name"]
 
 NAME_BYTES: Final = 120
-"""Bytes of UTF-8 that a name may take: well below the 255 of common file systems."""
+"""Largest size of a name in UTF-8: well below the 255 bytes of common file systems."""
 _NAMELESS: Final = "file"
 _UNWANTED: Final = re.compile(r'[<>:"|?*]')
 _DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
-"""Names that Windows keeps for devices."""
+"""Names that Windows reserves for devices."""
 
 
 def safe_name(name: str) -> str:
-    """The last part of a path, as a name that stays in the folder it is written to.
+    """Returns the last part of a path, as a name that stays in the folder it is written to.
 
-    Characters that some file system refuses, that control a terminal or turn the direction of text
-    become "_"; what is left of "", "." and ".." is "file".
+    Characters that a file system refuses, that control a terminal or reverse the direction of text
+    become "_". An empty result becomes "file".
     """
     last = re.split(r"[/\\]", name)[-1]
     safe = "".join(c if c.isprintable() else "_" for c in last)

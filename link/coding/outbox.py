@@ -1,4 +1,4 @@
-"""The sender's half: a file becomes the values that cells carry, group by group."""
+"""The sender's half: a file becomes the values of cells, group by group."""
 
 from __future__ import annotations
 
@@ -17,15 +17,34 @@ from link.layout import Layout
 __all__ = ["Outbox"]
 
 _BEYOND = 2
-"""Packets beyond the file's own, at least: with them one decoding in a million fails (RFC 6330)."""
-_KEPT = 2
-"""Blocks whose values are kept, once made."""
+"""Smallest number of packets beyond the file's own: with them one decoding in a million fails (RFC
+6330)."""
+_CACHED = 2
+"""Number of blocks whose values are cached."""
 
 
 class Outbox:
-    """A file in frames. data: of any length, 0 too. name: what the receiver is told to call it.
-    overhead: frames beyond those that the file fills, as a share of them; the last block is filled
-    with more. Raises ValueError for a panel or a file that cannot be sent."""
+    """A file in frames.
+
+    Args:
+        data: of any length, 0 too.
+        name: name that the receiver gives the file.
+        layout: of the cells.
+        interleave: whether codewords are interleaved.
+        overhead: frames beyond the file's own, as a share of them; the last block is filled with
+            more.
+
+    Attributes:
+        frames_needed: frames that the file fills; any so many, and rarely one or two more, recover
+            it.
+        frames: frames sent.
+        groups: groups that carry them.
+        room: bytes of a file of this name that as many blocks carry. The cells send in parallel, so
+            a smaller file takes no less time.
+
+    Raises:
+        ValueError: for a panel or a file that cannot be sent.
+    """
 
     def __init__(
         self, data: bytes, name: str, layout: Layout, *, interleave: bool = True,
@@ -40,42 +59,40 @@ class Outbox:
         self._length = len(packed)
         symbol = self._blocks.symbol_bytes
         self.frames_needed = source_symbols(self._length, symbol)
-        """Frames that the file fills; any so many, and rarely one or two more, bring it back."""
         wanted = max(math.ceil(self.frames_needed * (1 + overhead)), self.frames_needed + _BEYOND)
         blocks = -(-wanted // self._blocks.frames)
         self.frames = blocks * self._blocks.frames
-        """Frames sent."""
         self._wanted = wanted
         self.groups = blocks * self._blocks.groups
-        """Groups that carry them."""
         most = min(int(self.frames / (1 + overhead)), self.frames - _BEYOND)
         self.room = len(data) + most * symbol - self._length
-        """Bytes of a file of this name that as many blocks carry: the panel's cells send side by
-        side, so that a smaller one takes no less time than this."""
         self._packets = packets(packed, symbol, self.frames)
-        self._kept: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
+        self._cache: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
     def frames_by(self, groups: int) -> int:
-        """Frames that the first `groups` groups carry whole."""
+        """Returns the number of frames that the first `groups` groups carry whole."""
         return min(groups, self.groups) // self._blocks.groups * self._blocks.frames
 
     def frames_beyond(self, groups: int) -> tuple[int, int]:
-        """Of the frames that the first `groups` groups carry, those beyond the file's own: sent
-        since `overhead` asks for them, and only to fill the last block."""
+        """Returns the frames beyond the file's own in the first `groups` groups.
+
+        The first number is those sent because of `overhead`, the second those that only fill the
+        last block.
+        """
         sent = self.frames_by(groups)
         fill = max(sent - self._wanted, 0)
         return max(sent - fill - self.frames_needed, 0), fill
 
     def values(self, group: int) -> npt.NDArray[np.uint8]:
-        """What the data cells carry in a group: (cells,) uint8 of the line code's values."""
+        """Returns the line code's values of the data cells in a group, (cells,) uint8."""
         if not 0 <= group < self.groups:
             raise ValueError(f"group must be from 0 to {self.groups - 1}, not {group}")
         block, within = divmod(group, self._blocks.groups)
-        if block not in self._kept:
-            self._kept[block] = self._make(block)
-            while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
-        return self._kept[block][within]
+        if block not in self._cache:
+            self._cache[block] = self._make(block)
+            while len(self._cache) > _CACHED:
+                self._cache.popitem(last=False)
+        return self._cache[block][within]
 
     def _make(self, block: int) -> npt.NDArray[np.uint8]:
         form = self._blocks

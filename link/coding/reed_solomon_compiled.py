@@ -1,12 +1,12 @@
 """Reed-Solomon words, one after another, compiled. The field is `link.coding.field`.
 
-A word is a polynomial, its first byte the coefficient of x^254. `table`: (256, parity), row f is f
-times the generator's coefficients below its leading one, highest first. `first`: exponent of the
-generator's first root; the others follow.
+A word is a polynomial whose first byte is the coefficient of x^254. `table`, (256, parity): row f
+is f times the generator's coefficients below the leading one, highest first. `first`: exponent of
+the generator's first root; the others follow.
 
-Arrays are copied element by element: numba compiles a slice's assignment with all that its errors
-may say, which takes seconds. A number that is counted from 0 begins as np.int64(0), since what is
-called with it would be compiled for the constant as well.
+Arrays are copied element by element: numba compiles a slice assignment with all its error messages,
+which takes seconds. A counter starts as np.int64(0), since the functions called with it would be
+compiled for the constant as well.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _N = 255
 
 @njit(cache=True, nogil=True)
 def _remainder(word, table, out):  # type: ignore[no-untyped-def]
-    """What division by the generator leaves, in the last `parity` bytes of out, (255,)."""
+    """Writes the remainder of the division by the generator to the last `parity` bytes of out,
+    (255,)."""
     parity = table.shape[1]
     for i in range(_N):
         out[i] = word[i]
@@ -36,7 +37,7 @@ def _remainder(word, table, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def encode_words(data, table, words):  # type: ignore[no-untyped-def]
-    """data: (n, 255 - parity) uint8. words: (n, 255) uint8, filled: data, then parity."""
+    """Fills words, (n, 255) uint8, with data, (n, 255 - parity) uint8, and parity."""
     parity = table.shape[1]
     work = np.zeros(_N, np.uint8)
     padded = np.zeros(_N, np.uint8)
@@ -50,7 +51,7 @@ def encode_words(data, table, words):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _syndromes(rest, first, syndromes):  # type: ignore[no-untyped-def]
-    """The remainder, (parity,) highest first, at the generator's roots."""
+    """Evaluates the remainder, (parity,) highest first, at the generator's roots."""
     parity = len(rest)
     for j in range(parity):
         row = PRODUCT[EXP[(first + j) % _N]]
@@ -62,8 +63,11 @@ def _syndromes(rest, first, syndromes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[no-untyped-def]
-    """Berlekamp-Massey begun at the erasures' locator (Blahut 2003, section 7.4): `locator` is
-    filled, its length, errors and erasures, comes back. erased: exponents of the erased places."""
+    """Fills the error locator and returns its length, errors and erasures.
+
+    Berlekamp-Massey algorithm, started from the erasures' locator (Blahut 2003, section 7.4).
+    erased: exponents of the erased places.
+    """
     parity = len(syndromes)
     for i in range(parity + 1):
         locator[i] = 1 if i == 0 else 0
@@ -100,8 +104,11 @@ def _locator(syndromes, erased, count, locator, other, spare):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def _search(locator, length, steps, terms, places):  # type: ignore[no-untyped-def]
-    """Chien's search: exponents of the places whose inverse is a root, and their number, which
-    is -1 where there are not `length` of them."""
+    """Chien search: fills the exponents of the places whose inverse is a root, and returns their
+    number.
+
+    Returns -1 if there are not `length` of them.
+    """
     for i in range(length + 1):
         terms[i] = locator[i]
         steps[i] = EXP[(_N - i) % _N]
@@ -121,8 +128,10 @@ def _search(locator, length, steps, terms, places):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _correct(word, syndromes, locator, places, roots, first, evaluator):  # type: ignore[no-untyped-def]
-    """Forney's values, added to the word; the number of bytes that changed comes back, -1 where the
-    locator has a root twice."""
+    """Adds Forney's error values to the word and returns the number of changed bytes.
+
+    Returns -1 if the locator has a double root.
+    """
     for i in range(roots):
         value = np.uint8(0)
         for j in range(i + 1):
@@ -150,10 +159,16 @@ def _correct(word, syndromes, locator, places, roots, first, evaluator):  # type
 
 @njit(cache=True, nogil=True)
 def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[no-untyped-def]
-    """words: (n, 255) uint8, mended in place where ok. erasures: (n, 255) bool. ok: (n,) bool.
-    corrected: (n,) int64, bytes changed."""
+    """Corrects words, (n, 255) uint8, in place where ok.
+
+    Args:
+        erasures: (n, 255) bool.
+        table, first: the generator.
+        ok: (n,) bool, filled.
+        corrected: (n,) int64, filled with the number of changed bytes.
+    """
     parity = table.shape[1]
-    work, mended = np.empty(_N, np.uint8), np.empty(_N, np.uint8)
+    work, fixed = np.empty(_N, np.uint8), np.empty(_N, np.uint8)
     syndromes = np.empty(parity, np.uint8)
     locator, other = np.empty(parity + 1, np.uint8), np.empty(parity + 1, np.uint8)
     spare, steps = np.empty(parity + 1, np.uint8), np.empty(parity + 1, np.uint8)
@@ -183,16 +198,16 @@ def repair_words(words, erasures, table, first, ok, corrected):  # type: ignore[
         if roots < 0:
             continue
         for i in range(_N):
-            mended[i] = words[w, i]
-        changed = _correct(mended, syndromes, locator, places, roots, first, evaluator)
+            fixed[i] = words[w, i]
+        changed = _correct(fixed, syndromes, locator, places, roots, first, evaluator)
         if changed < 0:
             continue
-        _remainder(mended, table, work)
+        _remainder(fixed, table, work)
         clean = True
         for i in range(_N - parity, _N):
             clean = clean and work[i] == 0
         if clean:
             for i in range(_N):
-                words[w, i] = mended[i]
+                words[w, i] = fixed[i]
             ok[w] = True
             corrected[w] = changed

@@ -1,1 +1,1 @@
-"""Spikes of a panel's image to soft values of its bits."""
+"""Detectors: from the spikes of a panel's image to soft values of its bits."""

@@ -1,8 +1,8 @@
-"""Every detector, by name.
+"""All detectors, by name.
 
-A detector is a class of its own file, made from a layout, a registration, a timing, and what is
-known of the sensor's pixels. Classes are imported on use: the names are read at start-up, which
-must not wait for numba.
+A detector is a class in a file of its own, created from a layout, a registration, a timing and the
+known properties of the sensor's pixels. Classes are imported on use: the names are read at
+start-up, which must not wait for numba.
 """
 
 from __future__ import annotations
@@ -34,11 +34,13 @@ def make_detector(
     *,
     pixel: PixelLaw | None = None,
 ) -> Detector:
-    """A detector by its name.
+    """Returns a detector by its name.
 
     Args:
-        pixel: what is known of the sensor's pixels; the joint and the threshold detector learn all
-            that they need and ignore it.
+        name: key of DETECTORS.
+        layout, registration, timing: cells, their place in the image and their time.
+        pixel: known properties of the sensor's pixels. The joint and the threshold detector learn
+            everything and ignore it.
     """
     if name not in DETECTORS:
         raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {name}")

@@ -1,8 +1,8 @@
-"""What a pixel gathers in a tick, on a grid of charge: the laws of the trellis.
+"""Distribution of the charge of a tick, on a grid: the transition probabilities of the trellis.
 
-A pixel with share s of its light from a cell with bit b gathers off + s (on - off) b thresholds a
-tick, and the light of the cells beside it, of which half is on by chance. Arrivals are Poisson;
-where other noise joins, normal with the sum of the variances.
+A pixel with share s of its light from a cell with bit b gathers off + s (on - off) b thresholds in
+a tick, and the light of neighbouring cells, half of which are on at random. Arrivals are Poisson;
+with other noise, normal with the sum of the variances.
 """
 
 from __future__ import annotations
@@ -17,20 +17,27 @@ from link.detect.pixel import PixelLaw
 __all__ = ["LEVELS", "ChargeLaws", "charge_laws"]
 
 LEVELS = 40
-"""Steps of charge to a threshold, unless it has fewer electrons."""
+"""Steps of charge in a threshold, unless it has fewer electrons."""
 _TAIL = 1e-9
-"""Of a law, left out."""
+"""Probability below which a transition is omitted."""
 
 Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class ChargeLaws:
-    """chance: (shares, fractions + 1, 2, 2, steps) float64 of gathering so many steps, by the
-    cell's bit before and after a symbol begins at a fraction of the tick; the last fraction is a
-    tick in which none begins. low, high: steps with a chance, high excluded. merged: (fractions +
-    1,) bool, where the bit before has no light in the tick. levels: steps to a threshold. hard:
-    whether a spike takes all charge away."""
+    """Transition probabilities of a pixel's charge.
+
+    Attributes:
+        chance: (shares, fractions + 1, 2, 2, steps) float64, probability of gathering a number of
+            steps, by the cell's bit before and after a symbol begins at a fraction of the tick; the
+            last fraction stands for a tick without a begin.
+        low, high: (shares, fractions + 1, 2, 2) int64, range of steps with a probability, high
+            excluded.
+        merged: (fractions + 1,) bool, whether the bit before has no light in the tick.
+        levels: steps in a threshold.
+        hard: whether a spike removes all charge.
+    """
 
     chance: Values
     low: npt.NDArray[np.int64]
@@ -43,7 +50,17 @@ class ChargeLaws:
 def charge_laws(
     pixel: PixelLaw, shares: npt.ArrayLike, fractions: npt.ArrayLike, levels: int = LEVELS
 ) -> ChargeLaws:
-    """Raises ValueError where pixel leaves its light or reset open."""
+    """Returns the transition probabilities.
+
+    Args:
+        pixel: the pixel; light and reset must be known.
+        shares: (shares,) share of the pixel's light from the cell.
+        fractions: (fractions,) fraction of a tick at which a symbol begins.
+        levels: steps in a threshold.
+
+    Raises:
+        ValueError: if the light or the reset of the pixel is None.
+    """
     from scipy.stats import norm, poisson
 
     if pixel.off is None or pixel.on is None or pixel.reset is None:
@@ -52,7 +69,7 @@ def charge_laws(
     at = np.append(np.asarray(fractions, np.float64), 1.0)
     levels = max(min(levels, int(pixel.threshold)), 2)
     bits = np.arange(2)
-    # (shares, fractions, before, after); no symbol begins at fraction 1: the bit before counts
+    # (shares, fractions, before, after); at fraction 1 no symbol begins and the bit before counts
     lit = at[:, None, None] * bits[:, None] + (1 - at)[:, None, None] * bits
     swing, others = pixel.on - pixel.off, 1 - part
     mean = pixel.off + swing * (part[:, None, None, None] * lit + others[:, None, None, None] / 2)
@@ -67,9 +84,9 @@ def charge_laws(
     below[plain] = poisson.cdf(np.ceil(edge) - 1, electrons[plain][..., None])
     chance = np.diff(below)
     chance /= chance.sum(axis=-1, keepdims=True)
-    there = chance > _TAIL
-    low = there.argmax(axis=-1)
-    high = steps - there[..., ::-1].argmax(axis=-1)
+    possible = chance > _TAIL
+    low = possible.argmax(axis=-1)
+    high = steps - possible[..., ::-1].argmax(axis=-1)
     return ChargeLaws(
         chance, low.astype(np.int64), high.astype(np.int64), at == 0, levels,
         pixel.reset == "hard",

@@ -1,7 +1,8 @@
-"""Detectors side by side on the sensor's own pixel.
+"""Error rates of all detectors with the sensor's own pixel.
 
-A panel is put straight before the pixels: every panel pixel is one camera pixel, in step with its
-clock, no light beside its own and an even background. What differs is then the decision alone.
+The panel stands directly before the pixels: every panel pixel is one camera pixel, in step with its
+clock, without crosstalk and with a uniform background. The results then differ only by the
+decision.
 """
 
 from __future__ import annotations
@@ -28,16 +29,23 @@ __all__ = ["Compared", "comparison"]
 _FIRST: Final = 8
 """Tick of first light."""
 _SLOW: Final = 40
-"""Symbols that are decided at once, which forward-backward's room grows with."""
+"""Symbols decided at once; the memory of forward-backward grows with them."""
 _FEW: Final = 64
-"""Symbols that forward-backward gets at most, since it is slow."""
+"""Largest number of symbols for forward-backward, which is slow."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A detector's errors. what: in words. low, high: Clopper-Pearson limits of the rate at
-    `confidence`. gain: plain receiver's rate over this one's, and its lower limit, the plain one's
-    lower over this one's upper."""
+    """Errors of a detector.
+
+    Attributes:
+        what: detector and cell, in words.
+        bits, errors: decided bits, and wrong ones.
+        rate: error rate.
+        low, high: Clopper-Pearson limits of the rate.
+        gain: rate of the plain receiver over this rate; None if unknown.
+        gain_low: lower limit of the gain: the plain receiver's lower limit over this upper limit.
+    """
 
     what: str
     bits: int
@@ -50,7 +58,7 @@ class Compared:
 
 
 def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
-    """Training, then random data; in Manchester pairs where the mode says so."""
+    """Returns training symbols, then random data; in Manchester pairs if the mode asks for them."""
     rng = np.random.Generator(np.random.Philox(key=seed))
     bits = rng.integers(0, 2, (symbols, layout.cells), np.uint8).astype(np.bool_)
     if layout.mode.line == "manchester":
@@ -62,7 +70,7 @@ def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
 def _spikes(
     layout: Layout, bits: npt.NDArray[np.bool_], pixel: PixelLaw, seed: int
 ) -> npt.NDArray[np.uint32]:
-    """Words of the exact tier's pixels that look at these symbols."""
+    """Returns words of the exact tier's pixels under these symbols."""
     mode, known = layout.mode, pilots()
     shape = mode.height, mode.width
     assert pixel.reset is not None and pixel.off is not None and pixel.on is not None
@@ -89,7 +97,7 @@ def _spikes(
 def _count(
     detector: Detector, words: npt.NDArray[np.uint32], bits: npt.NDArray[np.bool_]
 ) -> tuple[int, int]:
-    """Bits after the training, and how many of them are decided wrongly."""
+    """Returns the number of bits after the training, and how many of them are decided wrongly."""
     detector.learn(words, 0, bits[:TRAINING], 0)
     wrong = 0
     for n in range(TRAINING, len(bits), _SLOW):
@@ -109,11 +117,20 @@ def comparison(
     seed: int = 1,
     confidence: float = 0.999,
 ) -> list[Compared]:
-    """Error rates of random on-off keying: one pixel and one tick by threshold and by
-    forward-backward, the latter in Manchester as well, then joint over 2 x 2 pixels and over two
-    ticks. threshold: electrons. background, on_level: thresholds a tick, the second of the panel's
-    light alone. size: panel pixels to a side, a multiple of 32; forward-backward gets 128
-    and fewer symbols, since it is slow. symbols: more than the training's 48.
+    """Returns the error rates of random on-off keying.
+
+    In this order: one pixel and one tick by threshold and by forward-backward, both again in
+    Manchester, then joint over 2 x 2 pixels and over two ticks.
+
+    Args:
+        threshold: electrons.
+        background: light of an OFF tick, thresholds.
+        on_level: light of the panel alone in an ON tick, thresholds.
+        reset: reset rule.
+        size: panel pixels along a side, a multiple of 32; at most 128 for forward-backward.
+        symbols: more than the training's 48; at most 64 for forward-backward.
+        seed: of data and noise.
+        confidence: level of the limits.
     """
     from scipy.stats import binomtest
 

@@ -1,8 +1,11 @@
 """The loops of the joint detector: spikes of a cell's pixels as patterns over a symbol's ticks.
 
-A symbol of a row owns as many ticks as the mode says, the first of them being the one it begins in,
-which it shares with the symbol before. They are read in parts of up to PART ticks, each together
-with the CONTEXT ticks before it, so that a part is one look-up.
+A symbol of a row consists of as many ticks as the mode has. The first is the one in which it
+begins, which it shares with the previous symbol. The ticks are read in parts of up to PART ticks,
+each together with the CONTEXT ticks before it, so that a part is one table look-up.
+
+The kernels take arrays and not records: numba vectorises and parallelises these loops fully only
+for plain array arguments.
 """
 
 from __future__ import annotations
@@ -19,11 +22,11 @@ __all__ = ["CONTEXT", "PAIRS", "PART", "PHASES", "add_evidence", "count_patterns
 PART: Final = 4
 """Ticks of a part."""
 CONTEXT: Final = 2
-"""Ticks before it that say what charge a pixel may hold."""
+"""Ticks before a part, which indicate the charge that a pixel may hold."""
 PHASES: Final = 8
-"""Classes of where in a tick a symbol begins."""
+"""Classes of the fraction of a tick at which a symbol begins."""
 PAIRS: Final = 4
-"""Of bits, that of the symbol before and the symbol's own: 2 before + own."""
+"""Pairs of bits: 2 x the previous symbol's bit + the symbol's bit."""
 _WIDTH: Final = PART + CONTEXT
 _PATTERNS: Final = 1 << _WIDTH
 _MASK: Final = _PATTERNS - 1
@@ -35,7 +38,7 @@ _STEEP, _WIDE = np.float32(0.24904), np.float32(2.5068)
 
 @njit(cache=True)
 def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
-    """Tick that a symbol begins in for a row, and class of the phase within."""
+    """Returns the tick in which a symbol begins in a row, and the class of its phase."""
     start = time[0] + symbol * time[1] + time[2] * row / time[3]
     tick = int(np.floor(start))
     return tick, min(int((start - tick) * PHASES), PHASES - 1)
@@ -43,7 +46,7 @@ def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _place(u, v):  # type: ignore[no-untyped-def]
-    """Pixel that a cell's centre lies in, and its place there: x, y, in x, in y."""
+    """Returns the pixel of a cell's centre, and the position within it: x, y, in x, in y."""
     x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
     in_x = min(int((u - x + 0.5) * PLACES), PLACES - 1)
     in_y = min(int((v - y + 0.5) * PLACES), PLACES - 1)
@@ -52,7 +55,8 @@ def _place(u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pattern(words, y, x, bit):  # type: ignore[no-untyped-def]
-    """_WIDTH spikes of a pixel from tick `bit` of words on, the first one lowest; none beyond."""
+    """Returns _WIDTH spikes of a pixel from tick `bit` on, the first one lowest; 0 outside the
+    words."""
     if bit < 0:
         early = np.int64(words[0, y, x]) << -bit if bit > -_WIDTH else 0
         return early & _MASK
@@ -67,7 +71,7 @@ def _pattern(words, y, x, bit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
-    """The same of a pixel at a place of `size`, in flat words of `count`, from bit >= 0 on."""
+    """`_pattern` for bit >= 0 in flat words: place `at` of `size`, `count` words."""
     w = bit >> 5
     if w >= count:
         return np.int64(0)
@@ -82,12 +86,19 @@ def count_patterns(  # type: ignore[no-untyped-def]
     words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0, count, dx, dy,
     share, counts,
 ):  # fmt: skip
-    """Counts patterns of known symbols by class.
+    """Counts patterns of known symbols by class. A symbol not wholly within the words is skipped.
 
-    known: (n + 1, cells) bool, the symbol before the first one and n symbols. shift: (n, 2). time:
-    first, period, slope, rows. order, ends: cells by region, and where each region ends in it.
-    counts: (regions, PHASES, parts, SHARES, PAIRS, patterns) int32, added to. A symbol that is not
-    wholly within the words is left out.
+    Args:
+        words, start: (n, H, W) uint32 spikes, and the tick of their first bit.
+        known: (n + 1, cells) bool, the previous symbol and n symbols.
+        first_symbol: number of the first of the n symbols.
+        shift: (n, 2) shift of the image, camera pixels.
+        time: first, period, slope, rows of the timing.
+        ticks: ticks of a symbol.
+        order, ends: cells sorted by region, and the end of each region.
+        x0, y0: (cells,) centres of the cells, camera pixels.
+        count, dx, dy, share: arrays of `geometry.Places`.
+        counts: (regions, PHASES, parts, SHARES, PAIRS, patterns) int32, incremented.
     """
     height, width = words.shape[1], words.shape[2]
     stop = words.shape[0] * 32
@@ -114,21 +125,28 @@ def count_patterns(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _either(a, b):  # type: ignore[no-untyped-def]
-    """ln(e^a + e^b), linearly approximated."""
+    """Returns ln(e^a + e^b), linearly approximated."""
     apart = abs(a - b)
     return max(a, b) + (_STEEP * (_WIDE - apart) if apart < _WIDE else np.float32(0.0))
 
 
 @njit(cache=True)
-def _chain(said, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-def]
-    """Soft values of a chain of bits from said (symbols, PAIRS): forward and backward over the two
-    values of a bit. ahead: room for the forward pass, (symbols, 2)."""
-    symbols = said.shape[0]
+def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-def]
+    """Computes the soft values of a chain of bits by a forward and a backward pass.
+
+    Args:
+        gains: (symbols, PAIRS) log likelihoods.
+        ahead: (symbols, 2) memory for the forward pass.
+        out, cell: (n, cells) soft values, and the cell to write.
+        skipped: first symbol that is written.
+        limit: largest magnitude.
+    """
+    symbols = gains.shape[0]
     off, on = np.float32(0.0), np.float32(0.0)
     for n in range(symbols):
         off, on = (
-            _either(off + said[n, 0], on + said[n, 2]),
-            _either(off + said[n, 1], on + said[n, 3]),
+            _either(off + gains[n, 0], on + gains[n, 2]),
+            _either(off + gains[n, 1], on + gains[n, 3]),
         )
         most = max(off, on)
         off, on = off - most, on - most
@@ -139,8 +157,8 @@ def _chain(said, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-d
             value = ahead[n, 1] + on - ahead[n, 0] - off
             out[n - skipped, cell] = min(max(value, -limit), limit)
         off, on = (
-            _either(said[n, 0] + off, said[n, 1] + on),
-            _either(said[n, 2] + off, said[n, 3] + on),
+            _either(gains[n, 0] + off, gains[n, 1] + on),
+            _either(gains[n, 2] + off, gains[n, 3] + on),
         )
         most = max(off, on)
         off, on = off - most, on - most
@@ -151,23 +169,32 @@ def add_evidence(  # type: ignore[no-untyped-def]
     words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,
     count, dx, dy, share, whole, single, limit, out,
 ):  # fmt: skip
-    """Soft values of each cell's bits in the window of `symbols` from first_symbol on.
+    """Computes soft values of each cell's bits in the window of `symbols` from first_symbol on.
 
-    stop: ticks of the words that are read. whole: (regions, PHASES, parts, SHARES, patterns, PAIRS)
-    float32, by pattern. single: (regions, PHASES, ticks, SHARES, contexts, 2, PAIRS) float32, by
-    tick, for symbols that the words hold in part; both are 0 where both bits are off. out: (n,
-    cells) float32, of the window's symbols `skipped` to skipped + n.
+    Args:
+        words, start, stop: (n, H, W) uint32 spikes, the tick of their first bit, and the number of
+            ticks to read.
+        first_symbol, symbols, skipped: the window, and the symbols before the first that is
+            written.
+        shift, time, ticks: as in `count_patterns`, shift (symbols, 2).
+        region_of, x0, y0: (cells,) region and centre of each cell.
+        count, dx, dy, share: arrays of `geometry.Places`.
+        whole: (regions, PHASES, parts, SHARES, patterns, PAIRS) float32 log likelihoods by pattern.
+        single: (regions, PHASES, ticks, SHARES, contexts, 2, PAIRS) float32 log likelihoods by
+            tick, for symbols only partly within the words. Both are 0 where both bits are off.
+        limit: largest magnitude of a soft value.
+        out: (n, cells) float32, of symbols `skipped` to skipped + n of the window.
     """
     height, width = words.shape[1], words.shape[2]
     cells = out.shape[1]
-    # flat, since the compiler does not take apart what it indexes by six numbers
+    # Flat arrays: the compiler does not hoist the address computation of six indices.
     flat_words, flat_whole = words.reshape(-1), whole.reshape(-1)
     flat_count, flat_share = count.reshape(-1), share.reshape(-1)
     flat_dx, flat_dy = dx.reshape(-1), dy.reshape(-1)
     most, parts, reach = dx.shape[3], whole.shape[2], max(np.abs(dx).max(), np.abs(dy).max())
     size, count_words = height * width, words.shape[0]
     for run in prange(-(-cells // _RUN)):
-        said = np.empty((symbols, PAIRS), np.float32)
+        gains = np.empty((symbols, PAIRS), np.float32)
         ahead = np.empty((symbols, 2), np.float32)
         for cell in range(run * _RUN, min((run + 1) * _RUN, cells)):
             region = region_of[cell]
@@ -204,5 +231,5 @@ def add_evidence(  # type: ignore[no-untyped-def]
                         on += single[region, phase, j, s, before, spike, 1]
                         fell += single[region, phase, j, s, before, spike, 2]
                         both += single[region, phase, j, s, before, spike, 3]
-                said[n, 0], said[n, 1], said[n, 2], said[n, 3] = 0.0, on, fell, both
-            _chain(said, ahead, out, cell, skipped, limit)
+                gains[n, 0], gains[n, 1], gains[n, 2], gains[n, 3] = 0.0, on, fell, both
+            _chain(gains, ahead, out, cell, skipped, limit)

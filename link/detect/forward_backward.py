@@ -1,8 +1,8 @@
-"""Detection by the charge that pixels hold, over a window of symbols.
+"""Detection by the charge of the pixels, over a window of symbols.
 
 Each pixel with most of its light from one cell is decided by the forward-backward recursion on its
-charge, with random data, and the log likelihood ratios of a cell's pixels add up. It costs some
-thousand times what the joint detector does.
+charge, with random data. The log likelihood ratios of a cell's pixels add up. It costs some
+thousand times the joint detector.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from link.timing import Registration, Timing
 __all__ = ["ForwardBackward"]
 
 _MOSTLY: Final = SHARES // 2
-"""Class of share from which a pixel is looked at."""
+"""Smallest class of share of a pixel that is used."""
 _PIXELS: Final = 4
-"""Pixels of a cell that are, at most."""
+"""Largest number of pixels used for a cell."""
 _BEFORE, _AFTER = 6, 2
-"""Symbols around those asked for that the window holds as well, where the words do."""
-_TAUGHT: Final = 96
-"""Cells that the pixel's law is learned from."""
+"""Symbols before and after the requested ones in the window, if the words contain them."""
+_LEARNED: Final = 96
+"""Number of cells that the pixel's properties are learned from."""
 
 
 @njit(cache=True, parallel=True)
@@ -41,8 +41,18 @@ def _all_cells(  # type: ignore[no-untyped-def]
     words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
     share, pairs, chance, low, high, merged, levels, hard, limit, out,
 ):  # fmt: skip
-    """out: (n, cells): symbols `skipped` to skipped + n of the window's `symbols`. begin, stop: the
-    window's ticks, counted from the words' first one."""
+    """Writes the soft values of all cells, (n, cells), to `out`.
+
+    The arrays of `Places` and `ChargeLaws` are separate arguments, since numba parallelises the
+    loop over plain arrays best.
+
+    Args:
+        begin, stop: ticks of the window, from the first one in `words`.
+        symbol, symbols: first symbol and number of symbols of the window.
+        skipped: symbols of the window before the first that is written.
+        shift: (2,) of the image, camera pixels.
+        time: first, period, slope, rows of the timing, and the tick of the first word.
+    """
     height, width, ticks = words.shape[1], words.shape[2], stop - begin
     for cell in prange(out.shape[1]):
         region = region_of[cell]
@@ -56,7 +66,7 @@ def _all_cells(  # type: ignore[no-untyped-def]
             under_way,
         )  # fmt: skip
         states, train = np.empty((ticks + 1, 2, levels)), np.empty(ticks, np.uint8)
-        said, total = np.zeros(symbols), np.zeros(out.shape[0])
+        values, total = np.zeros(symbols), np.zeros(out.shape[0])
         for k in range(min(count[region, qy, qx], _PIXELS)):
             s = int(share[region, qy, qx, k])
             py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
@@ -64,21 +74,30 @@ def _all_cells(  # type: ignore[no-untyped-def]
                 continue
             for t in range(ticks):
                 train[t] = (words[(begin + t) >> 5, py, px] >> ((begin + t) & 31)) & 1
-            said[:] = 0.0
+            values[:] = 0.0
             posterior(
                 train, fraction, under_way, pairs, s, chance, low, high, merged, levels, hard,
-                states, said,
+                states, values,
             )  # fmt: skip
             for n in range(out.shape[0]):
-                total[n] += said[skipped + n]
+                total[n] += values[skipped + n]
         for n in range(out.shape[0]):
             out[n, cell] = min(max(total[n], -limit), limit)
 
 
 class ForwardBackward:
-    """See `Detector`. pixel: what is known of the pixels; the rest is learned, as the light and
-    reset rule under which the spikes of known symbols are likeliest. pairs: the symbols are
-    Manchester's, in pairs of opposite ones, and the recursion knows. levels: steps of charge."""
+    """The forward-backward detector; see `Detector`.
+
+    Properties of the pixels that are unknown are learned: the light and reset rule that maximise
+    the likelihood of the spikes of known symbols.
+
+    Args:
+        layout, registration, timing: cells, their place in the image and their time.
+        pixel: known properties of the pixels.
+        pairs: whether symbols come in Manchester pairs of opposite bits, which the recursion then
+            uses; None to take it from the mode.
+        levels: steps of charge in a threshold.
+    """
 
     def __init__(
         self,
@@ -97,14 +116,14 @@ class ForwardBackward:
         self._levels = levels
         self._laws: ChargeLaws | None = None
         if None not in (self._pixel.off, self._pixel.on, self._pixel.reset):
-            self._laws = self._made(self._pixel)
+            self._laws = self._charge_laws(self._pixel)
 
     @property
     def pixel(self) -> PixelLaw:
-        """As given or learned."""
+        """Properties of the pixels, known or learned."""
         return self._pixel
 
-    def _made(self, pixel: PixelLaw) -> ChargeLaws:
+    def _charge_laws(self, pixel: PixelLaw) -> ChargeLaws:
         shares = np.minimum((np.arange(SHARES) + 0.5) / SHARES, 1.0)
         shares[-1] = 1.0
         fractions = np.concatenate([[0.0], (np.arange(PHASES) + 0.5) / PHASES])
@@ -117,12 +136,12 @@ class ForwardBackward:
     def _learn(
         self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
-        """From the best pixels of cells spread over the panel."""
+        """Learns the pixel's properties from the best pixels of cells spread over the panel."""
         if self._laws is not None:
             return
         place, shift = cells.places, self._shift(first_symbol, len(known))
         picked: list[tuple[Any, ...]] = []
-        pixels = np.linspace(0, cells.x.size - 1, 8 * _TAUGHT).astype(np.intp)
+        pixels = np.linspace(0, cells.x.size - 1, 8 * _LEARNED).astype(np.intp)
         for cell in pixels[np.argsort(np.arange(pixels.size) % 8, kind="stable")]:
             u, v = cells.x[cell] + shift[0], cells.y[cell] + shift[1]
             x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
@@ -132,7 +151,7 @@ class ForwardBackward:
             )  # fmt: skip
             row, column, s = y + place.dy[at], x + place.dx[at], int(place.share[at])
             inside = 0 <= row < words.shape[1] and 0 <= column < words.shape[2]
-            if not inside or len(picked) >= _TAUGHT:
+            if not inside or len(picked) >= _LEARNED:
                 continue
             begin = int(self._timing.start(first_symbol, v)) - start_tick
             stop = int(self._timing.start(first_symbol + len(known), v)) - start_tick
@@ -150,14 +169,14 @@ class ForwardBackward:
         if not picked:
             raise ValueError("the known symbols must lie within the words")
         self._pixel = self._likeliest(picked)
-        self._laws = self._made(self._pixel)
+        self._laws = self._charge_laws(self._pixel)
 
     def _likeliest(self, picked: list[tuple[Any, ...]]) -> PixelLaw:
         from scipy.optimize import minimize
 
         def cost(light: npt.NDArray[np.float64], rule: Rule) -> float:
             off, swing = np.exp(light)
-            laws = self._made(replace(self._pixel, reset=rule, off=off, on=off + swing))
+            laws = self._charge_laws(replace(self._pixel, reset=rule, off=off, on=off + swing))
             tables = laws.chance, laws.low, laws.high, laws.merged, laws.levels, laws.hard
             return -float(sum(likelihood(*(*one, *tables)) for one in picked))
 

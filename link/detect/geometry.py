@@ -1,8 +1,8 @@
-"""Which camera pixels see a cell, and what share of their light is the cell's.
+"""The camera pixels of each cell, and the share of their light that comes from the cell.
 
-The panel is cut into regions. Within a region a cell's image is one parallelogram, so the shares of
-the pixels around it follow from where its centre falls between them: a table for each region and
-sub-pixel place holds these pixels, the largest share first.
+The panel is divided into regions. Within a region a cell's image is one parallelogram, so the
+shares of the surrounding pixels depend only on the sub-pixel position of its centre. A table for
+each region and position lists these pixels, the largest share first.
 """
 
 from __future__ import annotations
@@ -19,33 +19,38 @@ from link.timing import Registration
 __all__ = ["LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_images"]
 
 PLACES: Final = 8
-"""Sub-pixel places along each axis."""
+"""Sub-pixel positions along each axis."""
 SHARES: Final = 16
 """Classes of share, evenly from 0 to 1."""
 LEAST: Final = 0.35
-"""Share below which a pixel is not looked at: its other cells disturb more than it tells. Chosen by
-trials of 0.1 to 0.45 on 2 x 2 cells; what is best depends on cell, blur and light."""
+"""Share below which a pixel is not used: the other cells in it disturb more than it tells. Chosen
+by trials of 0.1 to 0.45 on 2 x 2 cells; the optimum depends on cell, blur and light."""
 _MOST: Final = 24
-"""Pixels looked at for a cell."""
+"""Largest number of pixels used for a cell."""
 _FINE: Final = 16
-"""Samples to a pixel where shares are integrated; even multiples of PLACES put them on places."""
+"""Samples to a pixel in the integration of shares; an even multiple of PLACES, so that samples lie
+on the positions."""
 _ACROSS: Final = 8
-"""Regions along each axis, at most."""
+"""Largest number of regions along each axis."""
 _FEWEST: Final = 6
-"""Cells along a region's side, at least."""
+"""Smallest number of cells along a region's side."""
 _SAME: Final = 1 / 128
-"""Camera pixels to which sides of cells are told apart."""
+"""Resolution of the sides of cells, camera pixels: cells within it share a table."""
 _TALL: Final = 9
-"""Cells that a strip of like cells is taken to reach to either side of one, together with it."""
+"""Length of the strip of equal cells that a pilot column is modelled as, cells."""
 
 Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Pixels by region and place. count: (regions, PLACES, PLACES) int64, places in y, then x. dx,
-    dy: from the pixel that the cell's centre lies in, (regions, PLACES, PLACES, most) int64. share:
-    class of it, uint8, of the same shape, falling."""
+    """Pixels of a cell, by region and sub-pixel position (y, then x).
+
+    Attributes:
+        count: (regions, PLACES, PLACES) int64, number of pixels.
+        dx, dy: (regions, PLACES, PLACES, most) int64, pixels from the one of the cell's centre.
+        share: (regions, PLACES, PLACES, most) uint8, class of the share, descending.
+    """
 
     count: Ints
     dx: Ints
@@ -55,9 +60,15 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class CellImages:
-    """Cells as the camera sees them without drift. x, y: of their centres, (cells,) float64.
-    region: (cells,) int64. places: of their pixels. reach: how far those lie from the centre's, in
-    pixels. regions: how many."""
+    """Images of cells in the camera, without drift.
+
+    Attributes:
+        x, y: (cells,) float64, centres, camera pixels.
+        region: (cells,) int64.
+        places: their pixels.
+        reach: largest distance of a pixel from that of the centre.
+        regions: number of regions.
+    """
 
     x: npt.NDArray[np.float64]
     y: npt.NDArray[np.float64]
@@ -74,8 +85,16 @@ def _across(cells: int) -> int:
 def _coverage(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], blur: float, reach: int
 ) -> npt.NDArray[np.float64]:
-    """Share of a pixel's light that is that of a parallelogram with sides a and b about 0, by the
-    pixel's place: (2 reach _FINE + 1)^2 samples, in y, then x."""
+    """Returns the share of a pixel's light from a parallelogram about 0, by the pixel's position.
+
+    Args:
+        a, b: (2,) sides of the parallelogram, camera pixels.
+        blur: standard deviation, camera pixels.
+        reach: largest position, camera pixels.
+
+    Returns:
+        (2 reach _FINE + 1)^2 samples, y then x.
+    """
     from scipy.ndimage import gaussian_filter, uniform_filter
 
     at = np.arange(-reach * _FINE, reach * _FINE + 1) / _FINE
@@ -83,12 +102,12 @@ def _coverage(
     turned = a[0] * b[1] - a[1] * b[0]
     along_a = np.abs(x * b[1] - y * b[0]) / abs(turned)
     along_b = np.abs(y * a[0] - x * a[1]) / abs(turned)
-    # Half of what stands exactly on a side, so that neighbours' shares add up to one.
+    # A sample exactly on a side counts half, so that the shares of neighbours add up to one.
     inside = np.where(along_a < 0.5, 1.0, 0.5 * np.isclose(along_a, 0.5))
     inside *= np.where(along_b < 0.5, 1.0, 0.5 * np.isclose(along_b, 0.5))
     if blur > 0:
         inside = gaussian_filter(inside, blur * _FINE, mode="constant", truncate=5)
-    # A box of _FINE samples, its ends halved: centred, and its weights are those of a pixel.
+    # A centred box of _FINE samples with halved ends: the aperture of a pixel.
     left = uniform_filter(inside, _FINE, mode="constant", origin=0)
     right = uniform_filter(inside, _FINE, mode="constant", origin=-1)
     both = uniform_filter(inside, _FINE, mode="constant", origin=(0, -1))
@@ -99,8 +118,14 @@ def _coverage(
 def _region_places(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], blur: float, tall: bool
 ) -> tuple[list[npt.NDArray[np.float64]], int]:
-    """Rows (dx, dy, share) of pixels for each place, in y, then x, and their reach. a, b: sides of
-    a cell."""
+    """Returns rows (dx, dy, share) of pixels for each sub-pixel position (y, then x), and their
+    reach.
+
+    Args:
+        a, b: (2,) sides of a cell, camera pixels.
+        blur: standard deviation, camera pixels.
+        tall: whether the cells above and below show the same.
+    """
     extent = 0.5 * np.max(np.abs(a) + np.abs(b)) + 3 * blur + 1
     reach = int(np.ceil(extent)) + 1
     coverage = _coverage(a, b, blur, reach)
@@ -109,13 +134,13 @@ def _region_places(
     step, d = _FINE // PLACES, np.arange(-reach + 1, reach)
     for qy in range(PLACES):
         for qx in range(PLACES):
-            # the pixel at d lies at d - f of the centre, f the middle of its place
+            # The pixel at d lies at d - f from the centre, f the middle of the sub-pixel position.
             fy, fx = ((q * step + step // 2) - _FINE // 2 for q in (qy, qx))
             at = np.ix_((reach + d) * _FINE - fy, (reach + d) * _FINE - fx)
             mine, known = coverage[at].ravel(), share[at].ravel()
             near = (d[:, None] ** 2 + d[None, :] ** 2).ravel()
             best = np.lexsort((near, -np.round(mine, 6)))
-            many = max(np.count_nonzero(mine >= LEAST), 1)  # one, where cells are far too small
+            many = max(np.count_nonzero(mine >= LEAST), 1)  # at least one, however small the cell
             best = best[: min(many, _MOST)]
             out.append(np.stack([d[best % len(d)], d[best // len(d)], known[best]], axis=1))
     return out, reach
@@ -128,8 +153,14 @@ def cell_images(
     *,
     columns_alike: bool = False,
 ) -> CellImages:
-    """cells: indices into the flattened (rows, columns), the data cells unless given.
-    columns_alike: those above and below show the same (pilots), so that their light is its own."""
+    """Returns the images of cells.
+
+    Args:
+        layout, registration: cells, and their place in the image.
+        cells: indices into the flattened (rows, columns); None for the data cells.
+        columns_alike: whether the cells above and below show the same (pilots), so that their light
+            counts as the cell's.
+    """
     (rows, columns), side = layout.shape, layout.mode.cell
     which = layout.data if cells is None else cells
     row, column = np.divmod(which, columns)
@@ -149,7 +180,7 @@ def cell_images(
         sides = np.round(np.array([[u[1] - u[0], v[1] - v[0]], [u[3] - u[2], v[3] - v[2]]]) / _SAME)
         key = sides.tobytes()
         if key not in known:
-            # Through more blur than a cell is long no cell is seen, and its tables have no end.
+            # Blur wider than a cell hides the cell, and its tables would grow without limit.
             blur = min(registration.blur, float(np.hypot(*sides.T).max()) * _SAME)
             known[key] = _region_places(sides[0] * _SAME, sides[1] * _SAME, blur, columns_alike)
         places, reach = known[key]

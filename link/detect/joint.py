@@ -1,10 +1,10 @@
-"""Soft joint decision over the pixels of a cell, the ticks of a symbol and the symbols beside it.
+"""Joint soft decision over the pixels of a cell, the ticks of a symbol and neighbouring symbols.
 
-Given a symbol's bit and the one before, the pixels of a cell are taken to spike independently of
-each other, so the log likelihoods of all its pixels and ticks add up; a forward and backward pass
-over the chain of a cell's bits then gives each bit's own. The likelihoods are by the pixels' class,
-learned from symbols that are known; nothing of the sensor or of the light is given. So a tick that
-two symbols share serves both, and so does charge that a symbol leaves to the next one.
+Given a symbol's bit and the previous one, the pixels of a cell are taken to spike independently, so
+the log likelihoods of all its pixels and ticks add up. A forward and a backward pass over the chain
+of a cell's bits then gives the value of each bit. The likelihoods depend on the pixels' class and
+are learned from known symbols; nothing about the sensor or the light is assumed. A tick shared by
+two symbols therefore informs both, and so does charge carried into the next symbol.
 """
 
 from __future__ import annotations
@@ -26,17 +26,26 @@ from link.timing import Registration, Timing
 __all__ = ["AROUND", "Joint"]
 
 AROUND: Final = 2
-"""Symbols before and after those asked for that the chain holds as well."""
+"""Symbols before and after the requested ones that the chain includes."""
 
 _EDGE: Final = 1 / 32
-"""Ticks about a tick's beginning within which symbols are taken to begin with it: a quarter of a
+"""Distance of a symbol's begin from a tick edge, ticks, within which it is moved: a quarter of a
 class of phase."""
 Values = npt.NDArray[np.float64]
 
 
 class Joint:
-    """See `Detector`. The soft values of a call's outermost symbols would be changed by symbols
-    further away than two, by little: ticks wholly of one symbol cut the chain."""
+    """The joint detector; see `Detector`.
+
+    Symbols more than two away from a call's first and last symbol are neglected. Their influence is
+    small: ticks wholly within one symbol separate the chain.
+
+    Attributes:
+        timing: time of the symbols.
+        cells: images of the data cells.
+        delay: ticks by which all begins are delayed. Symbols that begin with a tick would otherwise
+            fall into the previous tick after a tiny drift, a class without training data.
+    """
 
     def __init__(
         self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
@@ -45,11 +54,8 @@ class Joint:
         self.cells = cell_images(layout, registration)
         self._ticks = layout.mode.ticks
         phase = float(timing.start(0, timing.rows / 2)) % 1
-        self.late = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
-        """Ticks that symbols are taken to begin late by: so that those which begin with a tick do
-        not fall into the tick before when the timing drifts by a hair, of which nothing was
-        learned."""
-        first = timing.first + self.late
+        self.delay = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
+        first = timing.first + self.delay
         self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (
             self.cells.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
@@ -59,14 +65,14 @@ class Joint:
         self._tables: Tables | None = None
 
     def shifts(self, first_symbol: int, count: int) -> Values:
-        """(dx, dy) of the image in the middle of each symbol, (count, 2)."""
+        """Returns the shift (dx, dy) of the image in the middle of each symbol, (count, 2)."""
         middle = self.timing.start(first_symbol + np.arange(count) + 0.5, self.timing.rows / 2)
         return np.array([self._registration.shift(float(t)) for t in middle]).reshape(count, 2)
 
     def _learn(
         self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
     ) -> None:
-        """known: with the symbol before the first one."""
+        """Counts patterns. `known` begins with the symbol before the first one."""
         order = np.argsort(cells.region, kind="stable")
         ends = np.searchsorted(cells.region[order], np.arange(cells.regions), side="right")
         place = cells.places
@@ -78,7 +84,7 @@ class Joint:
         self._tables = None
 
     def tables(self) -> Tables:
-        """What was learned, as `counting.add_evidence` takes it."""
+        """Returns the learned tables for `counting.add_evidence`."""
         if not self._counts.any():
             raise ValueError("the detector must have learned from known symbols before")
         if self._tables is None:

@@ -1,7 +1,7 @@
-"""The joint detector in plain numpy: the same sums over whole arrays, for benchmarks to compare.
+"""The joint detector in numpy, as the baseline of benchmarks.
 
-One symbol and one pixel of every cell at a time, then the chain of bits over all cells, with the
-exact logarithm of a sum.
+It processes one symbol and one pixel of every cell at a time, then the chain of bits over all
+cells, with the exact logarithm of a sum.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ __all__ = ["soft_by_numpy"]
 
 
 def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
-    """ln P(spikes | bits) of a symbol less that of both off, (cells, PAIRS). The words must hold
-    the symbol, and the sensor every pixel."""
+    """Returns ln P(spikes | bits) of a symbol minus that for both bits off, (cells, PAIRS).
+
+    The words must contain the symbol, and the sensor every pixel.
+    """
     cells: CellImages = detector.cells
     whole, _ = detector.tables()
     time, place = detector.timing, cells.places
@@ -28,7 +30,7 @@ def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> So
     x, y = np.floor(u + 0.5).astype(np.intp), np.floor(v + 0.5).astype(np.intp)
     qx = np.minimum(((u - x + 0.5) * PLACES).astype(np.intp), PLACES - 1)
     qy = np.minimum(((v - y + 0.5) * PLACES).astype(np.intp), PLACES - 1)
-    begin = time.start(symbol, y) + detector.late
+    begin = time.start(symbol, y) + detector.delay
     tick = np.floor(begin).astype(np.intp)
     phase = np.minimum(((begin - tick) * PHASES).astype(np.intp), PHASES - 1)
     out = np.zeros((cells.x.size, PAIRS), np.float32)
@@ -51,7 +53,7 @@ def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> So
 def soft_by_numpy(
     detector: Joint, words: Words, start_tick: int, first_symbol: int, count: int
 ) -> Soft:
-    """Soft values as `Joint.soft` gives them, without its linear approximation."""
+    """Returns the soft values of `Joint.soft`, without its linear approximation."""
     symbols = count + 2 * AROUND
     evidence = [
         _evidence(detector, words, start_tick, first_symbol - AROUND + n) for n in range(symbols)

@@ -1,4 +1,4 @@
-"""What a receiver may know of the sensor's pixels beforehand."""
+"""Known properties of the sensor's pixels."""
 
 from __future__ import annotations
 
@@ -12,9 +12,15 @@ Rule = Literal["hard", "residual"]
 
 @dataclass(frozen=True)
 class PixelLaw:
-    """threshold: electrons. reset: rule, None where it must be learned. off, on: thresholds that a
-    cell's pixel gathers in a tick, None where they must be learned; on holds off's light too.
-    noise: standard deviation of a tick's charge beyond shot noise, electrons."""
+    """Known properties of a pixel; None for those that must be learned.
+
+    Attributes:
+        threshold: electrons.
+        reset: reset rule.
+        off, on: charge of a tick in a cell that is off or on, thresholds; `on` includes the light
+            of `off`.
+        noise: standard deviation of a tick's charge beyond shot noise, electrons.
+    """
 
     threshold: float = 1000.0
     reset: Rule | None = None

@@ -1,10 +1,11 @@
-"""What was seen under known bits, made into what a spike or its absence says of them.
+"""Log likelihoods of spikes, estimated from counts under known bits.
 
-The chance of a spike in a tick is taken to depend on the bits of the symbol and of the one before,
-on the pixel's class and on its own spikes of the ticks just before: charge that has not fired yet
-is still there. Three layers, each the prior of the next one: all of the panel and time, by how much
-of the pixel's light is the cell's and for how much of the tick it is on; by share, tick and phase;
-the same in each region of the panel, whose light may differ.
+The probability of a spike in a tick is modelled as a function of the bits of the symbol and of the
+previous one, of the pixel's class, and of the pixel's spikes in the preceding ticks, which indicate
+the charge that remains. Three layers are estimated, each the prior of the next: over the whole
+panel and all time, by the share of the pixel's light from the cell and the part of the tick in
+which it is on; by share, tick and phase; the same in each region of the panel, where the light may
+differ.
 """
 
 from __future__ import annotations
@@ -23,31 +24,37 @@ _BEFORE: Final = 1 << CONTEXT
 _STEPS: Final = 32
 """Classes of the part of a tick in which a cell is on, in the first layer."""
 _CLASS_WEIGHT, _REGION_WEIGHT = 8.0, 64.0
-"""Observations that a layer's prior counts for in the next one."""
+"""Number of observations that the prior of a layer counts as in the next one."""
 LEAST_CHANCE: Final = 1e-4
-"""Of a chance, and of one minus it: what no table of this size can rule out (a bad pixel, a wrong
-place), so that one tick alone never decides."""
+"""Smallest probability of a spike and of its absence. Rarer causes (a defective pixel, a wrong
+position) cannot be excluded from so few counts, so one tick alone never decides."""
 
 Values = npt.NDArray[np.float64]
 Tables = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
 
 
 def parts_for(ticks: int) -> int:
-    """Parts of PART ticks."""
+    """Returns the number of parts of PART ticks."""
     return -(-ticks // PART)
 
 
 def lit(ticks: int) -> Values:
-    """Part of each tick in which the cell is on, (PHASES, ticks, PAIRS), by class of phase and by
-    the bits before and after the symbol's begin."""
-    late = ((np.arange(PHASES) + 0.5) / PHASES)[:, None, None]
+    """Returns the part of each tick in which the cell is on, (PHASES, ticks, PAIRS).
+
+    The axes are the class of phase, the tick, and the bits before and after the symbol begins.
+    """
+    delay = ((np.arange(PHASES) + 0.5) / PHASES)[:, None, None]
     first = (np.arange(ticks) == 0)[None, :, None]
     pair = np.arange(PAIRS)
-    return np.where(first, late * (pair // 2) + (1 - late) * (pair % 2), pair % 2)
+    return np.where(first, delay * (pair // 2) + (1 - delay) * (pair % 2), pair % 2)
 
 
 def spike_counts(counts: npt.NDArray[np.int32], ticks: int) -> Values:
-    """From patterns to ticks: (regions, PHASES, ticks, SHARES, PAIRS, contexts, spikes)."""
+    """Converts counts of patterns to counts of spikes in each tick.
+
+    Returns:
+        (regions, PHASES, ticks, SHARES, PAIRS, contexts, spikes) float64.
+    """
     regions, phases, _, shares, pairs, patterns = counts.shape
     out = np.zeros((regions, phases, ticks, shares, pairs, _BEFORE, 2))
     pattern = np.arange(patterns)
@@ -62,19 +69,27 @@ def spike_counts(counts: npt.NDArray[np.int32], ticks: int) -> Values:
 
 
 def _chances(counts: Values, prior: Values, weight: float) -> Values:
-    """P(spike) with a prior that counts as `weight` observations; spikes are the last axis."""
+    """Returns P(spike) with a prior that counts as `weight` observations; the last axis is the
+    spike."""
     return np.asarray((counts[..., 1] + weight * prior) / (counts.sum(axis=-1) + weight))
 
 
 def _first_layer(counts: Values, ticks: int) -> Values:
-    """P(spike) by share, part of the tick in which the cell is on, and context, interpolated where
-    a part was not met: (PHASES, ticks, SHARES, PAIRS, contexts). counts: over the panel."""
+    """Returns P(spike) by share, lit part of the tick, and context, interpolated over lit parts.
+
+    Args:
+        counts: (PHASES, ticks, SHARES, PAIRS, contexts, spikes), over the panel.
+        ticks: ticks of a symbol.
+
+    Returns:
+        (PHASES, ticks, SHARES, PAIRS, contexts) float64.
+    """
     on = lit(ticks)
     step = np.minimum((on * _STEPS).astype(np.intp), _STEPS - 1)
     met = np.zeros((_STEPS, SHARES, _BEFORE, 2))
     np.add.at(met, step.ravel(), counts.transpose(0, 1, 3, 2, 4, 5).reshape(-1, *met.shape[1:]))
-    # a share not met is as the mean of those that were, and so is a context: runs of bits that the
-    # training has not got bring spikes before that no pair of its bits had
+    # A share without counts takes the mean of the others, and so does a context: the training lacks
+    # some runs of bits, and so some patterns of preceding spikes.
     every = met.sum(axis=1, keepdims=True)
     all_of_it = every.sum(axis=2, keepdims=True)
     mean = (all_of_it[..., 1] + 1) / (all_of_it.sum(-1) + 2)
@@ -88,14 +103,16 @@ def _first_layer(counts: Values, ticks: int) -> Values:
 
 
 def tables(counts: npt.NDArray[np.int32], ticks: int) -> Tables:
-    """(whole, single) of `counting.add_evidence` from counted patterns: ln P(spikes | bits), less
-    that of both bits off."""
+    """Returns (whole, single) of `counting.add_evidence` from counts of patterns.
+
+    The values are ln P(spikes | bits) minus that for both bits off.
+    """
     each = spike_counts(counts, ticks)
     pooled = each.sum(axis=0)
     second = _chances(pooled, _first_layer(pooled, ticks), _CLASS_WEIGHT)
     third = np.clip(_chances(each, second[None], _REGION_WEIGHT), LEAST_CHANCE, 1 - LEAST_CHANCE)
-    said = np.log(np.stack([1 - third, third], axis=-1))  # ..., PAIRS, contexts, spikes
-    single = np.moveaxis(said, 4, -1)
+    logs = np.log(np.stack([1 - third, third], axis=-1))  # ..., PAIRS, contexts, spikes
+    single = np.moveaxis(logs, 4, -1)
     single = np.ascontiguousarray(single - single[..., :1], np.float32)
     return _by_pattern(single, ticks), single
 

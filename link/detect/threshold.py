@@ -1,7 +1,7 @@
-"""Hard decision by one spike: what a plain receiver does, and the measure of the others.
+"""Hard decision from one spike: a plain receiver, the reference of the others.
 
-Each cell has one pixel, the one with most of its light, and each symbol one tick, the one it fills
-most: the bit is on where that pixel spiked in that tick.
+Each cell has one pixel, the one with the largest share of its light, and each symbol one tick, the
+one that it fills most. The bit is on if that pixel spikes in that tick.
 """
 
 from __future__ import annotations
@@ -20,14 +20,18 @@ __all__ = ["Threshold"]
 
 
 def _fullest(ticks: int) -> npt.NDArray[np.intp]:
-    """Tick of a symbol that it fills most, the one it begins in being 0, by class of phase."""
-    late = (np.arange(PHASES) + 0.5) / PHASES
-    return np.where(late < 0.5, 0, 1) if ticks == 1 else np.ones(PHASES, np.intp)
+    """Returns the tick that a symbol fills most, counted from the one in which it begins, by phase
+    class."""
+    delay = (np.arange(PHASES) + 0.5) / PHASES
+    return np.where(delay < 0.5, 0, 1) if ticks == 1 else np.ones(PHASES, np.intp)
 
 
 class Threshold:
-    """See `Detector`. A soft value has the size that its error rate says, over all of the panel;
-    1 before anything was learned."""
+    """The threshold detector; see `Detector`.
+
+    The magnitude of the soft values follows from the error rate over the whole panel; it is 1
+    before anything is learned.
+    """
 
     def __init__(
         self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
@@ -46,7 +50,7 @@ class Threshold:
         symbol: int,
         stop_tick: int | None = None,
     ) -> npt.NDArray[np.intp]:
-        """0 or 1 of each cell, -1 where the words or the sensor do not hold it."""
+        """Returns 0 or 1 for each cell; -1 if the words or the sensor do not contain it."""
         middle = float(self._timing.start(symbol + 0.5, self._timing.rows / 2))
         dx, dy = self._registration.shift(middle)
         u, v = cells.x + dx, cells.y + dy
@@ -90,7 +94,7 @@ class Threshold:
     ) -> Soft:  # fmt: skip
         right, wrong = self._met[0, 0] + self._met[1, 1], self._met[0, 1] + self._met[1, 0]
         size = 1.0 if not right + wrong else abs(np.log((right + 1) / (wrong + 1)))
-        value = np.array([-size, size, 0.0], np.float32)  # the last one by index -1
+        value = np.array([-size, size, 0.0], np.float32)  # index -1 is the last one
         out = np.empty((count, self._cells.x.size), np.float32)
         for n in range(count):
             spike = self._spikes(self._cells, words, start_tick, first_symbol + n, stop_tick)

@@ -1,8 +1,11 @@
 """Forward-backward recursion on a pixel's charge, and its likelihood under known bits.
 
 Bahl, Cocke, Jelinek and Raviv, IEEE Trans. Inf. Theory 20:284 (1974), on the states (charge, bit of
-the symbol under way). A spike tells that charge passed the threshold; what was beyond stays
+the current symbol). A spike shows that the charge passed the threshold; the excess remains
 (residual) or is lost (hard).
+
+The recursions take the arrays of `ChargeLaws` as separate arguments: they run a thousand times for
+each bit, and records would slow the innermost loop.
 """
 
 from __future__ import annotations
@@ -17,12 +20,20 @@ from link.detect.counting import PHASES
 __all__ = ["likelihood", "posterior", "window"]
 
 _ALIGNED: Final = 1e-6
-"""Ticks within which a symbol begins with one."""
+"""Distance from a tick edge within which a symbol counts as beginning with the tick, ticks."""
 
 
 @njit(cache=True)
 def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-untyped-def]
-    """Chance of a bit after a tick by that before it. begins: whether a symbol begins in it."""
+    """Returns the probability of a bit after a tick, given that before it.
+
+    Args:
+        after, before: bits after and before the tick.
+        begins: whether a symbol begins in the tick.
+        known: the symbol's bit, -1 if unknown.
+        pairs: whether symbols come in Manchester pairs.
+        symbol: number of the symbol.
+    """
     if not begins:
         return 1.0 if after == before else 0.0
     if known >= 0:
@@ -36,14 +47,17 @@ def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-unty
 def _forward(  # type: ignore[no-untyped-def]
     now, then, spike, s, f, begins, known, pairs, symbol, chance, low, high, merged, levels, hard
 ):
-    """One tick: `then` (2, levels) from `now`; its sum before it is made 1."""
+    """Computes one tick of the forward pass: `then` (2, levels) from `now`.
+
+    Returns the sum of `then` before it is normalised.
+    """
     then[:] = 0.0
     for after in range(2):
         for before in range(2):
             weight = _prior(after, before, begins, known, pairs, symbol)
             if merged and begins and known < 0 and not (pairs and symbol % 2 == 1):
                 if before == 1:
-                    continue  # both at once, with the first
+                    continue  # both bits are handled together, with bit 0
                 both = True
             else:
                 both = False
@@ -69,7 +83,7 @@ def _forward(  # type: ignore[no-untyped-def]
     total = then.sum()
     if total > 0.0:
         then /= total
-    else:  # what these laws rule out: nothing is known any more
+    else:  # impossible under these laws: all states become equally likely
         then[:] = 0.5 / levels
     return total
 
@@ -78,7 +92,10 @@ def _forward(  # type: ignore[no-untyped-def]
 def _backward(  # type: ignore[no-untyped-def]
     later, now, spike, s, f, begins, known, pairs, symbol, chance, low, high, levels, hard
 ):
-    """One tick back: `now` (2, levels), the chance of what follows by state, from `later`."""
+    """Computes one tick of the backward pass: `now` (2, levels) from `later`.
+
+    The values are the probabilities of the later spikes, given the state.
+    """
     now[:] = 0.0
     for after in range(2):
         for before in range(2):
@@ -112,13 +129,21 @@ def _backward(  # type: ignore[no-untyped-def]
 def likelihood(  # type: ignore[no-untyped-def]
     train, fraction, symbol, known, s, chance, low, high, merged, levels, hard
 ):
-    """ln P(train | bits). train: (ticks,) spikes. fraction: (ticks,) index of where a symbol begins
-    in the tick, the last one for none. symbol: (ticks,) under way at its end. known: (symbols,)
-    int8, -1 where a bit is not."""
+    """Returns ln P(train | bits).
+
+    Args:
+        train: (ticks,) spikes.
+        fraction: (ticks,) index of the fraction of the tick at which a symbol begins; the last
+            index for none.
+        symbol: (ticks,) symbol at the end of the tick.
+        known: (symbols,) int8 bits, -1 if unknown.
+        s: class of share.
+        chance, low, high, merged, levels, hard: of `ChargeLaws`.
+    """
     none = merged.size - 1
     now, then = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
     total = 0.0
-    # Plain constants would have `_forward` compiled twice, for these and for those of `posterior`.
+    # np.bool_ as in `posterior`: a plain constant would have `_forward` compiled a second time.
     for k in range(train.size):
         f, n = fraction[k], symbol[k]
         sure = known[n] if 0 <= n < known.size else -1
@@ -135,9 +160,17 @@ def likelihood(  # type: ignore[no-untyped-def]
 def posterior(  # type: ignore[no-untyped-def]
     train, fraction, symbol, pairs, s, chance, low, high, merged, levels, hard, states, out
 ):
-    """Writes ln P(on | train) - ln P(off | train) of symbols to out, (symbols,). states: room for
-    the forward pass, (ticks + 1, 2, levels) float64. pairs: Manchester, its pairs beginning at even
-    symbols; else bits are random and this is the log likelihood ratio."""
+    """Writes ln P(on | train) - ln P(off | train) of the symbols to `out`, (symbols,).
+
+    With random bits this is the log likelihood ratio.
+
+    Args:
+        train, fraction, symbol: as in `likelihood`.
+        pairs: whether symbols come in Manchester pairs that begin at even symbols.
+        s: class of share.
+        chance, low, high, merged, levels, hard: of `ChargeLaws`.
+        states: (ticks + 1, 2, levels) float64, memory for the forward pass.
+    """
     none, ticks = merged.size - 1, train.size
     states[0] = 0.5 / levels
     for k in range(ticks):
@@ -163,15 +196,21 @@ def posterior(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
-    """Fills fraction and under_way (ticks,) of ticks from `start` on: see `likelihood`;
-    symbols counted from `symbol`."""
+    """Fills `fraction` and `under_way`, (ticks,), as `likelihood` reads them.
+
+    Args:
+        first, period, slope, rows: of the timing.
+        row: camera row.
+        symbol, symbols: first symbol, number 0 of `under_way`, and number of symbols.
+        start: tick of the first entry.
+    """
     fraction[:] = PHASES + 1
     under_way[:] = -1
     for n in range(symbols + 2):
         begin = first + (symbol + n) * period + slope * row / rows
         tick = int(np.floor(begin + _ALIGNED))
-        late = begin - tick
+        delay = begin - tick
         k = tick - start
         if 0 <= k < fraction.size:
-            fraction[k] = 0 if late < _ALIGNED else 1 + min(int(late * PHASES), PHASES - 1)
+            fraction[k] = 0 if delay < _ALIGNED else 1 + min(int(delay * PHASES), PHASES - 1)
         under_way[max(k, 0) :] = n

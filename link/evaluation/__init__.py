@@ -1,1 +1,1 @@
-"""What came of a transmission: errors, rates, delays, reach and capacity."""
+"""Evaluation of a transmission: errors, rates, delays, eye diagram, delivery."""

@@ -1,4 +1,4 @@
-"""Error-rate curves of a link: theory, and Monte Carlo beside it with its interval."""
+"""Error-rate curves of a link: theory, and Monte Carlo trials with their intervals."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from link.theory import (
     JUDGED,
     Convention,
+    PixelChannel,
     Reset,
     amplitude_of,
     awgn_ook,
@@ -41,16 +42,18 @@ from link.theory.trials import (
 __all__ = ["LEVEL", "Curve", "error_curves", "measure_curves"]
 
 LEVEL: Final = 0.99
-"""Chance that all judged points of a document lie inside where theory is right."""
+"""Probability that all judged points of a document are inside their intervals if theory is
+correct."""
 WANTED, LEAST, MOST = 400, 20_000, 2_000_000
-"""Errors that a point's number of trials is chosen for, by theory; trials at least and at most."""
+"""WANTED: expected errors that the number of trials of a point is chosen for. LEAST, MOST: limits
+of the trials."""
 STREAMS: Final = 256
-"""Streams of random numbers to a curve: points at most."""
+"""Streams of random numbers of a curve, and so its largest number of points."""
 Q: Final = 100
-"""Electrons of a threshold."""
+"""Threshold, electrons."""
 DATA, WORD = 223, 255
 BURST, DEPTH = 16, 128
-"""Bytes of a burst, and codewords of an interleaver's block."""
+"""BURST: bytes of a burst. DEPTH: codewords of an interleaver's block."""
 RYTOV: Final = 0.2
 ALPHA, BETA = 4.0, 1.9
 
@@ -60,9 +63,19 @@ Trial = Callable[[int, int, int, int], int]
 
 @dataclass(frozen=True)
 class Curve:
-    """name, title: for the document, for a reader. x, x_unit: its points; theory: at them. least,
-    most: trials of a point, each a `unit`. panel: of the figure. beside: another theory of the
-    points that must fail, and what it is."""
+    """A curve of an error rate.
+
+    Attributes:
+        name, title: for the document, and for a reader.
+        x, x_unit: points.
+        theory: error rate at the points.
+        trial: counts errors.
+        panel: part of the figure.
+        least, most: limits of the trials of a point.
+        unit: of a trial.
+        other: rates of a theory that must be refuted.
+        other_name: name of that theory.
+    """
 
     name: str
     title: str
@@ -74,12 +87,12 @@ class Curve:
     least: int = LEAST
     most: int = MOST
     unit: str = "bit"
-    beside: list[float] = field(default_factory=list)
-    beside_name: str = ""
+    other: list[float] = field(default_factory=list)
+    other_name: str = ""
 
 
 def _slot(points: int) -> Curve:
-    """A tick that begins empty."""
+    """Returns the curve of a tick that begins with no charge."""
     level, off = np.linspace(1.05, 1.45, points), 0.7 * Q
     p01, p10 = poisson_threshold(Q, level * Q, off)
 
@@ -92,14 +105,18 @@ def _slot(points: int) -> Curve:
 
 
 def _charge(points: int, reset: Reset) -> Curve:
-    """A pixel that carries charge from tick to tick, ON 1.4 Q over the background."""
+    """Returns the curve of a pixel that carries charge from tick to tick, ON 1.4 Q over the
+    background."""
     share = np.geomspace(0.02, 0.2, points)
-    errors = [sum(charge_errors(reset, Q, (1.4 + b) * Q, b * Q)) / 2 for b in share.tolist()]
+
+    def channel(background: float) -> PixelChannel:
+        return PixelChannel(reset, Q, (1.4 + background) * Q, background * Q)
+
+    errors = [sum(charge_errors(channel(b))) / 2 for b in share.tolist()]
     warm, least, most = (400, 2_000, 4_000) if reset == "subtract" else (24, 10_000, 400_000)
 
     def trial(i: int, trials: int, seed: int, stream: int) -> int:
-        on, off = (1.4 + share[i]) * Q, share[i] * Q
-        return charge_trials(reset, Q, on, off, trials, seed, stream, warm)
+        return charge_trials(channel(share[i]), trials, seed, stream, warm)
 
     return Curve(
         f"reset-{reset}", f"{reset} reset, Q = {Q} e, ON 1.4 Q + OFF", share.tolist(), "OFF / Q",
@@ -108,7 +125,10 @@ def _charge(points: int, reset: Reset) -> Curve:
 
 
 def _keyed(points: int, convention: Convention) -> list[Curve]:
-    """OOK in Gaussian noise by the signal-to-noise ratio of a convention, three laws of fading."""
+    """Returns the curves of on-off keying in Gaussian noise under three laws of fading.
+
+    They are over the signal-to-noise ratio of a convention.
+    """
     sigma = float(log_normal_sigma(scintillation_index(*gamma_gamma(RYTOV))))
     laws: list[tuple[str, str, float, Callable[..., Any], Callable[..., int], tuple[float, ...]]]
     laws = [
@@ -119,12 +139,12 @@ def _keyed(points: int, convention: Convention) -> list[Curve]:
          gamma_gamma_trials, (ALPHA, BETA)),
     ]  # fmt: skip
     curves = []
-    for name, told, most, theory, trials, law in laws:
+    for name, law_title, most, theory, trials, law in laws:
         snr = np.linspace(0, most, points)
         amplitude = amplitude_of(snr, convention)
         curves.append(
             Curve(
-                f"{name}-{convention}", f"{told}, {convention} SNR", snr.tolist(), "dB",
+                f"{name}-{convention}", f"{law_title}, {convention} SNR", snr.tolist(), "dB",
                 theory(amplitude, *law).tolist(), _by_amplitude(amplitude, trials, law), "fading",
             )
         )  # fmt: skip
@@ -141,8 +161,10 @@ def _by_amplitude(
 
 
 def _words(points: int) -> list[Curve]:
-    """Codewords of RS(255, 223) under scattered errors, and under as many in bursts, with an
-    interleaver and without one."""
+    """Returns the curves of RS(255, 223) codewords.
+
+    Errors are scattered, or as many in bursts, with and without an interleaver.
+    """
     p = np.linspace(0.035, 0.075, points)
     start = -np.expm1(np.log1p(-p) / BURST)
     scattered = rs_word_error(WORD, DATA, p).tolist()
@@ -179,7 +201,7 @@ def _words(points: int) -> list[Curve]:
 
 
 def error_curves(points: int) -> list[Curve]:
-    """All of them; points: of each, 2 to 256."""
+    """Returns all curves. points: of each curve, 2 to 256."""
     if not 2 <= points <= STREAMS:
         raise ValueError(f"points must be 2 to {STREAMS}, not {points}")
     curves = [_slot(points), *(_charge(points, reset) for reset in get_args(Reset))]
@@ -189,20 +211,25 @@ def error_curves(points: int) -> list[Curve]:
 
 
 def measure_curves(
-    curves: list[Curve], seed: int, told: Callable[[str], None] | None = None
+    curves: list[Curve], seed: int, report: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """The document {curves, level, points_judged, pointwise_level, holds, seed}.
+    """Returns the document {curves, level, points_judged, pointwise_level, holds, seed}.
 
-    The number of trials of a point follows from theory alone, so that what is counted is binomial:
-    for 400 errors, within the least and the most of its curve. Points of 100 errors or more are
-    judged. All intervals are those of Clopper and Pearson at 1 - 0.01 / (points judged), so that
-    all judged ones hold together at 99 % (Bonferroni). `beside.refuted`: judged points whose
-    interval leaves the other theory out.
+    The number of trials of a point follows from theory alone, so that the count is binomial: for
+    400 expected errors, within the curve's limits. Points with 100 errors or more are judged. All
+    intervals are Clopper-Pearson intervals at 1 - 0.01 / (points judged), so that all judged points
+    hold together at 99 % (Bonferroni). `beside.refuted`: judged points whose interval excludes the
+    other theory.
+
+    Args:
+        curves: to measure.
+        seed: of the trials.
+        report: called with the title of each curve as it begins.
     """
     counted = []
     for number, curve in enumerate(curves, 1):
-        if told is not None:
-            told(curve.title)
+        if report is not None:
+            report(curve.title)
         row = []
         for i, p in enumerate(curve.theory):
             wanted = int(min(np.ceil(WANTED / max(p, 1e-9)), curve.most))
@@ -233,10 +260,10 @@ def _document(curve: Curve, counted: list[tuple[int, int]], level: float) -> dic
         "trial": curve.unit, "judged": counts.tolist(),
         "inside": ((low <= theory) & (theory <= high)).tolist(), "panel": curve.panel,
     }  # fmt: skip
-    if curve.beside:
-        other = np.array(curve.beside)
+    if curve.other:
+        other = np.array(curve.other)
         refuted = counts & ((other < low) | (other > high))
         out["beside"] = {
-            "name": curve.beside_name, "theory": curve.beside, "refuted": refuted.tolist(),
+            "name": curve.other_name, "theory": curve.other, "refuted": refuted.tolist(),
         }  # fmt: skip
     return out

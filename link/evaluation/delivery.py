@@ -1,4 +1,4 @@
-"""What the receiver delivers: the verdict, and the file if it came as it was sent."""
+"""Delivery of the received file, and the verdict."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from link.verdict import Cause, Verdict
 __all__ = ["judge_delivery", "write_delivery"]
 
 RECEIVED: Final = "received"
-"""Folder of the received file, in a run's folder."""
+"""Folder of the received file in a run's folder."""
 VERDICT: Final = "verdict.json"
-"""The verdict, in a run's folder."""
+"""File of the verdict in a run's folder."""
 
 
 def judge_delivery(setup: LinkSetup, received: Received) -> tuple[Verdict, bool]:
-    """The verdict, and whether the file came as it was sent."""
+    """Returns the verdict, and whether the file arrived as it was sent."""
     delivered = received.delivered
     if delivered is not None:
         if delivered == (setup.payload.data, setup.payload.name):
@@ -43,7 +43,7 @@ def judge_delivery(setup: LinkSetup, received: Received) -> tuple[Verdict, bool]
 def write_delivery(
     folder: Path, payload: Payload, delivered: bool, verdict: dict[str, Any]
 ) -> list[str]:
-    """Writes the document of the verdict, and the file if it was delivered; their names."""
+    """Writes the document of the verdict, and the file if it was delivered. Returns their names."""
     names = [VERDICT]
     place = folder / RECEIVED / payload.name
     for old in (folder / RECEIVED).glob("*"):

@@ -1,4 +1,4 @@
-"""The receiver's decisions beside what was sent."""
+"""Bit errors of the receiver's decisions."""
 
 from __future__ import annotations
 
@@ -18,10 +18,15 @@ Symbols = Callable[[int, int], npt.NDArray[np.bool_]]
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Decisions on single symbols beside what was sent, before any code. symbols: compared.
-    by_cell: (rows, columns) int64, wrong ones of each cell, -1 where a cell carries no data. by_
-    symbol: (symbols,) int64, wrong ones of each symbol. at_end: wrong ones of the transmission's
-    last symbol, 0 where that was not compared."""
+    """Wrong decisions on single symbols, before any code.
+
+    Attributes:
+        wrong: number of wrong decisions.
+        symbols: number of symbols compared.
+        by_cell: (rows, columns) int64, wrong decisions of each cell, -1 for a cell without data.
+        by_symbol: (symbols,) int64, wrong decisions of each symbol.
+        at_end: wrong decisions of the transmission's last symbol, 0 if it was not compared.
+    """
 
     wrong: int
     symbols: int
@@ -31,18 +36,25 @@ class Errors:
 
     @property
     def bits(self) -> int:
-        """Compared."""
+        """Number of bits compared."""
         return self.symbols * int((self.by_cell >= 0).sum())
 
     @property
     def rate(self) -> float | None:
-        """The raw bit error rate; None where nothing was compared."""
+        """Raw bit error rate; None if nothing was compared."""
         return self.wrong / self.bits if self.bits else None
 
 
 def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Sequence[int],
                  last: int | None = None) -> Errors:  # fmt: skip
-    """symbols: numbers of those that are compared. last: that of the transmission's last one."""
+    """Compares decisions with what was sent.
+
+    Args:
+        sent, decided: bits of the data cells.
+        layout: of the cells.
+        symbols: numbers of the symbols to compare.
+        last: number of the transmission's last symbol.
+    """
     by_cell = np.zeros(layout.cells, np.int64)
     by_symbol = np.zeros(len(symbols), np.int64)
     for n, symbol in enumerate(symbols):

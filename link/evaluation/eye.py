@@ -1,12 +1,11 @@
-"""The eye diagram of a recording: what a cell shows over time, symbols laid over each other.
+"""The eye diagram of a recording: the signal of cells over time, with all symbols superposed.
 
-What is drawn is the sum that a matched detector without memory would decide by: spikes of the
-pixels that see a cell, each weighted by the share of its light that is the cell's, over as many
-ticks as a symbol has. As this window slides past a symbol, tick by tick, it makes a trace; where
-between the camera's ticks a symbol begins differs from row to row and, by the clocks' offset, from
-symbol to symbol, so traces fill the time between ticks as far as phases differ. Within a trace,
-values between ticks are taken to run straight. Single ticks would be shown more finely, but as half
-a symbol that nothing decides by.
+The signal is the statistic of a matched detector without memory: the spikes of the pixels of a
+cell, each weighted by the cell's share of its light, summed over as many ticks as a symbol has.
+This window slides past a symbol tick by tick and gives a trace. The phase of a symbol within a tick
+differs from row to row and, because of the clock offset, from symbol to symbol, so the traces
+sample the time between ticks. Within a trace, values between ticks are interpolated linearly.
+Single ticks would resolve more, but no detector decides by half a symbol.
 """
 
 from __future__ import annotations
@@ -28,25 +27,33 @@ __all__ = ["RARE", "Eye", "open_eye"]
 
 Floats = npt.NDArray[np.float64]
 RARE: Final = 0.01
-"""Share of traces of each bit that may lie within the opening."""
+"""Share of the traces of each bit that may lie within the opening."""
 _CELLS: Final = 600
-"""Cells looked at, about, evenly spread."""
+"""Approximate number of cells, evenly spread."""
 _STRETCHES, _TICKS = 6, 64
-"""Of the recording that are looked at, evenly spread, and how long one is at least."""
+"""Number of stretches of the recording, evenly spread, and smallest length of one, ticks."""
 _COLUMNS, _LEVELS = 129, 60
-"""Of the density: over two symbols, and from no spike to all."""
+"""Size of the density: columns over two symbols, levels from no spike to all."""
 
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """x: ticks from a symbol's middle to the window's, from one symbol before to one after,
-    (columns,). density: traces through each place, (levels, columns), levels evenly from 0 (no
-    spike) to 1 (all pixels in all ticks).
-    low: what all but `RARE` of the cells that were on exceed, high: what all but `RARE` of those
-    that were off stay below, (columns,). sampled: ticks from the symbol's middle to that of the
-    window nearest to it, 5 % and 95 % quantile. height: low less high there, below 0 where the eye
-    is closed. level: half-way between both. width: ticks around it in which low exceeds high, 0
-    where the eye is closed. traces: how many."""
+    """An eye diagram.
+
+    Attributes:
+        x: (columns,) ticks from a symbol's middle to the window's, from one symbol before to one
+            after.
+        density: (levels, columns) int64, traces through each point; levels evenly from 0 (no spike)
+            to 1 (all pixels in all ticks).
+        low: (columns,) level exceeded by all but `RARE` of the ON traces.
+        high: (columns,) level that all but `RARE` of the OFF traces stay below.
+        sampled: 5 % and 95 % quantile of the ticks from the symbol's middle to that of the nearest
+            window.
+        height: low minus high there; below 0 if the eye is closed.
+        level: mean of both.
+        width: ticks around it in which low exceeds high; 0 if the eye is closed.
+        traces: number of traces.
+    """
 
     x: Floats
     density: npt.NDArray[np.int64]
@@ -63,8 +70,18 @@ def _weights(
     layout: Layout, registration: Registration, cells: npt.NDArray[np.intp], tick: float,
     shape: tuple[int, int],
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats, Floats]:  # fmt: skip
-    """Camera rows, columns and weights of the pixels that see each cell, (cells, most) each, and
-    the row of its centre, (cells,)."""
+    """Returns the camera pixels of each cell with their weights.
+
+    Args:
+        layout, registration: cells, and their place in the image.
+        cells: (cells,) indices of the cells.
+        tick: instant of the registration.
+        shape: (H, W) of the camera.
+
+    Returns:
+        Rows, columns and weights of the pixels, (cells, most) each, and the row of each cell's
+        centre, (cells,).
+    """
     images = cell_images(layout, registration, cells)
     dx, dy = registration.shift(tick)
     u, v = images.x + dx, images.y + dy
@@ -87,8 +104,16 @@ def _sums(
     stream: SpikeStream, first: int, stop: int, row: npt.NDArray[np.intp],
     column: npt.NDArray[np.intp], weight: Floats, ticks: int,
 ) -> Floats:  # fmt: skip
-    """Weighted spikes of each cell over windows of `ticks`, the n-th one from tick first + n on,
-    (cells, windows), 1 where every pixel fires in every tick. first: of a word."""
+    """Returns the weighted spikes of each cell over windows of `ticks`, (cells, windows).
+
+    Window n begins at tick first + n. The value is 1 if every pixel spikes in every tick.
+
+    Args:
+        stream: the recording.
+        first, stop: ticks to read; `first` begins a word.
+        row, column, weight: (cells, most), from `_weights`.
+        ticks: length of a window.
+    """
     words = stream.read_words(first // WORD, words_for(stop))
     spikes = np.zeros((len(row), stop - first))
     for k in range(row.shape[1]):
@@ -104,8 +129,15 @@ def open_eye(
     stream: SpikeStream, layout: Layout, registration: Registration, timing: Timing,
     sent: Callable[[int, int], npt.NDArray[np.bool_]], symbols: int,
 ) -> Eye | None:  # fmt: skip
-    """The eye of data cells. sent: (first, count) -> (count, cells), what was shown; symbols: of
-    the transmission. None where the stream holds no symbol with its neighbours."""
+    """Returns the eye diagram of the data cells; None if the stream has no symbol with its
+    neighbours.
+
+    Args:
+        stream: the recording.
+        layout, registration, timing: as the receiver has estimated them.
+        sent: (first, count) -> (count, cells), the bits that were shown.
+        symbols: number of symbols of the transmission.
+    """
     ticks, period = layout.mode.ticks, timing.period
     number = np.arange(0, layout.cells, max(layout.cells // _CELLS, 1))
     cells = layout.data[number]
@@ -114,7 +146,7 @@ def open_eye(
     room = min(stream.cycles, int(timing.start(symbols, timing.rows)) + ticks) - length
     x = np.linspace(-period, period, _COLUMNS)
     values, nearest, at_middle, bits = [], [], [], []
-    done: set[int] = set()  # stretches of a short recording overlap
+    done: set[int] = set()  # the stretches of a short recording overlap
     for first in sorted(
         {int(t) // WORD * WORD for t in np.linspace(begin, max(room, begin), _STRETCHES)}
     ):
@@ -128,7 +160,7 @@ def open_eye(
         low = max(TRAINING, int(np.ceil((first - timing.first) / period)) + 2)
         high = min(symbols, int((stop - timing.first) / period) - 2)
         for symbol in range(low, high):
-            # number of the window in whose middle the symbol's lies, between two of them
+            # Fractional number of the window centred on the symbol's middle.
             where = timing.start(symbol, v) + period / 2 - ticks / 2 - first
             inside = where.min() >= period and where.max() + period <= traces.shape[1] - 1
             if symbol in done or not inside:
@@ -157,8 +189,15 @@ def _measured(
     x: Floats, values: npt.NDArray[np.float32], nearest: Floats, traces: Floats,
     on: npt.NDArray[np.bool_],
 ) -> Eye:  # fmt: skip
-    """values: of all traces at x, (traces, columns). nearest, shown: where the windows nearest to
-    the symbols' middles are, and what they hold, (traces,). on: what was sent, (traces,)."""
+    """Returns the eye diagram of traces.
+
+    Args:
+        x: (columns,) ticks.
+        values: (traces, columns) of all traces at x.
+        nearest: (traces,) ticks from the symbol's middle to the nearest window's.
+        traces: (traces,) value of that window.
+        on: (traces,) bits that were sent.
+    """
     level = np.clip((values * _LEVELS).astype(np.intp), 0, _LEVELS - 1)
     density = np.zeros((_LEVELS, x.size), np.int64)
     for n in range(x.size):

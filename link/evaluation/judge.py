@@ -1,4 +1,4 @@
-"""The evaluation of a reception: errors beside theory, rates, delays, reach."""
+"""Evaluation of a reception: errors against theory, rates, delays, reach."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from link.verdict import Cause
 __all__ = ["evaluate_link"]
 
 LEVEL: Final = 0.999
-"""Of the interval of the raw bit error rate."""
+"""Confidence of the interval of the raw bit error rate."""
 _NOT_MODELLED: Final = frozenset(
     {Cause.OUT_OF_VIEW, Cause.MIRRORED, Cause.OCCLUDED, Cause.WRONG_CLOCK, Cause.INTERRUPTED}
 )
-"""Causes of failure that no closed form of a cell's errors has."""
+"""Causes of failure that the closed forms of a cell's errors do not model."""
 _DISTANCES: Final = 40
-"""Distances at which the rate is predicted, from that at which the panel fills the view to thirty
-times the run's, beside the run's."""
+"""Number of distances of the predicted rate: from the one at which the panel fills the view to
+thirty times the run's."""
 
 
 def _errors(setup: LinkSetup, received: Received) -> Errors:
-    """Decisions beside bits, over the symbols that were read in the mode that was sent."""
+    """Counts wrong decisions, over the symbols that were read in the mode that was sent."""
     read = sorted(received.packed) if received.mode == setup.mode else []
     symbols = [n for n in read if TRAINING <= n < setup.sent.data_end]
     return count_errors(
@@ -54,7 +54,7 @@ def _errors(setup: LinkSetup, received: Received) -> Errors:
 
 
 def _soft(setup: LinkSetup, received: Received) -> SoftValues | None:
-    """The receiver's sample of soft values, with what was sent there."""
+    """Returns the receiver's sample of soft values with the sent bits."""
     if received.mode != setup.mode or not len(received.soft):
         return None
     symbol, cell = received.soft_at.T
@@ -68,7 +68,8 @@ def _soft(setup: LinkSetup, received: Received) -> SoftValues | None:
 
 
 def _eye(setup: LinkSetup, stream: SpikeStream, received: Received) -> Eye | None:
-    """The eye, if the receiver has found the panel and its symbols in the mode that was sent."""
+    """Returns the eye diagram, if the receiver has located the panel and its symbols in the sent
+    mode."""
     registration, timing = received.registration, received.timing
     if received.mode != setup.mode or registration is None or timing is None:
         return None
@@ -91,7 +92,7 @@ def _theory(
         return Theory(soft, None, interval)
     if scene.reset != "hard" or wide or not errors.bits:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    timing = true_timing(setting, link.make_air().late, mode.ticks)
+    timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
     closed = cell_errors(cell_sight(setting, timing, setup.sent.symbols), mode)
     return Theory(soft, closed.rate, interval, (closed.low, closed.high))
 
@@ -145,7 +146,7 @@ def evaluate_link(link: PlannedLink, stream: SpikeStream, received: Received) ->
         capacity = capacity_bps(capacity_input(setting, scene, setup.mode))
     return LinkEvaluation(
         link=link,
-        check=link.check.met(errors.rate, errors.bits),
+        check=link.check.rescaled(errors.rate, errors.bits),
         verdict=verdict,
         delivered=delivered,
         received=received,

@@ -14,10 +14,10 @@ __all__ = ["link_metrics"]
 
 
 def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
-    """Metrics by name. camera_s: wall time of air and camera, s."""
+    """Returns the metrics by name. camera_s: wall time of air and camera, s."""
     setup, received, theory, rates = link.setup, link.received, link.theory, link.rates
-    listened = _frames_listened(setup, received)
-    lost = max(listened - received.frames_right, 0)
+    sent = _frames_sent_meanwhile(setup, received)
+    lost = max(sent - received.frames_right, 0)
     low, high = theory.interval or (None, None)
     repair, fill = setup.sent.outbox.frames_beyond(setup.sent.groups)
     delays, eye, full_ns = link.delays, link.eye, link.check.full_ns
@@ -35,7 +35,7 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "ber_theory_high": Metric(theory.closed_interval and theory.closed_interval[1], "1"),
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(link.errors.bits, "bits"),
-        "fer": Metric(lost / listened if listened else None, "1"),
+        "fer": Metric(lost / sent if sent else None, "1"),
         "frames_sent": Metric(setup.sent.outbox.frames_by(setup.sent.groups), "frames"),
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(lost, "frames"),
@@ -57,10 +57,10 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
     }
 
 
-def _frames_listened(setup: LinkSetup, received: Received) -> int:
-    """Frames that were sent while the receiver listened.
+def _frames_sent_meanwhile(setup: LinkSetup, received: Received) -> int:
+    """Returns the number of frames that were sent before the receiver stopped.
 
-    It stops as soon as the file is complete; frames after that are not lost.
+    It stops as soon as the file is complete; later frames are not lost.
     """
     groups = setup.sent.groups
     if received.whole and received.instants:
@@ -69,7 +69,7 @@ def _frames_listened(setup: LinkSetup, received: Received) -> int:
 
 
 def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
-    """How many bits the error is measured on, and how many were decided differently."""
+    """Returns the number of bits of the error's measurement, and of those decided differently."""
     paired = check.paired
     near = None if paired is None else paired.near
     return {
@@ -77,7 +77,7 @@ def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
         "check_otherwise": Metric(
             None if paired is None else paired.more + paired.fewer, "bits"
         ),
-        "check_otherwise_high": Metric(None if paired is None else paired.otherwise, "1"),
+        "check_otherwise_high": Metric(None if paired is None else paired.differing_limit, "1"),
         "check_counted_high": Metric(None if paired is None else paired.counted[2], "half-widths"),
         "check_near": Metric(None if near is None else near.count, "bits"),
         "check_near_otherwise": Metric(None if near is None else near.more + near.fewer, "bits"),

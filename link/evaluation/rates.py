@@ -1,4 +1,4 @@
-"""How fast a transmission was, in the time of the simulated machine."""
+"""Bit rates of a transmission, in the time of the simulated machine."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ __all__ = ["Rates", "link_rates"]
 
 @dataclass(frozen=True)
 class Rates:
-    """Bits a second. raw: a bit of every data cell in every symbol. coded: what line code and
-    Reed-Solomon leave of it. goodput: the file's bits from first light to its last verified byte,
-    None where it did not arrive."""
+    """Bit rates, bit/s.
+
+    Attributes:
+        raw: one bit of every data cell in every symbol.
+        coded: the rate after line code and Reed-Solomon code.
+        goodput: the file's bits from first light to its last verified byte, None if it did not
+            arrive.
+    """
 
     raw: float
     coded: float
@@ -22,7 +27,14 @@ class Rates:
 
 
 def link_rates(layout: Layout, clock: Clock, file_bytes: int, seconds: float | None) -> Rates:
-    """clock: the panel's. seconds: from first light to the last verified byte, None without one."""
+    """Returns the bit rates.
+
+    Args:
+        layout: of the cells.
+        clock: of the panel.
+        file_bytes: size of the file.
+        seconds: from first light to the last verified byte, None without one.
+    """
     raw = layout.cells * clock.hz / layout.mode.ticks
     line = layout.mode.code.bits / layout.group
     coded = raw * line * (255 - layout.mode.parity) / 255

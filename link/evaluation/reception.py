@@ -1,4 +1,4 @@
-"""The receiver at a run's recording: it knows nothing but the spikes."""
+"""The receiver on a run's recording: its only input is the spikes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["receive_stream"]
 
 
 def receive_stream(stream: SpikeStream, modem: ModemSection, progress: Progress) -> Received:
-    """What the receiver makes of a recording. modem: settings of the receiver."""
+    """Returns the result of the receiver on a recording. modem: settings of the receiver."""
     receiver = Receiver(stream.shape, detector=modem.detector, interleave=modem.interleave)
     progress.start("receiver", stream.cycles)
     for block in blocks(stream.cycles, BLOCK):

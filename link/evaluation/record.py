@@ -1,4 +1,4 @@
-"""The evaluation of a run: what came of a transmission, as metrics and report read it."""
+"""The evaluation of a run, as metrics and report read it."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class Theory:
     """Predictions of the raw bit error rate, and the interval of the measured one.
 
     Attributes:
-        soft: what the soft values themselves promise, the mean of 1/(1 + e^|L|) over all of them.
-        closed: estimate from geometry, light and threshold; None if no closed form has what stood
-            in the way, or if it underflows.
+        soft: error rate according to the soft values, the mean of 1/(1 + e^|L|) over all of them.
+        closed: estimate from geometry, light and threshold; None if no closed form models the cause
+            of failure, or if it underflows.
         interval: of the measured rate, 99.9 %.
-        closed_interval: 99.9 % limits of what `cell_errors` draws; None for the coarse estimate of
-            `predict_errors`, which stands without a hard reset, or if nothing was received.
+        closed_interval: 99.9 % limits of the draws of `cell_errors`; None for the coarse estimate
+            of `predict_errors`, which is used without a hard reset, or if nothing was received.
     """
 
     soft: float | None
@@ -67,13 +67,15 @@ class LinkEvaluation:
         check: of the plan, in units of the run's own bits.
         verdict: cause of failure.
         delivered: whether the bytes received are those that were sent.
-        received: what the receiver says.
+        received: result of the receiver.
         errors, theory, rates: of the transmission.
-        eye, soft: None if the receiver has read no symbol in the mode that was sent.
-        image: (H, W) spikes a cycle of every camera pixel, mean over the time of the light.
-        outline: (4, 2) camera (x, y) of the panel's corners as the receiver found them, or None.
-        truth: the same as they are.
-        delays: (groups,) from the light of a verified group to its verification, ps.
+        eye, soft: None if the receiver has read no symbol in the sent mode.
+        image: (H, W) float32, spikes a cycle of every camera pixel, mean over the time of the
+            light.
+        outline: (4, 2) camera (x, y) of the panel's corners as the receiver estimated them, or
+            None.
+        truth: (4, 2) their true positions.
+        delays: (groups,) int64 ps, from the light of a verified group to its verification.
         latency: of the stages.
         scene: light of the cells.
         reach: predicted rate over distance.
@@ -113,7 +115,7 @@ class LinkEvaluation:
 
     @property
     def mode(self) -> Mode:
-        """The mode that was sent in."""
+        """The mode of the transmission."""
         return self.setup.mode
 
     @property
@@ -130,7 +132,7 @@ class LinkEvaluation:
         return f"{self.verdict.cause.value}: {self.verdict.text}"
 
     def verdict_document(self) -> dict[str, Any]:
-        """What verdict.json says."""
+        """Returns the content of verdict.json."""
         return {
             "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
             "told": self.verdict.text, "delivered": self.delivered,

@@ -1,4 +1,4 @@
-"""Codes along time, each on the symbols of a cell, that limit runs of equal symbols."""
+"""Line codes along time, on the symbols of each cell, that limit runs of equal symbols."""
 
 from link.line_codes.catalogue import CATALOGUE, decode_line, encode_line
 

@@ -1,4 +1,4 @@
-"""Every line code, by name."""
+"""All line codes, by name."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ CATALOGUE: Final[dict[str, LineCode]] = {
 
 
 def encode_line(line: str, values: npt.NDArray[np.uint8], disparity: Bits | None = None) -> Bits:
-    """What the cells show in the code of this name: see `LineCode.encode`."""
+    """Returns the symbols of the cells in the code of this name; see `LineCode.encode`."""
     return CATALOGUE[line].encode(values, disparity)
 
 
 def decode_line(
     line: str, soft: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """The most likely values in the code of this name: see `LineCode.decode`."""
+    """Returns the most likely values in the code of this name; see `LineCode.decode`."""
     return CATALOGUE[line].decode(soft)

@@ -1,8 +1,8 @@
-"""What a line code is: codewords of a group of symbols, encoded and decoded for every cell alone.
+"""The type of a line code: codewords of a group of symbols, coded for every cell independently.
 
-Groups follow one another without gaps. The lowest bit of a codeword goes out first. The compiled
-readers are imported on their first use: the names of the codes are read at start-up, which must not
-wait for numba.
+Groups follow one another without gaps. The lowest bit of a codeword is sent first. The compiled
+readers are imported on first use: the names of the codes are read at start-up, which must not wait
+for numba.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ class LineCode:
     read: Read | None = None
 
     def encode(self, values: npt.NDArray[np.uint8], disparity: Bits | None = None) -> Bits:
-        """What the cells show, (groups * symbols, cells) bool.
+        """Returns the symbols of the cells, (groups * symbols, cells) bool.
 
         Args:
             values: (groups, cells), below 2^bits.
-            disparity: (cells,), where the running disparity before the first group is positive; it
-                is changed in place to that after the last group. None: negative everywhere, as
-                before the first group of a transmission.
+            disparity: (cells,) bool, whether the running disparity before the first group is
+                positive; changed in place to that after the last group. None: negative everywhere,
+                as before the first group of a transmission.
         """
         groups, cells = values.shape
         if values.size and int(values.max()) >> self.bits:

@@ -1,7 +1,7 @@
 """8B10B: Widmer and Franaszek, IBM J. Res. Dev. 27:440 (1983), tables 1 and 2.
 
-A byte HGFEDCBA is coded by 5B/6B on EDCBA and 3B/4B on HGF; bits go out in the order a b c d e i f
-g h j. The running disparity carries on from group to group. The compiled reader is imported on its
+A byte HGFEDCBA is coded by 5B/6B on EDCBA and 3B/4B on HGF; bits are sent in the order a b c d e i
+f g h j. The running disparity continues from group to group. The compiled reader is imported on
 first use, as in `link.line_codes.code`.
 """
 
@@ -19,7 +19,8 @@ __all__ = ["EIGHT_TEN"]
 
 
 def _codewords() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
-    """Codewords by running disparity and byte, (2, 256), and bytes that change the disparity."""
+    """Returns codewords by running disparity and byte, (2, 256), and the bytes that change the
+    disparity."""
     value = np.arange(256)
     x, y = value & 31, value >> 5
     codes = np.stack(

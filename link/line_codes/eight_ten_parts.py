@@ -12,22 +12,22 @@ import numpy.typing as npt
 
 __all__ = ["FOUR", "MIDDLE", "SIX"]
 
-# Of EDCBA = 0 to 31 at negative running disparity; unbalanced ones, and 7, are inverted at
-# positive.
+# Codes of EDCBA = 0 to 31 at negative running disparity. At positive disparity unbalanced ones,
+# and 7, are inverted.
 _5B6B: Final = (
     "100111 011101 101101 110001 110101 101001 011001 111000 "
     "111001 100101 010101 110100 001101 101100 011100 010111 "
     "011011 100011 010011 110010 001011 101010 011010 111010 "
     "110011 100110 010110 110110 001110 101110 011110 101011"
 )
-# Of HGF = 0 to 7; unbalanced ones, and 3, are inverted at positive.
+# Codes of HGF = 0 to 7; at positive disparity unbalanced ones, and 3, are inverted.
 _3B4B: Final = "1011 1001 0101 1100 1101 1010 0110 1110"
 _ALTERNATE: Final = "0111"
-"""Instead of 1110, where that would make a run of five with the bits e i before it."""
+"""Replaces 1110 where that would give a run of five with the preceding bits e i."""
 
 
 def _either(text: str, inverted_too: str) -> tuple[int, int]:
-    """A part's bits at negative and at positive running disparity."""
+    """Returns a part's bits at negative and at positive running disparity."""
     unbalanced = 2 * text.count("1") != len(text)
     code = int(text[::-1], 2)  # the first symbol is the lowest bit
     inverted = code ^ ((1 << len(text)) - 1)
@@ -52,6 +52,6 @@ def _parts() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8], npt.NDArray[
 
 
 SIX, FOUR, MIDDLE = _parts()
-"""8B10B's parts. SIX (2, 32): symbols 0 to 5 of EDCBA, by running disparity (0 negative). MIDDLE
+"""Parts of 8B10B. SIX (2, 32): symbols 0 to 5 of EDCBA, by running disparity (0 negative). MIDDLE
 (2, 32): the row of FOUR that follows. FOUR (4, 8): symbols 6 to 9 of HGF; a row is twice the
 running disparity, plus one where the alternate 7 must be used."""

@@ -14,7 +14,7 @@ _WORDS: Final = (
     "001110 001101 010011 010110 010101 100011 100110 100101 "
     "011001 011010 011100 110001 110010 101001 101010 101100"
 )
-"""Of 0 to 15, the symbol that goes out first on the left."""
+"""Codewords of 0 to 15; the symbol that is sent first is on the left."""
 
 FOUR_SIX: Final = LineCode(
     "4b6b", symbols=6, bits=4, run_limit=4,

@@ -1,9 +1,9 @@
 """Maximum-likelihood decoding of line codes, compiled.
 
-Symbols are independent, so the log-likelihood of a codeword is, up to a constant, the sum of the
-soft values over the symbols in which it is on. The margin is the score of the best codeword less
-that of the best codeword of any other value. Nothing branches on soft values: on noise the branch
-prediction of a processor would fail half of the time.
+Symbols are independent, so the log likelihood of a codeword is, up to a constant, the sum of the
+soft values over the symbols in which it is on. The margin is the score of the best codeword minus
+that of the best codeword of any other value. No branch depends on soft values: on noise, branch
+prediction would fail half of the time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from link.line_codes.eight_ten_parts import FOUR, MIDDLE, SIX
 __all__ = ["read_8b10b", "read_table"]
 
 _MOST = np.float32(1e4)
-"""Soft values are clipped to it, so that sums stay finite and exact enough."""
+"""Soft values are clipped to it, so that sums stay finite and accurate."""
 _LEAST = np.float32(-1e9)
 """Less than any sum."""
 
@@ -85,7 +85,7 @@ def read_8b10b(soft, values, margins):  # type: ignore[no-untyped-def]
                     y_best = y if score > best else y_best
                     best = score if score > best else best
                 tops[row], nexts[row], tops_at[row] = best, second, y_best << 5
-            for disparity in range(2):  # within one, no two codewords have the same value
+            for disparity in range(2):  # codewords of one disparity have different values
                 best = second = _LEAST
                 value = 0
                 for x in range(32):

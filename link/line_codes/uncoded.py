@@ -1,4 +1,4 @@
-"""No line code: the bits of a byte as they are."""
+"""No line code: the bits of a byte unchanged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _read(
     values: npt.NDArray[np.uint8],
     margins: npt.NDArray[np.float32],
 ) -> None:
-    """Decides every bit alone; the margin is that of the weakest."""
+    """Decides every bit separately; the margin is that of the weakest bit."""
     bits = soft.reshape(len(values), 8, -1)
     values[:] = np.packbits(bits > 0, axis=1, bitorder="little")[:, 0]
     margins[:] = np.nan_to_num(np.abs(bits), nan=0.0, posinf=1e6).min(axis=1)

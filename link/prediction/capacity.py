@@ -1,4 +1,4 @@
-"""The capacity of a link: what its light, pixels and ticks could carry, and what it does carry."""
+"""The capacity of a link: the limits of its light, pixels and ticks, and what it uses of them."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ __all__ = ["CapacityInput", "capacity_bps", "capacity_document", "pixel_bound"]
 
 WORD: Final = 255
 LARGEST: Final = 1000.0
-"""Thresholds above it are scaled down to it, and means with them, where single electrons are
-followed."""
+"""Largest threshold that is modelled electron by electron; a larger one is scaled down together
+with the means."""
 
 
 @dataclass(frozen=True)
 class CapacityInput:
-    """What the capacity of a link depends on.
+    """Input of the capacity of a link.
 
     Attributes:
-        on, off: mean electrons a tick of a pixel in the middle of cells that are on and off.
-        threshold: of a spike, electrons.
-        reset: rule of the pixels.
-        hz: ticks a second.
-        sensor: pixels of the camera.
-        on_panel: those on the image of the panel.
-        cell_pixels: camera pixels that see one cell alone, at least 1.
+        on, off: mean electrons of a tick of a pixel in the middle of ON and of OFF cells.
+        threshold: electrons.
+        reset: reset rule of the pixels.
+        hz: ticks per second.
+        sensor: number of pixels of the camera.
+        on_panel: number of those on the image of the panel.
+        cell_pixels: camera pixels with light of one cell alone, at least 1.
     """
 
     on: float
@@ -47,19 +47,22 @@ class CapacityInput:
 
 
 def pixel_bound(link: CapacityInput) -> float:
-    """Bits a tick that no modulation of one pixel's light can exceed: the one bit of a latch, or
-    the capacity of light of this peak and background if that is less."""
+    """Returns the bits per tick that no modulation of one pixel's light can exceed.
+
+    It is one bit of a latch, or the capacity of light of this peak and background if less.
+    """
     peak = max(link.on - link.off, 1e-300)
     return min(1.0, float(poisson_capacity(link.off / peak)) * peak)
 
 
 def capacity_bps(link: CapacityInput) -> float:
-    """Bits a second of all camera pixels on the panel's image, each at its `pixel_bound`."""
+    """Returns the bits per second of all camera pixels on the panel's image, each at its
+    `pixel_bound`."""
     return link.on_panel * link.hz * pixel_bound(link)
 
 
 def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
-    """Capacity of a pixel in a tick, and of a cell in a symbol, bits."""
+    """Returns the capacity of a pixel in a tick, and of a cell in a symbol, bits."""
     on, off, q = link.on, link.off, link.threshold
     peak, scale = max(on - off, 1e-300), max(link.threshold / LARGEST, 1.0)
     whole = max(round(q / scale), 1)
@@ -97,7 +100,7 @@ def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
 
 
 def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
-    """The law of the sum of so many independent counts."""
+    """Returns the distribution of the sum of independent counts."""
     total = np.ones(1)
     for _ in range(count):
         total = np.convolve(total, law)
@@ -105,11 +108,15 @@ def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64
 
 
 def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[str, Any]:
-    """The document of `viform link capacity --json`.
+    """Returns the document of `viform link capacity --json`.
 
-    `capacity_bps` is that of `capacity_bps`. `budget` goes from every pixel of the sensor at one
-    bit a tick to the coded rate: each row has its factor, the rate that is left after it, and its
-    share of the whole loss in logarithms.
+    `budget` goes from every pixel of the sensor at one bit per tick to the coded rate. Each row has
+    its factor, the remaining rate, and its share of the total loss in logarithms.
+
+    Args:
+        link: the link.
+        mode: of the transmission.
+        seed: of the information rate's simulation.
     """
     layout = Layout(mode)
     pixel = _pixel(link, mode, seed)

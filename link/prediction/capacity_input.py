@@ -1,4 +1,4 @@
-"""What the capacity of a link depends on, from its scenario."""
+"""Input of the capacity of a link, from its scenario."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from sensor import CameraSetting
 __all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
 
 DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 32}
-"""Parts of a mode that are assumed where the scenario leaves them to the pilots of a run."""
+"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run."""
 
 
 def scenario_input(
     scenario: LinkScenario, camera: CameraSetting
 ) -> tuple[CapacityInput, Mode, list[str]]:
-    """The input of a scenario, its mode, and the parts of the mode that are `DEFAULT_MODE`. Raises
-    InputError."""
+    """Returns the input of a scenario, its mode, and the names of the assumed parts of the mode.
+
+    Raises:
+        InputError: if the scenario cannot be simulated.
+    """
     setting = link_setting(scenario, camera)
     modem, panel = scenario.link.modem, scenario.link.panel
     assumed = [name for name in DEFAULT_MODE if getattr(modem, name) == "auto"]
@@ -35,7 +38,13 @@ def scenario_input(
 
 
 def capacity_input(setting: LinkSetting, scene: CellScene, mode: Mode) -> CapacityInput:
-    """The input of a link that is set up. scene: light of its cells."""
+    """Returns the input of a link that is set up.
+
+    Args:
+        setting: the link.
+        scene: light of its cells.
+        mode: of the transmission.
+    """
     camera, panel = setting.camera, setting.optics
     sensor = camera.chip.width * camera.chip.height
     on_panel = panel.width * panel.height * setting.scale**2 * (1 - setting.aim.occluded)

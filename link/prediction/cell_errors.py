@@ -1,19 +1,19 @@
-"""The raw bit error rate of the joint decision, by the exact law of spikes under drawn light.
+"""The raw bit error rate of the joint decision, from the exact law of spikes under random light.
 
-A cell's light falls on some pixels together with that of the cells beside it. Given all of their
-bits, the pixels of a sensor with hard reset spike independently of each other with a law in closed
-form (`link.theory.hard_patterns`), and so has the sum of their log-likelihood ratios. What is left
-are the places of cells between the pixels, on an even grid, and the bits of the cells beside and
-before, which are drawn: a semi-analytic estimate (Jeruchim, IEEE J. Sel. Areas Commun. 2:153,
-1984), which counts no errors, so that few draws see rare ones. The ratios are those that the joint
-detector learns: of single ticks by share of the light, the cell's bit and the one before, and the
-pixel's two spikes before, over all bits of other cells. The bits before and after are taken as
-known.
+A cell's pixels also receive light of neighbouring cells. Given all bits, the pixels of a sensor
+with hard reset spike independently, with a closed-form law (`link.theory.hard_patterns`), and so
+does the sum of their log likelihood ratios. The positions of cells between the pixels, on an even
+grid, and the bits of neighbouring and previous cells are drawn at random. This is a semi-analytic
+estimate (Jeruchim, IEEE J. Sel. Areas Commun. 2:153, 1984): it counts no errors, so few draws
+suffice for rare ones. The ratios are those that the joint detector learns: of single ticks, by
+share of the light, the cell's bit and the previous one, and the pixel's two preceding spikes,
+averaged over the bits of other cells. The bits before and after are taken as known.
 
-In it: shot and threshold noise, blur, crosstalk, where the cells lie between the pixels, the light
-of the cells beside, which all pixels and ticks of a symbol share, charge that is kept, ticks that
-two symbols share, the line code's runs, the phase of every row. Not in it: what a receiver knows
-wrong (place, phase, laws learned from few symbols), fixed pattern, scintillation, rotated cells.
+Included: shot and threshold noise, blur, crosstalk, position of cells between the pixels, light of
+neighbouring cells (common to all pixels and ticks of a symbol), carried charge, ticks shared by two
+symbols, run lengths of the line code, the phase of every row. Not included: errors of the
+receiver's estimates (position, phase, laws learned from few symbols), fixed pattern, scintillation,
+rotated cells.
 """
 
 from __future__ import annotations
@@ -36,34 +36,41 @@ from link.theory import hard_patterns
 __all__ = ["CellErrors", "CellSight", "Mixed", "cell_errors"]
 
 _HISTORY: Final = 4
-"""Symbols before the one decided that charge may be left from."""
+"""Symbols before the decided one whose charge may remain."""
 _CONTEXT: Final = 2
 _STEP, _BINS = 0.75, 512
-"""Of the grid of log-likelihood ratios."""
+"""Step and size of the grid of log likelihood ratios."""
 _PHASES: Final = 32
-"""Sub-pixel places of the weights' table."""
+"""Sub-pixel positions of the table of weights."""
 _MOST: Final = 16
-"""Pixels of a cell that are looked at: those with the largest shares."""
+"""Largest number of pixels of a cell: those with the largest shares."""
 _AGAINST: Final = 0.8
-"""Chance of a cell beside to show the other bit, in half of the draws."""
+"""Probability that a neighbouring cell shows the opposite bit, in half of the draws (importance
+sampling)."""
 _BATCHES: Final = 16
-"""That the interval comes from."""
+"""Number of batches that the interval is computed from."""
 _PRIOR: Final = 1.0
-"""Drawn pixels that the mean over contexts counts for in one context's chance."""
+"""Number of drawn pixels that the mean over contexts counts as, in the probability of one
+context."""
 _ROUNDS: Final = 12
-"""Of draws, at most."""
+"""Largest number of rounds of draws."""
 _T: Final = 4.073
-"""Student's quantile of 99.9 %, two-sided, with 15 degrees of freedom."""
+"""Student's two-sided 99.9 % quantile with 15 degrees of freedom."""
 Values = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class CellSight:
-    """scene: light and threshold; its blur and phase are not looked at. affine: (2, 2) camera
-    pixels a panel pixel, in x and y. psf: of everything. blur: standard deviation that the detector
-    takes it for, camera pixels. phases: ticks by which symbols are late, of rows and symbols that
-    stand for all."""
+    """Input of `cell_errors`.
+
+    Attributes:
+        scene: light and threshold; its blur and phase are not read.
+        affine: (2, 2) camera pixels for a step of one panel pixel, in x and y.
+        psf: of the whole optical path.
+        blur: standard deviation that the detector assumes, camera pixels.
+        phases: delays of symbols after the latch for representative rows and symbols, ticks.
+    """
 
     scene: CellScene
     affine: Values
@@ -73,14 +80,18 @@ class CellSight:
 
     @cached_property
     def table(self) -> npt.NDArray[np.float32]:
-        """Weights of panel pixels by place, of `kernel_table`."""
+        """Weights of panel pixels by sub-pixel position, from `kernel_table`."""
         count = taps(self.affine, self.psf)
         return kernel_table(self.affine, self.psf, count, _PHASES)
 
 
 @dataclass(frozen=True)
 class Mixed(Psf):
-    """A lens, and a sensor whose pixels give a share of their light to each side."""
+    """Point spread function of a lens and of a sensor with cross-talk.
+
+    Attributes:
+        to_each_side: share of a pixel's light that goes to each neighbour.
+    """
 
     to_each_side: float = 0.0
 
@@ -92,8 +103,13 @@ class Mixed(Psf):
 
 @dataclass(frozen=True)
 class CellErrors:
-    """rate: estimate of the raw bit error rate. low, high: 99.9 % limits of what was drawn, low at
-    least 0. promise: mean of 1 / (1 + e^|L|), what the soft values would say of it."""
+    """Estimated error rate of cells.
+
+    Attributes:
+        rate: raw bit error rate.
+        low, high: 99.9 % limits of the random draws, low at least 0.
+        promise: mean of 1 / (1 + e^|L|), the rate according to the soft values.
+    """
 
     rate: float
     low: float
@@ -102,7 +118,7 @@ class CellErrors:
 
 
 def _bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Flags:
-    """Random bits whose runs along the last axis are at most `longest`."""
+    """Returns random bits whose runs along the last axis have at most `longest` bits."""
     out = rng.random(shape) < 0.5
     run = np.ones(shape[:-1], np.int64)
     for n in range(1, shape[-1]):
@@ -112,16 +128,19 @@ def _bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Fla
     return out
 
 
-def _set_against(rng: np.random.Generator, bits: Flags, around: int) -> Values:
-    """Turns the eight cells beside over, more often than not to the other bit than the cell's own,
-    in half of the draws, in place, since that is what makes errors; the draws' weights."""
+def _importance_sample(rng: np.random.Generator, bits: Flags, around: int) -> Values:
+    """Flips bits of the eight neighbouring cells, in place, and returns the weights of the draws.
+
+    In half of the draws, neighbours more often show the opposite of the cell's bit, since that
+    causes most errors.
+    """
     count = len(bits)
     neighbours = bits[:, around - 1 : around + 2, around - 1 : around + 2].reshape(count, 9, -1)
     neighbours = np.delete(neighbours, 4, axis=1)
     chance = np.where(np.arange(count) % 2, _AGAINST, 0.5)[:, None]
     against = rng.random((count, 8)) < chance
-    own = bits[:, around, around, -2]
-    turned = (neighbours[:, :, -2] != own[:, None]) != against
+    bit = bits[:, around, around, -2]
+    turned = (neighbours[:, :, -2] != bit[:, None]) != against
     flip = np.zeros((count, 9), np.bool_)
     flip[:, [0, 1, 2, 3, 5, 6, 7, 8]] = turned
     part = bits[:, around - 1 : around + 2, around - 1 : around + 2]
@@ -133,12 +152,18 @@ def _set_against(rng: np.random.Generator, bits: Flags, around: int) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """patterns: (cells, pixels, 2^window) law of the spikes. own, before, after: (cells,) bits.
-    share: (pixels,) class. weight: (cells,), 1 in the mean."""
+    """Drawn cells at one sub-pixel position.
+
+    Attributes:
+        patterns: (cells, pixels, 2^window) probabilities of the spikes.
+        weight: (cells,) mean 1.
+        bit, before, after: (cells,) bits of the decided, the previous and the next symbol.
+        share: (pixels,) class of share.
+    """
 
     patterns: Values
     weight: Values
-    own: Flags
+    bit: Flags
     before: Flags
     after: Flags
     share: npt.NDArray[np.intp]
@@ -147,8 +172,15 @@ class _Drawn:
 def _light(
     sight: CellSight, cell: int, points: Values, bits: Flags, around: int
 ) -> Values:  # fmt: skip
-    """Share of light that is on at camera pixels, (cells, pixels, symbols). points: (cells, pixels,
-    2) camera (x, y) from the cell's middle. bits: (cells, rows, columns, symbols) about it."""
+    """Returns the share of the light that is on at camera pixels, (cells, pixels, symbols).
+
+    Args:
+        sight: the optics.
+        cell: side of a cell, panel pixels.
+        points: (cells, pixels, 2) camera (x, y) from the cell's centre.
+        bits: (cells, rows, columns, symbols) of the cells around.
+        around: cells on each side in `bits`.
+    """
     table = sight.table
     phases, count = table.shape[1:3]
     panel = points @ np.linalg.inv(sight.affine).T + (cell - 1) / 2
@@ -166,7 +198,7 @@ def _light(
 def _draw(
     sight: CellSight, mode: Mode, place: tuple[int, int], count: int, rng: np.random.Generator
 ) -> _Drawn:
-    """Cells at one of the detector's places."""
+    """Draws cells at one of the detector's sub-pixel positions."""
     scene = sight.scene
     side, longest, ticks = mode.cell * scene.pixel, longest_run(mode), mode.ticks
     reach = math.ceil(side / 2 + 1)
@@ -185,14 +217,14 @@ def _draw(
     points = np.stack([pixels[x], pixels[y]], axis=1) - exact[:, None]
     symbols = _HISTORY + 3
     bits = _bits(rng, (count, 2 * around + 1, 2 * around + 1, symbols), longest)
-    weight = _set_against(rng, bits, around)
+    weight = _importance_sample(rng, bits, around)
     light = _light(sight, mode.cell, points, bits, around)
-    # symbol 0 only lends its end to the first tick; the last one only its first tick is seen of
-    late = rng.choice(sight.phases, count)[:, None]
+    # Symbol 0 contributes only to the first tick, and of the last symbol only one tick is read.
+    delay = rng.choice(sight.phases, count)[:, None]
     means = np.empty((count, order.size, (_HISTORY + 1) * ticks + 1))
     for n in range(1, symbols):
         first = (n - 1) * ticks
-        means[..., first] = late * light[..., n - 1] + (1 - late) * light[..., n]
+        means[..., first] = delay * light[..., n - 1] + (1 - delay) * light[..., n]
         if n < symbols - 1:
             means[..., first + 1 : first + ticks] = light[..., n, None]
     patterns = hard_patterns(
@@ -204,29 +236,32 @@ def _draw(
 
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:
-    """ln P(spike) as the detector learns it: (ticks, shares, before, own, contexts, spike)."""
+    """Returns ln P(spike) as the detector learns it.
+
+    The shape is (ticks, shares, before, bit, contexts, spike).
+    """
     patterns = np.arange(1 << (_CONTEXT + ticks + 1))
-    met = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
+    counts = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
     for each in drawn:
         for before in (False, True):
-            for own in (False, True):
-                these = (each.before == before) & (each.own == own)
+            for bit in (False, True):
+                these = (each.before == before) & (each.bit == bit)
                 law = np.einsum("n,nps->ps", each.weight[these], each.patterns[these])
                 for j in range(ticks):
                     at = 2 * ((patterns >> j) & 3) + ((patterns >> (j + _CONTEXT)) & 1)
                     for k, s in enumerate(each.share):
-                        met[j, s, int(before), int(own)] += np.bincount(
+                        counts[j, s, int(before), int(bit)] += np.bincount(
                             at, law[k], 2 << _CONTEXT
                         ).reshape(-1, 2)
-    every = met.sum(axis=-2, keepdims=True)  # what a context hardly met is taken to be like
+    every = counts.sum(axis=-2, keepdims=True)  # prior of rare contexts
     prior = (every[..., 1] + 1e-9 / 2) / (every.sum(-1) + 1e-9)
-    chance = (met[..., 1] + _PRIOR * prior) / (met.sum(-1) + _PRIOR)
+    chance = (counts[..., 1] + _PRIOR * prior) / (counts.sum(-1) + _PRIOR)
     chance = np.clip(chance, LEAST_CHANCE, 1 - LEAST_CHANCE)
     return np.log(np.stack([1 - chance, chance], axis=-1))
 
 
 def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
-    """P(decided wrong) and the soft values' promise of every cell drawn."""
+    """Returns P(wrong decision) and the rate according to the soft values, (cells,) each."""
     patterns = np.arange(1 << (_CONTEXT + ticks + 1))
     ratio = np.zeros((2, 2, each.share.size, patterns.size))  # by before and after
     for j in range(ticks + 1):
@@ -239,17 +274,18 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
                     else:  # the next symbol begins
                         on, off = tables[0, s, 1, after], tables[0, s, 0, after]
                     ratio[before, after, k] += (on - off)[context, spike]
-    most = (_BINS // 2 - 1) // each.share.size  # no sum goes round
+    most = (_BINS // 2 - 1) // each.share.size  # sums do not wrap around
     bins = np.clip(np.rint(ratio / _STEP), -most, most)
     value = np.fft.ifftshift(np.arange(_BINS) - _BINS // 2) * _STEP
-    # Of the sum's characteristic function: chance below 0, half of that at 0, and doubt.
+    # From the sum's characteristic function: P(below 0) + P(0) / 2, and the mean of
+    # 1 / (1 + e^|L|).
     below = np.fft.rfft((value < 0) + 0.5 * (value == 0))
     above = np.fft.rfft((value > 0) + 0.5 * (value == 0))
     doubt = np.fft.rfft(1 / (1 + np.exp(np.abs(value))))
     twice = np.full(below.size, 2.0 / _BINS)
     twice[[0, -1]] /= 2
     wave = -2j * np.pi / _BINS * np.arange(below.size)
-    wrong, promise = np.empty(each.own.size), np.empty(each.own.size)
+    wrong, promise = np.empty(each.bit.size), np.empty(each.bit.size)
     for before in range(2):
         for after in range(2):
             turn = np.exp(bins[before, after, ..., None] * wave)
@@ -258,15 +294,23 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
             for k in range(each.share.size):
                 law = each.patterns[these, k]
                 spectrum *= law @ turn[k].real + 1j * (law @ turn[k].imag)
-            said = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
-            wrong[these] = np.where(each.own[these], said[:, 1], said[:, 0])
-            promise[these] = said[:, 2]
+            sums = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
+            wrong[these] = np.where(each.bit[these], sums[:, 1], sums[:, 0])
+            promise[these] = sums[:, 2]
     return np.maximum(wrong, 0.0) * each.weight, promise * each.weight
 
 
 def cell_errors(sight: CellSight, mode: Mode, draws: int = 8_192, seed: int = 1) -> CellErrors:
-    """draws: cells with the bits around them, fewer where symbols are long; so many again, at most
-    `_ROUNDS` times, while the limits are further from the rate than 0."""
+    """Returns the estimated error rate of cells.
+
+    Draws are repeated, at most `_ROUNDS` times, until the interval is narrower than the rate.
+
+    Args:
+        sight: the optics and the light.
+        mode: of the transmission.
+        draws: number of cells to draw, reduced for long symbols.
+        seed: of the draws.
+    """
     rng = np.random.Generator(np.random.Philox(key=seed))
     places = [(y, x) for y in range(PLACES) for x in range(PLACES)]
     each = max(draws * 32 // len(places) >> (_CONTEXT + mode.ticks + 1), _BATCHES)

@@ -1,4 +1,4 @@
-"""How much light a run's cells bring, and what shines in any case: the air's closed forms."""
+"""Light of a run's cells and of the background, from the closed forms of the air."""
 
 from __future__ import annotations
 
@@ -19,16 +19,19 @@ from sensor.device.crosstalk import side_share
 __all__ = ["cell_scene", "cell_sight", "transmission"]
 
 _AIRY = 0.42
-"""Standard deviation of the Gaussian that fits an Airy core, wavelengths over the aperture (Zhang,
+"""Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
 Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007)."""
 
 _ROWS = 33
-"""Of the panel's image, and as many symbols, that stand for all."""
+"""Number of rows of the panel's image, and of symbols, that represent all."""
 
 
 def _blur(setting: LinkSetting) -> float:
-    """Standard deviation of everything that blurs an edge, camera pixels: the lens, diffraction,
-    defocus (a disc of radius q has q / 2 along an axis), vibration over the run."""
+    """Returns the standard deviation of the blur of an edge, camera pixels.
+
+    It combines the lens, diffraction, defocus (q / 2 along an axis for a disc of radius q), and
+    vibration over the run.
+    """
     optics = setting.optics
     image = lengths(optics, setting.air.distance)
     working = optics.f_number * image.extension
@@ -37,7 +40,8 @@ def _blur(setting: LinkSetting) -> float:
 
 
 def cell_scene(setting: LinkSetting) -> CellScene:
-    """At the run's distance; half of the panel is on at any time."""
+    """Returns the light of the cells at the run's distance, with half of the panel on at any
+    time."""
     optics, air, camera = setting.optics, setting.air, setting.camera
     here = levels(optics, air)
     covered = min(
@@ -58,7 +62,13 @@ def cell_scene(setting: LinkSetting) -> CellScene:
 
 
 def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
-    """What `cell_errors` reads of a run of so many symbols. timing: the true one."""
+    """Returns the input of `cell_errors` for a run.
+
+    Args:
+        setting: the link.
+        timing: true timing of the symbols.
+        symbols: number of symbols of the run.
+    """
     optics, chip = setting.optics, setting.camera.chip
     home = image_of(optics, setting.aim, setting.air, (chip.height, chip.width))
     psf = lens_psf(optics, setting.air.distance)
@@ -73,5 +83,5 @@ def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
 
 
 def transmission(setting: LinkSetting, distance: float) -> float:
-    """What the air leaves of the panel's light, at another distance."""
+    """Returns the share of the panel's light that the air transmits over another distance, m."""
     return levels(setting.optics, replace(setting.air, distance=distance)).dimmed

@@ -1,12 +1,12 @@
-"""What rate and how many errors geometry and closed forms predict, at any distance.
+"""Predicted rate and error rate at any distance, from geometry and closed forms.
 
-A cell's looks are its camera pixels in its ticks. A look's charge is normal about its mean: its
-own cell's share of the light, the neighbours' (each on half of the time), and what shines in any
-case. With spikes of P(1 | on) = p and P(1 | off) = q a look, looks that err independently and are
-added as log-likelihood ratios are wrong at most with chance 1/2 prod(sqrt(p q) + sqrt((1 - p) (1 -
-q))), the Bhattacharyya bound (Kailath, IEEE Trans. Commun. Technol. 15:52, 1967). Looks do not
-quite err independently, and turbulence, fixed pattern and drift are not in it: what comes out is an
-estimate, which a run may exceed.
+A cell is observed by its camera pixels in its ticks. The charge of an observation is normal about
+its mean: the cell's share of the light, the neighbours' (each on half of the time), and the
+background. With P(spike | on) = p and P(spike | off) = q of an observation, independent
+observations whose log likelihood ratios are added have an error probability of at most 1/2
+prod(sqrt(p q) + sqrt((1 - p) (1 - q))), the Bhattacharyya bound (Kailath, IEEE Trans. Commun.
+Technol. 15:52, 1967). Observations are not fully independent, and turbulence, fixed pattern and
+drift are not included. The result is therefore an estimate, which a run may exceed.
 """
 
 from __future__ import annotations
@@ -27,26 +27,33 @@ __all__ = [
 ]  # fmt: skip
 
 _PLACES = 5
-"""Places of a camera pixel within the cell's grid that are averaged over, each way."""
+"""Positions of a camera pixel within the cell's grid, along each axis, that are averaged."""
 _WORTH = 1e-3
-"""Share of its cell's light below which a look is not counted."""
+"""Share of its cell's light below which an observation is not counted."""
 _ALIVE = 1e-12
-"""Chance of no spike so far below which pixels have fired."""
+"""Probability of no spike so far below which all pixels are taken to have fired."""
 _LOST = 0.03
-"""Frames that a transmission may lose: what the default overhead makes good."""
+"""Share of frames that may be lost: what the default overhead recovers."""
 LEAST_CELL = 1.2
-"""Camera pixels to a cell's side, at least, that a run takes on its own: nearer to 1 the grids'
-beat leaves cells without a pixel of their own."""
+"""Smallest side of a cell that a run chooses itself, camera pixels: closer to 1, the beat of both
+grids leaves cells without a pixel of their own."""
 _UNCODED_RUN = 8
-"""Run of equal symbols that is reckoned with where the code does not limit runs."""
+"""Assumed longest run of equal symbols if the code does not limit runs."""
 Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class CellScene:
-    """pixel: camera pixels to a panel pixel. blur: standard deviation of the image's blur, camera
-    pixels. on, background: electrons a tick over the threshold. threshold: electrons. noise: of it,
-    electrons. reset: the camera's rule. phase: ticks by which symbols are late against the latch.
+    """Light of a link's cells, and the camera's pixel.
+
+    Attributes:
+        pixel: camera pixels for a panel pixel.
+        blur: standard deviation of the image's blur, camera pixels.
+        on, background: electrons of a tick over the threshold.
+        threshold: electrons.
+        noise: standard deviation of the threshold, electrons.
+        reset: reset rule of the camera.
+        phase: delay of symbols after the latch, ticks.
     """
 
     pixel: float
@@ -60,13 +67,15 @@ class CellScene:
 
 
 def longest_run(mode: Mode) -> int:
-    """Symbols of the longest run of equal ones that is reckoned with."""
+    """Returns the assumed longest run of equal symbols."""
     return mode.code.run_limit or _UNCODED_RUN
 
 
 def edge_share(x: Values, blur: float) -> Values:
-    """Share of a camera pixel centred at x that lies beyond an edge at 0, blurred: the integral of
-    the normal distribution over the pixel."""
+    """Returns the share of a camera pixel at x beyond a blurred edge at 0.
+
+    It is the integral of the normal distribution over the pixel.
+    """
     from scipy.special import ndtr
 
     if blur <= 0:
@@ -81,8 +90,12 @@ def edge_share(x: Values, blur: float) -> Values:
 
 
 def _shares(side: float, blur: float) -> Values:
-    """(places, pixels) share of each pixel's light along a line that its own cell brings, for cells
-    `side` pixels long."""
+    """Returns the share of each pixel's light along a line that its cell brings, (places, pixels).
+
+    Args:
+        side: length of a cell, camera pixels.
+        blur: standard deviation, camera pixels.
+    """
     reach = math.ceil(side / 2 + 3 * blur + 1)
     pixels = np.arange(-reach, reach + 1)
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
@@ -91,33 +104,42 @@ def _shares(side: float, blur: float) -> Values:
 
 
 def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
-    """P(spike in a tick). mean: electrons of a tick over the threshold; spread: of the neighbours'
-    part of it. run: ticks for which charge may have gathered."""
+    """Returns P(spike in a tick).
+
+    Args:
+        scene: the pixel.
+        mean: electrons of a tick over the threshold.
+        spread: standard deviation of the neighbours' part of it.
+        run: ticks over which charge may have accumulated.
+    """
     from scipy.special import ndtr
 
-    if scene.reset != "hard":  # what is left over makes the rate itself the chance
+    if scene.reset != "hard":  # with carried charge, the mean rate is the probability
         return np.clip(mean, 0.0, 1.0)
     q, total, alive, out = scene.threshold, 0.0, np.ones_like(mean), np.zeros_like(mean)
     before = np.zeros_like(mean)
-    for tick in range(1, run + 1):  # a tick of a dark stretch, each as likely as the others
+    for tick in range(1, run + 1):  # ticks of a dark run, all equally likely
         width = np.sqrt(tick * np.maximum(mean, 1e-12) / q + (scene.noise / q) ** 2
                         + tick * spread**2)  # fmt: skip
         full = np.maximum(ndtr((tick * mean - 1) / width), before)
-        # Where all have fired already, light alone fills the threshold: they fire again.
+        # If all have fired, the light fills the threshold in every tick: they fire again.
         out += np.where(alive > _ALIVE, (full - before) / np.maximum(alive, _ALIVE), 1.0)
         alive, before, total = np.maximum(1 - full, 1e-300), full, total + 1
     return np.clip(out / total, 0.0, 1.0)
 
 
 def predict_errors(scene: CellScene, mode: Mode) -> float:
-    """An estimate of the raw bit error rate of the joint decision: Bhattacharyya's bound on that of
-    a model whose looks are independent of each other, the neighbours' light normal."""
-    if scene.blur > mode.cell * scene.pixel:  # a look sees its neighbours more than its own cell
+    """Returns an estimate of the raw bit error rate of the joint decision.
+
+    It is the Bhattacharyya bound of a model with independent observations and normal light of the
+    neighbours.
+    """
+    if scene.blur > mode.cell * scene.pixel:  # the neighbours contribute more than the cell
         return 0.5
     shares = _shares(mode.cell * scene.pixel, scene.blur)
     ticks = np.concatenate([[1 - scene.phase], np.ones(mode.ticks - 1), [scene.phase]])
     mine = shares[:, None, :, None, None] * shares[None, :, None, :, None] * ticks
-    # Of the rest of a look's light, each neighbour brings a share; four of them bring most.
+    # The remaining light comes mostly from four neighbours.
     rest = 1 - mine
     spread = scene.on * rest / 2 / 2
     run = min(longest_run(mode) * mode.ticks, 64)
@@ -132,9 +154,16 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
 
 @dataclass(frozen=True)
 class Reach:
-    """distance: m. rate: bits a second of the best mode that works, 0 where none does. mode: that
-    mode. errors: predicted raw bit error rate of it. tags: whether the tags are large enough in the
-    image to be found, without which no rate is foreseen."""
+    """Predicted rate at a distance.
+
+    Attributes:
+        distance: m.
+        rate: of the best mode that works, bit/s; 0 if none does.
+        mode: that mode.
+        errors: its predicted raw bit error rate.
+        tags: whether the tags are large enough in the image to be detected; otherwise no rate is
+            predicted.
+    """
 
     distance: float
     rate: float
@@ -144,7 +173,7 @@ class Reach:
 
 
 def _frame_loss(errors: float, mode: Mode) -> float:
-    """Chance that a codeword is wrong beyond mending: bytes of independent bits."""
+    """Returns the probability that a codeword cannot be corrected, for independent bits."""
     bits = round(8 * Layout(mode).group / mode.code.bits)
     return float(rs_word_error(255, 255 - mode.parity, byte_error(min(errors, 0.5), bits)))
 
@@ -153,13 +182,19 @@ def reach(
     scene: CellScene, mode: Mode, at: float, focal_length: float, distances: Values, hz: float,
     sensor: tuple[int, int], air: Values,
 ) -> list[Reach]:  # fmt: skip
-    """The best rate at other distances, with this panel, lens and camera. scene, mode: those of the
-    run, whose cell, ticks, line and parity may change. at: its distance, m. sensor: camera pixels,
-    (height, width). air: of each distance, transmission relative to the run's. hz: planes a
-    second.
+    """Returns the best rate at other distances, with this panel, lens and camera.
 
-    Only modes that a run would try on its own. The irradiance of a resolved panel does not fall
-    with distance; its pixels' images shrink.
+    Only modes that a run would choose itself are considered. The irradiance of a resolved panel
+    does not fall with distance; the images of its pixels shrink.
+
+    Args:
+        scene, mode: of the run; cell, ticks, line and parity may change.
+        at: distance of the run, m.
+        focal_length: m.
+        distances: m.
+        hz: planes per second.
+        sensor: (height, width) of the camera.
+        air: transmission at each distance, relative to the run's.
     """
     modes = [
         replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)

@@ -52,7 +52,7 @@ class Received:
     score: float = 0.0
     instants: tuple[Instant, ...] = ()
     delivered_tick: int | None = None
-    frames_seen: int = 0
+    frames_read: int = 0
     frames_right: int = 0
     frames_needed: int | None = None
     codewords: int = 0

@@ -97,7 +97,7 @@ class Receiver:
             on=session.levels.on, background=session.levels.background,
             score=acquired.evidence.clocking.score if acquired.evidence.clocking else 0.0,
             instants=tuple(session.instants), delivered_tick=session.delivered_tick,
-            frames_seen=inbox.frames_seen, frames_right=inbox.frames_right,
+            frames_read=inbox.frames_read, frames_right=inbox.frames_right,
             frames_needed=inbox.frames_needed, codewords=inbox.codewords,
             codewords_wrong=inbox.codewords_wrong, bytes_corrected=inbox.bytes_corrected,
             cell_quality=session.grid(
@@ -180,7 +180,7 @@ class Receiver:
             return explain_loss(session, self._evidence, self.recording.stop, self.interrupted)
         return Verdict(
             Cause.NONE,
-            f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_seen}, "
+            f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_read}, "
             f"{inbox.bytes_corrected} bytes mended, whole at tick {session.delivered_tick}",
         )
 

@@ -152,7 +152,7 @@ class Session:
                 count += 1
             if not count:
                 break
-            before = self.inbox.frames_seen, self.inbox.frames_right
+            before = self.inbox.frames_read, self.inbox.frames_right
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
@@ -168,7 +168,7 @@ class Session:
                 recording.forget(recording.stop)
                 return
             arrived, right = (
-                a - b for a, b in zip((self.inbox.frames_seen, self.inbox.frames_right), before,
+                a - b for a, b in zip((self.inbox.frames_read, self.inbox.frames_right), before,
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:

@@ -39,15 +39,16 @@ def error_text(check: LinkCheck) -> str:
         return "The run's error was not measured."
     differ = paired.more + paired.fewer
     value, low, high = paired.counted
+    limit = paired.differing_limit * 1e6
     counted = (
-        f"{check.patches} patches of the sensor were simulated twice with the same chance in every "
-        "pixel, as this run was and with every effect in the reference tier. Of "
+        f"{check.patches} patches of the sensor were simulated twice with the same random numbers "
+        "in every pixel, as in this run and with every effect in the reference tier. Of "
         f"{paired.bits:,} bits {'none was' if not differ else f'{differ:,} were'} decided "
-        f"otherwise ({paired.run:,} wrong as run, {paired.full:,} in full physics): at 99.9 % "
-        f"fewer than {paired.otherwise * 1e6:.2g} in a million are. So counted, the bit error rate "
+        f"differently ({paired.run:,} wrong as run, {paired.full:,} in full physics): at 99.9 % "
+        f"fewer than {limit:.2g} in a million are. Counted in this way, the bit error rate "
         f"is off by {value:.2g} half-widths of the run's own 99.9 % interval, {paired.unit:.2g}, "
-        f"at 99.9 % between {low:.2g} and {high:.2g}. What limits the upper end is the number of "
-        "bits compared."
+        f"at 99.9 % between {low:.2g} and {high:.2g}. The number of bits compared limits the "
+        "upper end."
     )
     close = paired.near
     if close is None:

@@ -1,4 +1,4 @@
-"""From a file to the planes that a panel shows."""
+"""From a file to the planes of a panel."""
 
 from link.sending.stream import PlaneStream
 from link.sending.transmission import Transmission

@@ -1,4 +1,4 @@
-"""A transmission as a spike stream, which files and panels take."""
+"""A transmission as a spike stream, for files and panels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ __all__ = ["PlaneStream"]
 
 @dataclass(frozen=True, eq=False)
 class PlaneStream:
-    """The planes of `sent` at `clock`: plane p is cycle p, panel pixels are pixels."""
+    """The planes of a transmission: plane p is cycle p, panel pixels are pixels.
+
+    Attributes:
+        sent: the transmission.
+        clock: of the panel.
+    """
 
     sent: Transmission
     clock: Clock
@@ -27,10 +32,10 @@ class PlaneStream:
 
     @property
     def cycles(self) -> int:
-        """Planes."""
+        """Number of planes."""
         return self.sent.planes
 
     def read_words(self, first: int, stop: int) -> Words:
-        """As `SpikeStream` says."""
+        """Returns words of the stream; see `SpikeStream`."""
         count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
         return np.ascontiguousarray(self.sent.words(first * WORD, count))

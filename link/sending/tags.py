@@ -1,4 +1,4 @@
-"""The four AprilTags in the panel's corners: where the panel is, and what mode it is in."""
+"""The four AprilTags in the panel's corners, which give its position and its mode."""
 
 from __future__ import annotations
 
@@ -14,8 +14,13 @@ __all__ = ["Tag", "draw_tags"]
 
 @dataclass(frozen=True, eq=False)
 class Tag:
-    """number: of the family 36h11. place: rows and columns of panel pixels that it covers. bright:
-    those of them that are on, its margin of one module with them, (side, side)."""
+    """A tag on the panel.
+
+    Attributes:
+        number: id in the family 36h11.
+        place: rows and columns of panel pixels that it covers.
+        bright: (side, side) bool, pixels that are on, its margin of one module included.
+    """
 
     number: int
     place: tuple[slice, slice]
@@ -23,8 +28,11 @@ class Tag:
 
 
 def draw_tags(layout: Layout) -> tuple[Tag, ...]:
-    """At top left, top right, bottom right, bottom left; lit alike in every plane. The family is
-    that of Olson, ICRA 2011, and Wang & Olson, IROS 2016."""
+    """Returns the tags at top left, top right, bottom right, bottom left; they are the same in
+    every plane.
+
+    The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
+    """
     import cv2
 
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)

@@ -1,4 +1,4 @@
-"""A file as what a panel shows: symbols on cells, cells and tags on pixels, pixels in words."""
+"""A file on a panel: symbols on cells, cells and tags on pixels, pixels in words."""
 
 from __future__ import annotations
 
@@ -22,10 +22,23 @@ T = TypeVar("T", np.bool_, np.uint32)
 
 
 class Transmission:
-    """Training, then groups that carry the file, then the closing.
+    """A transmission: training, then groups that carry the file, then the closing.
 
-    most_symbols: what does not fit into so many symbols is cut off. interleave, overhead: as
-    `Outbox` has them. Raises ValueError for a mode or a file that cannot be sent.
+    Args:
+        mode: of the transmission.
+        data, name: of the file.
+        interleave, overhead: as in `Outbox`.
+        most_symbols: number of symbols after which the transmission is cut; None for no limit.
+
+    Attributes:
+        mode, layout: of the transmission.
+        outbox: the file in frames.
+        whole: symbols of the whole file.
+        symbols: symbols of the transmission, training and closing included.
+        data_end: number of the symbol after the last one that carries the file.
+
+    Raises:
+        ValueError: for a mode or a file that cannot be sent.
     """
 
     def __init__(
@@ -38,22 +51,19 @@ class Transmission:
         self.outbox = Outbox(data, name, self.layout, interleave=interleave, overhead=overhead)
         carrying = TRAINING + self.outbox.groups * self.layout.group
         self.whole = carrying + self.layout.closing
-        """Symbols that the whole file takes."""
         self.symbols = self.whole if most_symbols is None else min(self.whole, most_symbols)
-        """Symbols in all, training and closing with them."""
         self.data_end = min(carrying, self.symbols)
-        """Symbol behind the last one that carries the file."""
         self._disparities: list[npt.NDArray[np.uint8]] = []
         self._group: tuple[int, _Bits] | None = None
 
     @property
     def ticks(self) -> int:
-        """Planes to a symbol."""
+        """Planes of a symbol."""
         return self.mode.ticks
 
     @property
     def planes(self) -> int:
-        """Planes in all."""
+        """Planes of the transmission."""
         return self.symbols * self.mode.ticks
 
     @property
@@ -63,8 +73,8 @@ class Transmission:
 
     @property
     def sent_whole(self) -> bool:
-        """Whether at least as many frames are shown as the file fills; False where most_symbols
-        cuts it."""
+        """Whether at least as many frames are shown as the file fills; False if most_symbols cuts
+        it."""
         return self.outbox.frames_by(self.groups) >= self.outbox.frames_needed
 
     @cached_property
@@ -84,7 +94,7 @@ class Transmission:
         return np.flatnonzero(self.layout.pilot), pilots()
 
     def _line(self, group: int) -> _Bits:
-        """What the data cells show in a group, (symbols, cells)."""
+        """Returns the symbols of the data cells in a group, (symbols, cells)."""
         if self._group is None or self._group[0] != group:
             line, cells = self.mode.line, self.layout.cells
             if not self._disparities:
@@ -107,7 +117,7 @@ class Transmission:
             )
 
     def bits(self, first: int, count: int) -> _Bits:
-        """What the data cells show in symbols `first` on, (count, cells)."""
+        """Returns the bits of the data cells from symbol `first` on, (count, cells)."""
         self._check(first, count)
         out = np.empty((count, self.layout.cells), np.bool_)
         for n, symbol in enumerate(range(first, first + count)):
@@ -121,7 +131,7 @@ class Transmission:
         return out
 
     def cells(self, first: int, count: int) -> _Bits:
-        """What all cells show, (count, rows, columns); those that tags cover are off."""
+        """Returns the bits of all cells, (count, rows, columns); those covered by tags are off."""
         rows, columns = self.layout.shape
         out = np.zeros((count, rows * columns), np.bool_)
         out[:, self.layout.data] = self.bits(first, count)
@@ -130,12 +140,14 @@ class Transmission:
         return out.reshape(count, rows, columns)
 
     def pixels(self, symbol: int) -> _Bits:
-        """What the panel's pixels show in every plane of a symbol, (height, width)."""
+        """Returns the panel's pixels in every plane of a symbol, (height, width)."""
         return self._spread(self.cells(symbol, 1)[0], np.bool_(True))
 
     def words(self, first_plane: int, planes: int) -> Words:
-        """Planes `first_plane` on as words, (ceil(planes / 32), height, width) uint32; after the
-        last plane the panel is dark."""
+        """Returns planes from `first_plane` on as words, (ceil(planes / 32), height, width) uint32.
+
+        After the last plane the panel is dark.
+        """
         if first_plane < 0 or planes < 0:
             raise ValueError(f"planes must be 0 or more, not {first_plane}, {planes}")
         out = np.empty((words_for(planes), self.mode.height, self.mode.width), np.uint32)
@@ -153,7 +165,7 @@ class Transmission:
         return out
 
     def _spread(self, cells: npt.NDArray[T], on: T) -> npt.NDArray[T]:
-        """Cells on their pixels, and `on` where tags are bright."""
+        """Returns the panel's pixels of cells, with `on` where tags are bright."""
         side, (rows, columns) = self.mode.cell, self.layout.shape
         out = np.zeros((self.mode.height, self.mode.width), cells.dtype)
         area = out[: rows * side, : columns * side]

@@ -1,10 +1,10 @@
-"""Choice of a mode from pilots: the one foreseen to bring a file soonest.
+"""Choice of a mode from pilots: the one predicted to transfer a file in the shortest time.
 
-A pilot sends random data in a mode through the same air and camera. Its wrong bytes, at their upper
-limit, give the share of codewords lost (closed form of Reed-Solomon), that the share of frames
-lost, that the frames the fountain needs, and those the time. Not every mode is tried: fastest
-first, until what is left could not be faster if it made no error; and none that asks for more than
-one which failed.
+A pilot sends random data in a mode through the same air and camera. The upper limit of its share of
+wrong bytes gives the share of lost codewords (closed form of Reed-Solomon), then of lost frames,
+the frames that the fountain needs, and the time. Modes are tried from the fastest on, until the
+remaining ones would be slower even without errors. A mode that requires more than a failed one is
+not tried.
 """
 
 from __future__ import annotations
@@ -27,20 +27,25 @@ from link.theory import clopper_pearson, longest_off_run, rs_word_error
 __all__ = ["Choice", "Considered", "Trial", "choose", "foresee", "longest_run"]
 
 _HOPELESS: Final = 0.2
-"""Bit error rate from which modes that ask for more are not tried."""
+"""Bit error rate from which more demanding modes are not tried."""
 _SURE: Final = 1e-6
-"""Chance that a file lacks frames for all its overhead."""
+"""Probability that a file lacks frames in spite of its overhead."""
 _BEYOND: Final = 2
-"""Frames beyond the file's own that the fountain is given, as the sender does."""
+"""Frames beyond the file's own, as in the sender."""
 _LEVEL: Final = 0.999
-"""Of the upper limit of the share of wrong bytes."""
+"""Confidence of the upper limit of the share of wrong bytes."""
 _MARGIN: Final = 1.5
-"""Times as many as that are reckoned with: a pilot does not see the whole panel."""
+"""Factor on that limit, because a pilot does not cover the whole panel."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a pilot measured: bits decided and wrong, and the same of the line code's values."""
+    """Result of a pilot.
+
+    Attributes:
+        bits, errors: bits decided, and wrong ones.
+        values, values_wrong: the same for the line code's values.
+    """
 
     bits: int
     errors: int
@@ -49,7 +54,13 @@ class Trial:
 
     @classmethod
     def of(cls, mode: Mode, sent: npt.NDArray[np.bool_], soft: npt.NDArray[np.float32]) -> Trial:
-        """From symbols in whole groups, (symbols, cells): bits shown and soft values received."""
+        """Returns the result of symbols in whole groups.
+
+        Args:
+            mode: of the pilot.
+            sent: (symbols, cells) bits shown.
+            soft: (symbols, cells) soft values received.
+        """
         whole = len(sent) // mode.code.symbols * mode.code.symbols
         sure = np.where(sent[:whole], np.float32(30), np.float32(-30))
         right, _ = decode_line(mode.line, sure)
@@ -61,10 +72,18 @@ class Trial:
 
 @dataclass(frozen=True)
 class Considered:
-    """A mode that was looked at. ceiling: its goodput without errors, bits a second. why: what
-    became of it. Of those tried: errors, the bit error rate; byte, the share of wrong bytes
-    reckoned with; lost, of codewords and of frames; overhead, frames to send beyond the file's own
-    as a share of them; goodput, 0 where no overhead is enough."""
+    """A mode that was considered. The optional values are those of a mode that was tried.
+
+    Attributes:
+        mode: the mode.
+        ceiling: its goodput without errors, bit/s.
+        why: reason of the result.
+        errors: bit error rate.
+        byte: assumed share of wrong bytes.
+        words_lost, frames_lost: shares of codewords and of frames lost.
+        overhead: frames beyond the file's own, as a share of them.
+        goodput: bit/s, 0 if no overhead is enough.
+    """
 
     mode: Mode
     ceiling: float
@@ -79,8 +98,13 @@ class Considered:
 
 @dataclass(frozen=True)
 class Choice:
-    """mode: the chosen one. holds: False where none is foreseen to work, and the surest was taken.
-    rows: every mode, in the order they were looked at."""
+    """The choice of a mode.
+
+    Attributes:
+        mode: the chosen one.
+        holds: False if no mode is predicted to work, and the most reliable one was taken.
+        rows: every mode, in the order of the search.
+    """
 
     mode: Mode
     holds: bool
@@ -88,7 +112,7 @@ class Choice:
 
 
 def longest_run(mode: Mode) -> float:
-    """Ticks without the panel's light that a mode's line code may bring together."""
+    """Returns the longest run of OFF ticks of a mode's line code."""
 
     most = mode.code.run_limit
     return math.inf if most is None else most * mode.ticks
@@ -97,11 +121,20 @@ def longest_run(mode: Mode) -> float:
 def foresee(
     mode: Mode, byte: float, size: int, hz: float, most_overhead: float = 1.0
 ) -> tuple[float, float, float, float]:
-    """(share of codewords lost, of frames lost, overhead, goodput in bits a second) of a file.
+    """Predicts the transfer of a file.
 
-    byte: share of bytes wrong, each on its own (the interleaver's work). size: of the file, bytes.
-    hz: planes a second. Goodput counts the training and is 0, overhead infinite, where more than
-    most_overhead is needed, or where the panel is too small for a frame.
+    Goodput includes the training. It is 0, and the overhead infinite, if more than most_overhead is
+    needed or the panel is too small for a frame.
+
+    Args:
+        mode: of the transmission.
+        byte: share of wrong bytes, independent because of the interleaver.
+        size: of the file, bytes.
+        hz: planes per second.
+        most_overhead: largest overhead.
+
+    Returns:
+        Share of codewords lost, of frames lost, overhead, goodput in bit/s.
     """
     from scipy.stats import nbinom
 
@@ -113,7 +146,7 @@ def foresee(
     words = float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte))
     frames = float(-np.expm1(form.frame_words * np.log1p(-min(words, 1 - 1e-12))))
     needed = source_symbols(size, form.symbol_bytes) + _BEYOND
-    # frames lost before so many arrive follow the negative binomial law
+    # The number of frames lost before `needed` ones arrive has a negative binomial distribution.
     lost = float(nbinom.isf(_SURE, needed, 1 - frames)) if frames < 0.999 else math.inf
     overhead = (_BEYOND + lost) / (needed - _BEYOND)
     if not overhead <= max(most_overhead, _BEYOND / (needed - _BEYOND)):
@@ -124,15 +157,18 @@ def foresee(
 
 
 def _too_long(mode: Mode, threshold: float, background: float) -> bool:
-    """Whether a false spike is likely within the line code's longest run of off ticks."""
+    """Whether a false spike is likely within the line code's longest run of OFF ticks."""
     if background <= 0:
         return False
     return longest_run(mode) > longest_off_run(threshold, background * threshold)
 
 
-def _asks_more(mode: Mode, failed: Mode, errors: float) -> bool:
-    """Whether a mode can be no better than one that failed, by cell, ticks and, unless there were
-    too many errors for any code, by what the line code adds."""
+def _requires_more(mode: Mode, failed: Mode, errors: float) -> bool:
+    """Whether a mode cannot be better than a failed one.
+
+    The comparison is by cell, ticks and, unless there were too many errors for any code, the
+    redundancy of the line code.
+    """
     rate, other = (m.code.bits / m.code.symbols for m in (mode, failed))
     smaller = mode.cell <= failed.cell and mode.ticks <= failed.ticks
     return smaller and (rate >= other or errors > _HOPELESS)
@@ -149,10 +185,22 @@ def choose(
     most_overhead: float = 1.0,
     most_trials: int = 12,
 ) -> Choice:
-    """trial: sends a pilot in a mode; its parity does not matter, so that modes which differ in it
-    alone share one. size: of the file, bytes. hz: planes a second. threshold, background:
-    electrons, and thresholds that an off tick brings; given for pixels with hard reset, modes whose
-    runs are too long are left out, unless all are. Raises ValueError without candidates.
+    """Chooses a mode.
+
+    Args:
+        trial: sends a pilot in a mode. Parity has no influence, so modes that differ only in it
+            share a pilot.
+        candidates: modes to consider.
+        size: of the file, bytes.
+        hz: planes per second.
+        threshold: electrons, for pixels with hard reset: modes whose runs are too long are then
+            excluded, unless all are. None for other pixels.
+        background: charge of an OFF tick, thresholds.
+        most_overhead: largest overhead of the fountain.
+        most_trials: largest number of pilots.
+
+    Raises:
+        ValueError: without candidates.
     """
     modes = list(dict.fromkeys(candidates))
     if not modes:
@@ -173,7 +221,7 @@ def choose(
             rows.append(Considered(mode, ceiling[mode], "its runs of off ticks are too long"))
         elif ceiling[mode] <= best:
             rows.append(Considered(mode, ceiling[mode], "slower than the best"))
-        elif any(_asks_more(mode, *one) for one in failed):
+        elif any(_requires_more(mode, *one) for one in failed):
             rows.append(Considered(mode, ceiling[mode], "asks for more than one that failed"))
         elif key not in tried and len(tried) >= most_trials:
             rows.append(Considered(mode, ceiling[mode], "no trial left"))
@@ -182,8 +230,8 @@ def choose(
                 tried[key] = trial(mode)
             got = tried[key]
             wrong = float(clopper_pearson(got.values_wrong, got.values, _LEVEL)[1])
-            held = max(8 / mode.code.bits, 1.0)  # values to a byte
-            byte = min(-_MARGIN * math.expm1(held * math.log1p(-min(wrong, 1 - 1e-12))), 1.0)
+            per_byte = max(8 / mode.code.bits, 1.0)  # values of a byte
+            byte = min(-_MARGIN * math.expm1(per_byte * math.log1p(-min(wrong, 1 - 1e-12))), 1.0)
             words, frames, overhead, goodput = foresee(mode, byte, size, hz, most_overhead)
             surest = replace(mode, parity=max(m.parity for m in modes))
             if not foresee(surest, byte, size, hz, most_overhead)[3]:
@@ -195,7 +243,7 @@ def choose(
                 )
             )  # fmt: skip
     measured = [row for row in rows if row.goodput is not None]
-    if not measured:  # none was tried: the slowest asks for least
+    if not measured:  # none was tried: the slowest mode requires least
         return Choice(modes[-1], False, tuple(rows))
     if not any(row.goodput for row in measured):
         least = min(measured, key=lambda r: r.byte or 0.0).mode

@@ -1,4 +1,4 @@
-"""The mode of a run: the one that the scenario gives, or the best of those that it leaves open."""
+"""The mode of a run: given by the scenario, or the best of those that it leaves open."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ __all__ = ["choose_mode", "tag_warning"]
 _PILOTS = 8
 """Largest number of pilots."""
 _NEVER = 0.8
-"""Share of the camera pixels that a module of a tag needs, below which tags were never found."""
+"""Share of the required size of a tag's module below which tags were never detected."""
 
 
 def _tag_share(setting: LinkSetting, mode: Mode) -> float:
-    """Camera pixels of a tag's module, over those that it needs to be found in a sharp image."""
+    """Returns the size of a tag's module over the size required for detection in a sharp image."""
     return setting.scale * Layout(mode).module / LEAST_MODULE
 
 
 def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
-    """That the tags are too small to be found; None if they are not."""
+    """Returns a warning if the tags are too small to be detected, else None."""
     if _tag_share(setting, mode) >= 1:
         return None
     module = setting.scale * Layout(mode).module
@@ -42,17 +42,18 @@ def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
 
 
 def _fixed_mode(scenario: LinkScenario) -> Mode | None:
-    """The mode that the scenario gives; None if a part of it is to be chosen."""
+    """Returns the mode of the scenario; None if a part of it is to be chosen."""
     modem, panel = scenario.link.modem, scenario.link.panel
     parts = modem.cell, modem.ticks, modem.line, modem.parity
     return None if "auto" in parts else Mode(panel.width, panel.height, *parts)
 
 
 def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting) -> list[Mode]:
-    """Modes that the scenario leaves open, with cells somewhat larger than a camera pixel.
+    """Returns the modes that the scenario leaves open, with cells somewhat larger than a camera
+    pixel.
 
-    Only on request: symbols of one tick, which share it with a neighbour unless the phase is 0, and
-    the line code `none`, which does not limit runs.
+    Two choices are only made on request: symbols of one tick, which is shared with a neighbour
+    unless the phase is 0, and the line code `none`, which does not limit runs.
     """
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     return [
@@ -68,17 +69,21 @@ def choose_mode(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
     progress: Progress,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
-    """The mode, and how it was chosen; None if the scenario gives it, or nothing can arrive.
+    """Returns the mode, and how it was chosen; None if the scenario gives it, or nothing can
+    arrive.
 
     Args:
+        scenario, setting: the link.
         size: of the file, bytes; an empty file counts as one byte.
+        device: OpenCL device, None for numba.
+        progress: of the pilots.
     """
     mode = _fixed_mode(scenario)
     if mode is not None:
         return mode, None
     modem = scenario.link.modem
     modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
-    # Where nothing can arrive in any mode, take the first one, which is over the soonest.
+    # If nothing can arrive in any mode, take the first one, which takes the shortest time.
     if _tag_share(setting, modes[0]) < _NEVER or not panel_in_view(setting):
         return modes[0], None
     strip = strip_of(setting)

@@ -1,8 +1,8 @@
-"""The pilot from which a mode is chosen: a strip of the panel through the same air and camera.
+"""The pilot for the choice of a mode: a strip of the panel through the same air and camera.
 
-The strip is as high as the panel, so that every phase of its rows is in it, and as narrow as a
-panel may be. Where it is and when its symbols begin is given, not found: the full panel's tags,
-which are larger, tell a receiver that.
+The strip is as high as the panel, so that it contains every phase of the rows, and as narrow as a
+panel may be. Its registration and timing are known, not estimated: a receiver gets them from the
+full panel's tags, which are larger.
 """
 
 from __future__ import annotations
@@ -29,34 +29,35 @@ from sensor import SpikeCamera
 __all__ = ["Pilot", "film_pilot", "strip_of"]
 
 WIDTH = 128
-"""Panel pixels of the strip: the least that a mode may have."""
+"""Panel pixels of the strip: the smallest width of a mode."""
 SYMBOLS = 60
-"""Of random data, after the training."""
+"""Symbols of random data after the training."""
 _BEHIND = 2
-"""Symbols of more data that follow: those decided do not end in darkness, as a file's do not."""
+"""Further symbols of data, so that the decided ones do not end in darkness, as those of a file do
+not."""
 _MARGIN = 12
-"""Camera pixels kept around its image."""
+"""Camera pixels around the strip's image."""
 
 
 def strip_of(setting: LinkSetting) -> LinkSetting:
-    """A narrow panel cut out of the panel's middle, before a small camera: what its image needs of
-    the sensor."""
+    """Returns the link of a narrow panel from the panel's middle, with a camera as small as its
+    image."""
     height, width = setting.camera.chip.height, setting.camera.chip.width
     optics = replace(setting.optics, width=min(WIDTH, setting.optics.width))
     corners = panel_corners(optics) @ image_of(optics, setting.aim, setting.air, (height, width)).T
     xy = corners[:, :2] / corners[:, 2:]
     low = np.maximum(np.floor(xy.min(axis=0)).astype(int) - _MARGIN, 0)
     high = np.minimum(np.ceil(xy.max(axis=0)).astype(int) + _MARGIN + 1, (width, height))
-    high = np.maximum(high, low + 2 * _MARGIN)  # out of view: something, which will not work
+    high = np.maximum(high, low + 2 * _MARGIN)  # out of view: any part of the sensor
     wide, high_rows = (int(n) for n in high - low)
     chip = replace(setting.camera.chip, width=wide, height=high_rows)
     camera = replace(setting.camera, chip=chip)
     camera = camera.changed(row_skew=setting.camera.row_skew * high_rows / height)
-    # The small sensor's middle is elsewhere than the whole one's.
+    # Offset between the centres of the small and the whole sensor.
     x = setting.aim.offset[0] + (width - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
     y = setting.aim.offset[1] + (height - 1) / 2 - (float(low[1]) + (high_rows - 1) / 2)
     period = camera.clock.edge(1)
-    # Its first row is sampled at once, in the whole chip as much later.
+    # The small sensor samples its first row without delay, the whole sensor so much later.
     early = round(setting.camera.row_skew * int(low[1]) / height * period)
     first_light = setting.first_light - early
     panel = replace(setting.panel, shape=(optics.height, optics.width))
@@ -68,7 +69,12 @@ def strip_of(setting: LinkSetting) -> LinkSetting:
 
 @dataclass(frozen=True, eq=False)
 class Pilot:
-    """soft: (symbols, cells) float32 of the random data, sent: the same as they were."""
+    """A received pilot.
+
+    Attributes:
+        soft: (symbols, cells) float32, soft values of the random data.
+        sent: (symbols, cells) bool, the random data.
+    """
 
     soft: npt.NDArray[np.float32]
     sent: npt.NDArray[np.bool_]
@@ -83,20 +89,20 @@ def _film(
 ) -> tuple[Words, Timing, Air]:
     camera = strip.camera
     air = strip.make_air(sent, sent.planes)
-    pixels = SpikeCamera(camera, device, row_delay=air.late)
+    pixels = SpikeCamera(camera, device, row_delay=air.row_delay)
     dark = strip.first_light + strip.panel.clock.edge(sent.planes)
     cycles = -(-(camera.clock.cycle_at(dark) + 3) // WORD) * WORD
     parts = []
     for start in range(0, cycles, 2 * WORD):
         block = Block(start, min(2 * WORD, cycles - start))
         parts.append(pixels.step(air.step(None, block), block).words)
-    return np.concatenate(parts), true_timing(strip, air.late, sent.mode.ticks), air
+    return np.concatenate(parts), true_timing(strip, air.row_delay, sent.mode.ticks), air
 
 
 def film_pilot(
     strip: LinkSetting, mode: Mode, detector: str, seed: int, device: Device | None
 ) -> Pilot:
-    """Random data in a mode: its cell, ticks and line code. mode: of the strip's size."""
+    """Films random data in a mode of the strip's size."""
     size = Transmission(mode, b"0", "pilot")
     groups = -(-SYMBOLS // size.layout.group)
     data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))

@@ -1,4 +1,4 @@
-"""A link set up from its scenario: checked, its mode chosen, not yet planned."""
+"""A link set up from its scenario: checked, with its mode, not yet planned."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from sensor import CameraSetting
 __all__ = ["LinkSetup", "set_up_link"]
 
 _SHORTENED_PLANES = 600
-"""Planes at most where no mode is expected to work: enough for the receiver to find the cause."""
+"""Largest number of planes if no mode is expected to work: enough for the receiver to find the
+cause."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,11 @@ class LinkSetup:
     """A link before it is planned.
 
     Attributes:
-        scenario: as the user gave it.
+        scenario: the scenario.
         payload: the file.
         setting: panel, lens, air and camera with every effect.
-        mode, choice: the mode, and how it was chosen; None if it was given.
-        sent: what the panel shows.
+        mode, choice: the mode, and how it was chosen; None if the scenario gives it.
+        sent: the transmission.
         cycles: of the camera.
         device: OpenCL device, None for the compiled form on the processor.
         seconds: wall time of each stage so far, s.
@@ -54,7 +55,7 @@ class LinkSetup:
 
     @property
     def pixel_cycles(self) -> int:
-        """Of the whole run."""
+        """Pixel-cycles of the whole run."""
         chip = self.setting.camera.chip
         return chip.width * chip.height * self.cycles
 
@@ -65,7 +66,7 @@ class LinkSetup:
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
     def shortened_message(self) -> str:
-        """Why only a part is recorded, and how long it is."""
+        """Returns why only a part is recorded, and how long it is."""
         assert self.choice is not None
         mine = [
             row.errors for row in self.choice.rows
@@ -81,7 +82,7 @@ class LinkSetup:
         )
 
     def notes(self) -> list[str]:
-        """What the user must know before the run."""
+        """Returns the notes for the user before the run."""
         setting, choice = self.setting, self.choice
         notes: list[str] = []
         if setting.chosen_f_number:
@@ -99,14 +100,14 @@ class LinkSetup:
         return notes + self.warnings()
 
     def warnings(self) -> list[str]:
-        """Why the file will not arrive, as far as that is known before the run."""
+        """Returns why the file will not arrive, as far as that is known before the run."""
         short = [self.shortened_message()] if self.shortened else []
         small = tag_warning(self.setting, self.mode)
         return short if small is None else [*short, small]
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
-    """Symbols that the scenario's duration has room for; None without a duration."""
+    """Returns the number of symbols in the scenario's duration; None without a duration."""
     if scenario.duration is None:
         return None
     clock, panel = setting.camera.clock, setting.panel.clock
@@ -126,11 +127,16 @@ def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int
 def set_up_link(
     scenario: LinkScenario, camera: CameraSetting, device: str | None, progress: Progress
 ) -> LinkSetup:
-    """Checks a scenario and chooses its mode. Raises InputError.
+    """Checks a scenario and chooses its mode.
 
     Args:
+        scenario: the scenario.
         camera: that of [sensor], with every effect.
         device: part of an OpenCL device's name, "numba", or None for the default one.
+        progress: of the pilots.
+
+    Raises:
+        InputError: if the scenario cannot be simulated.
     """
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
     opened, seconds = choose_device(device), {}

@@ -1,4 +1,4 @@
-"""Where the image of a panel lies and when its symbols begin, from what was set."""
+"""True position of a panel's image and true timing of its symbols, from the setting."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ def panel_in_view(setting: LinkSetting) -> bool:
     return bool(inside.all())
 
 
-def true_timing(setting: LinkSetting, late: npt.NDArray[np.int64], ticks: int) -> Timing:
-    """When symbols fall on the camera's ticks.
+def true_timing(setting: LinkSetting, row_delay: npt.NDArray[np.int64], ticks: int) -> Timing:
+    """Returns the timing of symbols in the camera's ticks.
 
     Args:
-        late: delay of the light of each camera row, ps.
+        setting: the link.
+        row_delay: delay of the light of each camera row, ps.
         ticks: panel planes of a symbol.
     """
     camera, height = setting.camera, setting.camera.chip.height
     period = PS / camera.clock.hz
     delay = row_offsets(camera.clock, height, camera.row_skew, camera.comparator_delay, (0, height))
-    shift = (late - delay) / period  # ticks by which light comes later than a row's own ticks
+    shift = (row_delay - delay) / period  # delay of the light after the row's ticks, ticks
     first, slope = np.polynomial.polynomial.polyfit(np.arange(height), shift, 1)
     return Timing(
         setting.first_light / period + float(first),

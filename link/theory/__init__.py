@@ -1,7 +1,14 @@
-"""Closed forms of a link: error rates, fading, air, codewords, capacity; and their Monte Carlo."""
+"""Closed forms of a link: error rates, fading, codewords, capacity; and their Monte Carlo
+trials."""
 
 from link.theory.capacity import count_capacity, one_bit_capacity, poisson_capacity
-from link.theory.charge import Reset, charge_errors, longest_off_run, poisson_threshold
+from link.theory.charge import (
+    PixelChannel,
+    Reset,
+    charge_errors,
+    longest_off_run,
+    poisson_threshold,
+)
 from link.theory.estimate import count_laws, pixel_errors
 from link.theory.fading import (
     Convention,
@@ -19,6 +26,7 @@ from link.theory.words import burst_byte_error, burst_word_error, byte_error, rs
 __all__ = [
     "JUDGED",
     "Convention",
+    "PixelChannel",
     "Reset",
     "amplitude_of",
     "awgn_ook",

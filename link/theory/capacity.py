@@ -1,4 +1,4 @@
-"""What photons and one-bit slots can carry at most, bits."""
+"""Capacity of photon counting and of one-bit slots, bits."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 _FAR: Final = 1e5
-"""Background over signal from which series are used: both are right to 1e-10 there."""
+"""Ratio of background to signal above which series are used; both forms are accurate to 1e-10
+there."""
 
 
 def entropy(p: npt.ArrayLike) -> Array:
-    """Binary entropy, bits."""
+    """Returns the binary entropy, bits."""
     from scipy.special import entr
 
     p = np.asarray(p, np.float64)
@@ -28,14 +29,17 @@ def entropy(p: npt.ArrayLike) -> Array:
 
 
 def poisson_best_duty(dark: npt.ArrayLike) -> Array:
-    """Share of the time that the best sender is at its peak: (1+s)^(1+s) / (s^s e) - s, 1/e to 1/2
-    as s = dark / peak goes from 0 to infinity. Nothing overflows or cancels."""
+    """Returns the optimal share of time at peak power: (1+s)^(1+s) / (s^s e) - s.
+
+    It rises from 1/e to 1/2 as s = dark / peak goes from 0 to infinity. The form used neither
+    overflows nor cancels.
+    """
     from scipy.special import xlogy
 
     s = np.asarray(dark, np.float64)
     low = np.minimum(s, 1.0)
     dim = np.exp((1 + low) * np.log1p(low) - xlogy(low, low) - 1) - low
-    # s (e^x - 1) with x the exponent less ln s: the difference above cancels for a large s.
+    # s (e^x - 1), x the exponent minus ln s: for a large s the difference above cancels.
     near = np.clip(s, 1.0, _FAR)
     bright = near * np.expm1((1 + near) * np.log1p(1 / near) - 1)
     far = 1 / np.maximum(s, _FAR)
@@ -43,13 +47,16 @@ def poisson_best_duty(dark: npt.ArrayLike) -> Array:
 
 
 def poisson_capacity(dark: npt.ArrayLike, average: npt.ArrayLike | None = None) -> Array:
-    """Capacity of a peak-limited Poisson channel, bits a peak photon (C / A).
+    """Returns the capacity of a peak-limited Poisson channel, bits per peak photon (C / A).
 
-    dark: background rate over the peak rate A. average: limit of the mean rate over A; none when
-    absent. C / A = q (1+s) ln(1+s) + (1-q) s ln s - (q+s) ln(q+s) nats, q = min(average, best
-    duty) (Kabanov, Theory Probab. Appl. 23:143, 1978; Davis, IEEE Trans. IT 26:710, 1980; Wyner,
-    IEEE Trans. IT 34:1449, 1988). An input of any bandwidth may reach it; one held for a slot that
-    brings many photons does not.
+    C / A = q (1+s) ln(1+s) + (1-q) s ln s - (q+s) ln(q+s) nats, q = min(average, best duty)
+    (Kabanov, Theory Probab. Appl. 23:143, 1978; Davis, IEEE Trans. IT 26:710, 1980; Wyner, IEEE
+    Trans. IT 34:1449, 1988). The input bandwidth is unlimited; an input that is constant over a
+    slot of many photons does not reach this capacity.
+
+    Args:
+        dark: background rate over the peak rate A.
+        average: limit of the mean rate over A; None for no limit.
     """
     s = np.asarray(dark, np.float64)
     most = np.asarray(1.0 if average is None else average, np.float64)
@@ -60,9 +67,12 @@ def poisson_capacity(dark: npt.ArrayLike, average: npt.ArrayLike | None = None) 
 
 
 def _mutual(s: Array, q: Array) -> Array:
-    """The bracket above as q (1+s) ln((1+s)/(q+s)) + (1-q) s ln(s/(q+s)): s ln s is gone from it,
-    which cancels for a large s. What is left are two terms near q (1 - q), whose sum is near
-    q (1 - q) / (2 s): there its series."""
+    """Returns the mutual information of `poisson_capacity` for duty q, nats per peak photon.
+
+    It is computed as q (1+s) ln((1+s)/(q+s)) + (1-q) s ln(s/(q+s)), which does not contain s ln s:
+    that term cancels for a large s. The two remaining terms are close to q (1 - q), and their sum
+    to q (1 - q) / (2 s); for a large s its series is used.
+    """
     near = np.minimum(s, _FAR)
     total = np.where(near + q > 0, near + q, 1.0)
     above = np.where(near > 0, near, 1.0)
@@ -74,11 +84,12 @@ def _mutual(s: Array, q: Array) -> Array:
 
 
 def binary_capacity(p01: npt.ArrayLike, p10: npt.ArrayLike) -> tuple[Array, Array]:
-    """(bits a use, best share of ON) of the memoryless binary channel that reads OFF as ON with
-    p01 and ON as OFF with p10; closed form (Silverman, IRE Trans. IT 1:19, 1955).
+    """Returns (bits per use, optimal share of ON) of a memoryless binary channel.
 
-    With z = exp((h(p01) - h(p10)) / (1 - p01 - p10)) in nats, P(read ON) = 1 / (1 + z') at the
-    optimum. A channel that says nothing (p01 + p10 = 1) carries 0.
+    The channel reads OFF as ON with p01 and ON as OFF with p10. Closed form (Silverman, IRE Trans.
+    IT 1:19, 1955): with z = exp((h(p01) - h(p10)) / (1 - p01 - p10)) in nats, P(read ON) = 1 / (1 +
+    z') at the optimum. A channel whose output is independent of its input (p01 + p10 = 1) has
+    capacity 0.
     """
     from scipy.special import entr
 
@@ -99,14 +110,22 @@ def binary_capacity(p01: npt.ArrayLike, p10: npt.ArrayLike) -> tuple[Array, Arra
 def one_bit_capacity(
     q: npt.ArrayLike, mean_on: npt.ArrayLike, mean_off: npt.ArrayLike = 0.0
 ) -> Array:
-    """Bits a tick of a pixel that begins each tick empty and says whether q electrons came."""
+    """Returns the capacity of a pixel that starts each tick empty, bits per tick.
+
+    The output of a tick is whether q electrons arrived.
+    """
     return binary_capacity(*poisson_threshold(q, mean_on, mean_off))[0]
 
 
 def count_capacity(off: Array, on: Array) -> tuple[float, float]:
-    """(bits a use, best share of ON) of a channel of two inputs with these laws of one output,
-    (outputs,) each. The mutual information is concave in the share, so its maximum is the root of
-    D(on | mix) - D(off | mix), which is found by halving."""
+    """Returns (bits per use, optimal share of ON) of a channel with two inputs.
+
+    The mutual information is concave in the share, so its maximum is the root of D(on | mix) -
+    D(off | mix), found by bisection.
+
+    Args:
+        off, on: (outputs,) probabilities of the output for each input.
+    """
     from scipy.special import rel_entr
 
     def gap(share: float) -> tuple[float, float]:

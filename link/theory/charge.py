@@ -1,41 +1,68 @@
-"""A pixel of a link as a channel with a memory, its charge: exact error rates under random bits.
+"""A pixel of a link as a channel with memory (its charge): exact error rates under random bits.
 
-Each tick brings Poisson electrons, of mean `mu_on` or `mu_off`; a latch says whether the threshold
-of q electrons was reached, and the reset rule what is left. Charges are whole electrons, so the
-channel has finitely many states and its stationary law is the solution of linear equations. Shot
-noise alone: no threshold noise, no crosstalk, and light that changes at ticks' edges only.
+Each tick brings Poisson electrons of mean `mu_on` or `mu_off`. A latch reads whether the threshold
+of q electrons was reached, and the reset rule sets the charge that remains. Charges are whole
+electrons, so the channel has a finite number of states, and its stationary distribution solves
+linear equations. Shot noise only: no threshold noise, no crosstalk, and light that changes at tick
+edges only.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "Reset", "charge_errors", "charge_kernels", "longest_off_run", "poisson_threshold",
+    "PixelChannel", "Reset", "charge_errors", "charge_kernels", "longest_off_run",
+    "poisson_threshold",
 ]  # fmt: skip
 
 Reset = Literal["hard", "residual", "subtract"]
-"""What is left after a spike: nothing; the charge modulo q; the charge less one q, so that a tick's
-single spike takes off one threshold and the rest waits for the next tick."""
+"""Charge after a spike. hard: zero. residual: the charge modulo q. subtract: the charge minus q, so
+that one spike in a tick removes one threshold and the rest waits for the next tick."""
 Array = npt.NDArray[np.float64]
+
+
+class PixelChannel(NamedTuple):
+    """A pixel of a link as a channel.
+
+    Attributes:
+        reset: reset rule.
+        q: threshold, electrons.
+        mu_on, mu_off: mean electrons of a tick that shows ON or OFF.
+        overlap: share of each tick that still shows the previous bit.
+    """
+
+    reset: Reset
+    q: int
+    mu_on: float
+    mu_off: float
+    overlap: float = 0.0
+
+
 _DEPTH: Final = 10
-"""Thresholds of waiting charge that `subtract` is followed to. What is cut off is 2e-4 of the law
-where a tick brings 1.5 or .1 thresholds, and p10 is off by as much of itself."""
+"""Number of thresholds of waiting charge that `subtract` is modelled to. The truncated tail is 2e-4
+of the distribution where a tick brings 1.5 or 0.1 thresholds, and p10 has the same relative error.
+"""
 _STATES: Final = 5000
-"""Most states that equations are solved for: 200 MB."""
+"""Largest number of states that the equations are solved for: 200 MB."""
 
 
 def poisson_threshold(
     q: npt.ArrayLike, mean_on: npt.ArrayLike, mean_off: npt.ArrayLike
 ) -> tuple[Array, Array]:
-    """(p01, p10) of one tick that begins with no charge: P(Poisson(off) >= q), P(Poisson(on) < q).
+    """Returns (p01, p10) of a tick that starts with no charge: P(Poisson(off) >= q), P(Poisson(on)
+    < q).
 
-    q: electrons, from 1. The tails are the incomplete gamma function's own, so that one far below
-    1e-16 keeps its digits, which 1 - cdf does not.
+    The tails come from the incomplete gamma function, so probabilities far below 1e-16 are
+    accurate; 1 - cdf would not be.
+
+    Args:
+        q: threshold, electrons, from 1.
+        mean_on, mean_off: mean electrons of a tick.
     """
     from scipy.special import gammainc, gammaincc
 
@@ -53,9 +80,10 @@ def _arrivals(mean: float, length: int) -> Array:
 
 
 def charge_kernels(reset: Reset, q: int, mean: float, depth: int = _DEPTH) -> Array:
-    """P(latched bit, charge after | charge before) of a tick of this mean, (2, states, states).
+    """Returns P(latched bit, charge after | charge before) of a tick, (2, states, states).
 
-    Charges are 0 to q - 1, with `subtract` to depth q - 1, where the last holds all beyond.
+    Charges are 0 to q - 1; with `subtract` 0 to depth q - 1, where the last state holds all larger
+    charges.
     """
     states = q * depth if reset == "subtract" else q
     if q < 1 or mean < 0 or states > _STATES:
@@ -79,7 +107,7 @@ def charge_kernels(reset: Reset, q: int, mean: float, depth: int = _DEPTH) -> Ar
 
 
 def _stationary(step: Array) -> Array:
-    """The law that a stochastic matrix keeps."""
+    """Returns the stationary distribution of a stochastic matrix."""
     n = len(step)
     equations = step.T - np.eye(n)
     equations[-1] = 1.0
@@ -88,33 +116,38 @@ def _stationary(step: Array) -> Array:
     return np.asarray(law / law.sum(), np.float64)
 
 
-def charge_errors(
-    reset: Reset, q: int, mu_on: float, mu_off: float, late: float = 0.0, p_on: float = 0.5
-) -> tuple[float, float]:
-    """(p01, p10) of a slicer on random bits in the long run: P(spike | off), P(no spike | on).
+def charge_errors(channel: PixelChannel, p_on: float = 0.5) -> tuple[float, float]:
+    """Returns the stationary (p01, p10) under random bits: P(spike | off), P(no spike | on).
 
-    late: share of each tick that still shows the bit before, of a row that samples so late. p_on:
-    share of ON bits. Without `late`, `residual` keeps every charge equally likely (its steps are
-    rotations), so p01 = E[min(N, q)] / q; the equations give the same and are tested against it.
-    With `subtract` every threshold's worth of charge is read in the end, so a tick's spikes are its
-    mean charge over q, which gives p01 from p10; where that mean is 1 or more the charge grows
-    without end and every tick has its spike: (1, 0).
+    Without overlap, `residual` keeps every charge equally likely (its steps are rotations), so p01
+    = E[min(N, q)] / q; the equations agree with this. With `subtract` every threshold of charge is
+    read in the end, so the mean number of spikes in a tick is the mean charge over q, which gives
+    p01 from p10. If that mean is 1 or more, the charge grows without limit and every tick has a
+    spike: (1, 0).
+
+    Args:
+        channel: the pixel; `overlap` must be 0 with `subtract`.
+        p_on: share of ON bits.
     """
-    if not 0 <= late <= 1 or not 0 < p_on < 1:
-        raise ValueError(f"late must be 0 to 1 and p_on between 0 and 1, not {late}, {p_on}")
+    reset, q, mu_on, mu_off, overlap = channel
+    if not 0 <= overlap <= 1 or not 0 < p_on < 1:
+        raise ValueError(f"overlap must be 0 to 1 and p_on between 0 and 1, not {overlap}, {p_on}")
     means, weights = (mu_off, mu_on), (1 - p_on, p_on)
     load = (p_on * mu_on + (1 - p_on) * mu_off) / q
     if reset == "subtract" and load >= 1:
         return 1.0, 0.0
-    if late == 0:
+    if overlap == 0:
         kernels = [charge_kernels(reset, q, m) for m in means]
         law = _stationary(weights[0] * kernels[0].sum(0) + weights[1] * kernels[1].sum(0))
         p01, p10 = float(law @ kernels[0][1].sum(1)), float(law @ kernels[1][0].sum(1))
         return (load - p_on * (1 - p10)) / (1 - p_on) if reset == "subtract" else p01, p10
     if reset == "subtract":
-        raise ValueError("late must be 0 with subtract, whose states are too many")
+        raise ValueError("overlap must be 0 with subtract, whose states are too many")
     mixed = [
-        [charge_kernels(reset, q, (1 - late) * means[now] + late * means[last]) for now in (0, 1)]
+        [
+            charge_kernels(reset, q, (1 - overlap) * means[now] + overlap * means[last])
+            for now in (0, 1)
+        ]
         for last in (0, 1)
     ]
     step = np.block([[weights[now] * mixed[last][now].sum(0) for now in (0, 1)] for last in (0, 1)])
@@ -127,8 +160,15 @@ def charge_errors(
 
 
 def longest_off_run(q: float, off: float, limit: float = 1e-6) -> int:
-    """Longest run of OFF ticks, each bringing a mean of `off` electrons to an empty pixel, in which
-    a false spike has a probability below `limit`. Charge adds up over the run."""
+    """Returns the longest run of OFF ticks whose probability of a false spike is below `limit`.
+
+    The pixel is empty at the start and charge accumulates over the run.
+
+    Args:
+        q: threshold, electrons.
+        off: mean electrons of an OFF tick.
+        limit: probability.
+    """
     from scipy.special import gammaincinv
 
     if off <= 0:

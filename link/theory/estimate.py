@@ -1,9 +1,9 @@
-"""What a run's error rate is compared with: a symbol of several ticks on several pixels, estimated.
+"""Estimated error rate of a symbol of several ticks on several pixels, for comparison with runs.
 
-An estimate, and said to be: shot noise alone, every pixel of a cell alike and independent, light
-constant within a tick, runs of geometric lengths up to the line code's limit. Not in it: threshold
-noise, crosstalk, blur between cells, ticks that two symbols share, patterns of gain, vibration.
-The law of one pixel's charge through runs of ON and OFF symbols is followed exactly.
+Assumptions: shot noise only, all pixels of a cell alike and independent, light constant within a
+tick, run lengths geometric up to the limit of the line code. Not included: threshold noise,
+crosstalk, blur between cells, ticks shared by two symbols, patterns of gain, vibration. The
+distribution of one pixel's charge through runs of ON and OFF symbols is exact.
 """
 
 from __future__ import annotations
@@ -19,17 +19,23 @@ __all__ = ["count_laws", "pixel_errors"]
 
 Array = npt.NDArray[np.float64]
 _FINEST: Final = 1000
-"""Electrons of a threshold that are counted one by one; a larger one is scaled down to it, means
-with it, which has more shot noise than the truth: more errors where the means of ON and OFF lie on
-both sides of the threshold."""
+"""Largest threshold that is modelled electron by electron. A larger one is scaled down together
+with the means, which overstates shot noise: more errors if the ON and OFF means lie on either side
+of the threshold."""
 _DEPTH: Final = 4
-"""Thresholds of waiting charge with `subtract`."""
+"""Number of thresholds of waiting charge with `subtract`."""
 _ROUNDS: Final = 60
-"""Pairs of runs in which the charge at a run's begin settles."""
+"""Number of run pairs in which the charge at the start of a run converges."""
 
 
 def _symbol(law: Array, kernel: Array, ticks: int) -> Array:
-    """(ticks + 1, states): law of (spikes, charge) after a symbol that begins with this law."""
+    """Returns the distribution of (spikes, charge) after a symbol, (ticks + 1, states).
+
+    Args:
+        law: (states,) distribution of the charge before.
+        kernel: (2, states, states) of a tick.
+        ticks: ticks of a symbol.
+    """
     out = np.zeros((ticks + 1, law.size))
     out[0] = law
     for _ in range(ticks):
@@ -42,10 +48,17 @@ def _symbol(law: Array, kernel: Array, ticks: int) -> Array:
 def count_laws(
     q: float, mu_on: float, mu_off: float, reset: Reset, ticks: int = 1, longest: int | None = 5
 ) -> tuple[Array, Array]:
-    """Laws of a pixel's spikes in an OFF and in an ON symbol, (ticks + 1,) each.
+    """Returns the distributions of a pixel's spikes in an OFF and in an ON symbol, (ticks + 1,)
+    each.
 
-    q, mu_on, mu_off: electrons, a tick. longest: symbols of a run; None: 40, as good as no limit.
-    Runs of r symbols have shares ~ 2^-r, as random bits have.
+    Runs of r symbols have shares ~ 2^-r, as in random bits.
+
+    Args:
+        q: threshold, electrons.
+        mu_on, mu_off: mean electrons of a tick.
+        reset: reset rule.
+        ticks: ticks of a symbol.
+        longest: longest run of equal symbols; None for 40, practically no limit.
     """
     scale = max(q / _FINEST, 1.0)
     whole = max(round(q / scale), 1)
@@ -73,7 +86,7 @@ def count_laws(
 
 
 def _of_pixels(law: Array, pixels: int) -> Array:
-    """Law of the sum over independent pixels."""
+    """Returns the distribution of the sum over independent pixels."""
     out = np.ones(1)
     for _ in range(pixels):
         out = np.convolve(out, law)
@@ -91,13 +104,21 @@ def pixel_errors(
     longest: int | None = 5,
     rule: Literal["joint", "majority"] = "joint",
 ) -> tuple[float, float]:
-    """Estimated (p01, p10) of a symbol of `ticks` ticks on a cell of `pixels` camera pixels, from
-    its count of spikes: P(decided ON | OFF), P(decided OFF | ON).
+    """Returns the estimated (p01, p10) of a symbol on a cell: P(read ON | OFF), P(read OFF | ON).
 
-    joint decides for ON from the count on that errs least, as a sum of log-likelihood ratios does
-    over looks that are alike; majority from more than half of all ticks and pixels on. For one
-    pixel and tick, a whole threshold up to 1000 and runs of that law the pixel's own rates; longest
-    is 5 of 8B10B, 4 of 4B6B, 2 of Manchester.
+    The decision is on the total count of spikes. For one pixel, one tick, an integer threshold up
+    to 1000 and runs of this distribution, the result is exact.
+
+    Args:
+        q: threshold, electrons.
+        mu_on, mu_off: mean electrons of a tick.
+        reset: reset rule.
+        ticks: ticks of a symbol.
+        pixels: camera pixels of a cell.
+        longest: longest run of equal symbols: 5 for 8B10B, 4 for 4B6B, 2 for Manchester.
+        rule: "joint" decides ON from the count with the fewest errors, as a sum of log likelihood
+            ratios does over identical observations; "majority" from more than half of all ticks and
+            pixels.
     """
     if q < 1 or mu_on < 0 or mu_off < 0 or ticks < 1 or pixels < 1 or (longest or 1) < 1:
         raise ValueError(

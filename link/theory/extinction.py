@@ -1,4 +1,4 @@
-"""Light lost on the way in fog and haze, by visibility."""
+"""Attenuation of light in fog and haze, by visibility."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ __all__ = ["Particles", "extinction_db_per_km", "size_exponent"]
 
 Particles = Literal["kim", "kruse"]
 PRINTED: Final = 3.91
-"""-ln 0.02, Koschmieder at a contrast of 2 %, as Kim prints it (exact 3.912)."""
+"""-ln 0.02, Koschmieder at a contrast of 2 %, as printed by Kim (exact: 3.912)."""
 DB_PER_NEPER: Final = 10 / np.log(10)
 REFERENCE_NM: Final = 550.0
-"""Wavelength at which visibility is told."""
+"""Wavelength that visibility refers to, nm."""
 Array = npt.NDArray[np.float64]
 
 
 def size_exponent(visibility_km: npt.ArrayLike, particles: Particles = "kim") -> Array:
-    """q of extinction ~ wavelength^-q. Kim, McArthur, Korevaar, SPIE 4214:26 (2001): 1.6 above
-    50 km, 1.3 from 6, 0.16 V + 0.34 from 1, V - 0.5 from 0.5, 0 below, where fog is grey. Kruse,
-    McGlauchlin, McQuistan, Elements of Infrared Technology (1962): 0.585 V^(1/3) below 6 km."""
+    """Returns q of extinction ~ wavelength^-q.
+
+    Kim, McArthur, Korevaar, SPIE 4214:26 (2001): 1.6 above 50 km, 1.3 from 6, 0.16 V + 0.34 from 1,
+    V - 0.5 from 0.5, 0 below, where fog is grey. Kruse, McGlauchlin, McQuistan, Elements of
+    Infrared Technology (1962): 0.585 V^(1/3) below 6 km.
+    """
     v = np.asarray(visibility_km, np.float64)
     if not (v > 0).all():
         raise ValueError("visibility must be above 0")
@@ -33,8 +36,10 @@ def size_exponent(visibility_km: npt.ArrayLike, particles: Particles = "kim") ->
 def extinction_db_per_km(
     visibility_km: npt.ArrayLike, wavelength_nm: npt.ArrayLike, particles: Particles = "kim"
 ) -> Array:
-    """4.343 (3.91 / V) (wavelength / 550 nm)^-q. ITU-R P.1814 equation 4 prints the same without
-    its 4.343 and calls it dB; it is nepers."""
+    """Returns the attenuation, dB/km: 4.343 (3.91 / V) (wavelength / 550 nm)^-q.
+
+    ITU-R P.1814 equation 4 omits the factor 4.343 and calls the result dB; it is in nepers.
+    """
     v, nm = np.asarray(visibility_km, np.float64), np.asarray(wavelength_nm, np.float64)
     q = size_exponent(v, particles)
     return np.asarray(DB_PER_NEPER * PRINTED / v * (nm / REFERENCE_NM) ** -q)

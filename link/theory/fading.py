@@ -1,21 +1,21 @@
-"""On-off keying in white noise, and under fading that stays through a symbol.
+"""On-off keying in white noise, and under fading that is constant through a symbol.
 
-The signal is `amplitude` times the intensity I (mean 1) when ON, 0 when OFF, the noise Gaussian of
-deviation 1, ON as likely as OFF, and the receiver knows I: error rate Q(amplitude I / 2). Two
-conventions of the electrical signal-to-noise ratio are in use, 3 dB apart; `amplitude_of` takes
-either by name:
+The signal is `amplitude` times the intensity I (mean 1) if ON, and 0 if OFF. The noise is Gaussian
+of standard deviation 1, ON and OFF are equally likely, and the receiver knows I: error rate
+Q(amplitude I / 2). Two conventions of the electrical signal-to-noise ratio are in use, 3 dB apart;
+`amplitude_of` accepts either:
 
     peak     snr = amplitude^2        error Q(sqrt(snr) I / 2)
     average  snr = amplitude^2 / 2    error Q(sqrt(snr / 2) I): power averaged over ON and OFF
 
 (written for E[Q(g I / 2)] and E[Q(g I / sqrt 2)] with g^2 = snr.)
 
-The averages are by the trapezoidal rule in the logarithm of I, whose error falls exponentially for
-such integrands (Trefethen, Weideman, SIAM Review 56:385, 2014). The gamma-gamma law's closed form
-is a Meijer G function, whose parts overflow from alpha near 170 on and cancel at high
-signal-to-noise ratios; its density has the same faults through the Bessel function. Here a
-gamma-gamma intensity is what it is, a product of two gamma variates, and every weight is made in
-logarithms, so that any alpha, beta and any amplitude will do.
+The averages use the trapezoidal rule in ln I, whose error falls exponentially for such integrands
+(Trefethen, Weideman, SIAM Review 56:385, 2014). The closed form of the gamma-gamma law is a Meijer
+G function, whose terms overflow from alpha near 170 and cancel at high signal-to-noise ratios; its
+density has the same problem through the Bessel function. Here a gamma-gamma intensity is computed
+as a product of two gamma variates, with all weights in logarithms, so any alpha, beta and amplitude
+is possible.
 """
 
 from __future__ import annotations
@@ -33,38 +33,39 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Convention = Literal["peak", "average"]
 _FINE, _COARSE = 0.4, 0.125
-"""Steps of the rule: of the law's deviation, and at most. Its error is about exp(-2 pi d / step)
-where the integrand has no singularity or growth within d of the axis: exp(-79) of a Gaussian of
-deviation 1, exp(-39) of Q(e^u), whose d is pi / 4."""
+"""Steps of the rule: _FINE in standard deviations of the law, _COARSE as the upper limit. The error
+is about exp(-2 pi d / step) if the integrand has no singularity or growth within d of the axis:
+exp(-79) for a Gaussian of deviation 1, exp(-39) for Q(e^u), whose d is pi / 4."""
 _AT_ONCE: Final = 1 << 18
-"""Values of an integrand at once."""
+"""Number of integrand values computed at once."""
 
 
 def amplitude_of(snr_db: npt.ArrayLike, convention: Convention) -> Array:
-    """ON's signal over the noise's deviation."""
+    """Returns the ON signal over the standard deviation of the noise."""
     snr = 10 ** (np.asarray(snr_db, np.float64) / 10)
     return np.asarray(np.sqrt(snr if convention == "peak" else 2 * snr))
 
 
 def awgn_ook(amplitude: npt.ArrayLike) -> Array:
-    """Q(amplitude / 2), far tails included."""
+    """Returns Q(amplitude / 2), accurate in the far tail."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(-np.asarray(amplitude, np.float64) / 2))
 
 
 def log_normal_sigma(index: npt.ArrayLike) -> Array:
-    """Deviation of ln I of a log-normal intensity of this scintillation index, sqrt(ln(1 + SI))."""
+    """Returns the standard deviation of ln I for a log-normal scintillation index: sqrt(ln(1 +
+    SI))."""
     return np.asarray(np.sqrt(np.log1p(np.asarray(index, np.float64))))
 
 
 def log_normal_ook(amplitude: npt.ArrayLike, sigma: float) -> Array:
-    """E[Q(amplitude I / 2)] with ln I normal of deviation sigma and mean -sigma^2 / 2."""
+    """Returns E[Q(amplitude I / 2)], ln I normal of deviation sigma and mean -sigma^2 / 2."""
     if sigma < 0:
         raise ValueError(f"sigma must be at least 0, not {sigma}")
     if sigma == 0:
         return awgn_ook(amplitude)
-    # All of the normal law that float64 holds: a strong signal moves the peak far from its middle.
+    # The whole range of the normal law in float64: a strong signal moves the peak far into a tail.
     a = np.atleast_1d(np.asarray(amplitude, np.float64))
     z = np.linspace(-38.5, 38.5, 2569)
     intensity = np.exp(np.minimum(sigma * z - sigma**2 / 2, 700.0))
@@ -80,17 +81,20 @@ def _log_q(x: Array) -> Array:
 
 
 def _log_gamma_nodes(shape: float, deepest: float) -> tuple[Array, Array]:
-    """(ln x, ln weight) of a gamma variate of mean 1 on evenly spaced nodes of ln x.
+    """Returns (ln x, ln weight) of a gamma variate of mean 1 on evenly spaced nodes of ln x.
 
-    The density of u = ln x is exp(shape (u - e^u) + shape ln shape - ln Gamma(shape)): in its
-    middle of width 1 / sqrt(shape), to the left an exponential of slope shape, to the right double
-    exponential. The constant is Stirling's where its terms are large and cancel. deepest: ln x
-    below which all x do the same to what is averaged.
+    The density of u = ln x is exp(shape (u - e^u) + shape ln shape - ln Gamma(shape)). Its peak has
+    width 1 / sqrt(shape); to the left it is an exponential of slope shape, to the right double
+    exponential. The constant is Stirling's where its terms are large and cancel.
+
+    Args:
+        shape: of the gamma law.
+        deepest: ln x below which the averaged function is constant.
     """
     from scipy.special import gammaln
 
     deviation = 1 / np.sqrt(shape)
-    # Of a narrow law nothing is left beyond 12 deviations; a wide one is followed to the deepest.
+    # A narrow law vanishes beyond 12 deviations; a wide one extends to the deepest value.
     left = -12 * deviation if shape > 1e3 else -60 / shape - 12 * deviation + min(deepest, 0.0)
     right = min(12 * deviation, np.log1p(60 / shape) + 1)
     step = min(_FINE * deviation, _COARSE)
@@ -104,9 +108,12 @@ def _log_gamma_nodes(shape: float, deepest: float) -> tuple[Array, Array]:
 
 
 def gamma_gamma_ook(amplitude: npt.ArrayLike, alpha: float, beta: float) -> Array:
-    """E[Q(amplitude I / 2)], I the product of gamma variates of shapes alpha and beta and mean 1.
+    """Returns E[Q(amplitude I / 2)], I the product of gamma variates of shapes alpha and beta, mean
+    1.
 
-    alpha, beta: from 0.2 (a saturated plane wave has beta = 1). 0 and less give 1/2.
+    Args:
+        amplitude: ON signal over noise; 0 or less gives 1/2.
+        alpha, beta: from 0.2 (a saturated plane wave has beta = 1).
     """
     if not (alpha >= 0.2 and beta >= 0.2):
         raise ValueError(f"alpha and beta must be at least 0.2, not {alpha}, {beta}")
@@ -118,7 +125,7 @@ def _gamma_gamma_ook(amplitude: float, alpha: float, beta: float) -> float:
 
     if amplitude <= 0:
         return 0.5
-    deepest = -np.log(amplitude)  # below it even ON is all noise
+    deepest = -np.log(amplitude)  # below it, noise dominates even ON
     u, wu = _log_gamma_nodes(alpha, deepest)
     v, wv = _log_gamma_nodes(beta, deepest)
     rows = max(1, _AT_ONCE // v.size)

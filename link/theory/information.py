@@ -1,11 +1,11 @@
-"""Information rate of a pixel whose charge is carried over, by forward recursion.
+"""Information rate of a pixel with carried charge, by forward recursion.
 
 Arnold, Loeliger, Vontobel, Kavcic, Wang, "Simulation-based computation of information rates for
-channels with memory", IEEE Trans. IT 52:3498 (2006): one long random stretch is sent, and
-I(X; Y) = H(Y) - H(Y | X) is read off the normalisations of two recursions over the law of the
-charge: one that knows the bits sent and one that does not. Here each step adds the entropy of its
-predicted bit, for either bit that may be sent, in place of -log P(the bit that came): the same mean
-and a smaller spread.
+channels with memory", IEEE Trans. IT 52:3498 (2006): one long random sequence is sent, and I(X; Y)
+= H(Y) - H(Y | X) follows from the normalisations of two recursions over the distribution of the
+charge: one that knows the sent bits and one that does not. Here each step adds the entropy of its
+predicted bit, for either input bit, instead of -log P(observed bit): the mean is the same and the
+variance smaller.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["InformationRate", "fsc_information_rate"]
 Array = npt.NDArray[np.float64]
 _RULES: Final[dict[Reset, int]] = {"hard": 0, "residual": 1, "subtract": 2}
 _DEPTH: Final = 8
-"""Thresholds of waiting charge that `subtract` is followed to; more is lost."""
+"""Number of thresholds of waiting charge with `subtract`; larger charges are clipped."""
 _WARM: Final = 200
 """Ticks before the first that counts."""
 _BATCHES: Final = 32
@@ -33,7 +33,13 @@ _BATCHES: Final = 32
 
 @dataclass(frozen=True)
 class InformationRate:
-    """Bits a tick. low, high: 99 % limits by means of batches (Student's t)."""
+    """Result of `fsc_information_rate`.
+
+    Attributes:
+        rate: bits per tick.
+        low, high: 99 % limits by the method of batch means (Student's t).
+        ticks: number of ticks simulated.
+    """
 
     rate: float
     low: float
@@ -42,8 +48,10 @@ class InformationRate:
 
 
 def _law(mean: float) -> tuple[int, Array]:
-    """First count and the probabilities from there on of a Poisson variate, within 7 deviations
-    (what lies beyond is below 1e-10)."""
+    """Returns the first count and the probabilities from it on of a Poisson variate.
+
+    They cover 7 standard deviations; the remainder is below 1e-10.
+    """
     from scipy.stats import poisson
 
     reach = 7 * math.sqrt(mean) + 12
@@ -54,7 +62,7 @@ def _law(mean: float) -> tuple[int, Array]:
 
 @njit(cache=True)
 def _spread(belief, weight, first, law, q, rule, bit, out):  # type: ignore[no-untyped-def]
-    """Adds to `out` the law of the charge after a tick in which `bit` was latched."""
+    """Adds to `out` the distribution of the charge after a tick in which `bit` was latched."""
     states = belief.size
     for v in range(states):
         mass = belief[v] * weight
@@ -81,7 +89,7 @@ def _spread(belief, weight, first, law, q, rule, bit, out):  # type: ignore[no-u
 
 @njit(cache=True)
 def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
-    """P(a spike) in the next tick. tail[n]: P(count >= first + n)."""
+    """Returns P(spike) in the next tick. tail[n]: P(count >= first + n)."""
     total = 0.0
     for v in range(belief.size):
         n = q - v - first
@@ -91,6 +99,7 @@ def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _entropy(p):  # type: ignore[no-untyped-def]
+    """Returns the binary entropy, bits."""
     if p <= 0.0 or p >= 1.0:
         return 0.0
     return -(p * math.log2(p) + (1 - p) * math.log2(1 - p))
@@ -98,7 +107,11 @@ def _entropy(p):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _recursion(sent, counts, q, states, rule, p_on, f0, law0, t0, f1, law1, t1, gains):  # type: ignore[no-untyped-def]
-    """Bits that each tick tells, (ticks,), into `gains`."""
+    """Writes the information of each tick, bits, (ticks,), to `gains`.
+
+    f0, law0, t0 and f1, law1, t1 are the first count, the distribution and its tail for OFF and ON.
+    The arguments stay separate, because arrays of different lengths in a record would cost speed.
+    """
     knowing, blind = np.zeros(states), np.zeros(states)
     knowing[0] = blind[0] = 1.0
     fresh = np.zeros(states)
@@ -135,10 +148,20 @@ def fsc_information_rate(
     p_on: float = 0.5,
     seed: int = 1,
 ) -> InformationRate:
-    """Bits a tick that random independent bits carry through one pixel, shot noise alone.
+    """Returns the information rate of independent random bits through one pixel, shot noise only.
 
-    The rate of this input is a lower bound of the capacity. q, mu_on, mu_off: electrons. Raises
-    ValueError for fewer ticks than batches can be made of.
+    The rate of this input is a lower bound of the capacity.
+
+    Args:
+        reset: reset rule.
+        q: threshold, electrons.
+        mu_on, mu_off: mean electrons of a tick.
+        ticks: number of ticks to simulate.
+        p_on: share of ON bits.
+        seed: of the random numbers.
+
+    Raises:
+        ValueError: if there are too few ticks for the batches.
     """
     from scipy.stats import t as student
 
@@ -151,7 +174,7 @@ def fsc_information_rate(
     total = ticks + _WARM
     sent = (rng.random(total) < p_on).astype(np.uint8)
     (f0, law0), (f1, law1) = _law(mu_off), _law(mu_on)
-    # Arrivals from the same cut laws that the recursion knows, or one of 1e-10 would be impossible.
+    # Arrivals follow the truncated laws of the recursion, so none has probability 0 in it.
     draws = rng.random(total)
     counts = np.where(
         sent == 1,

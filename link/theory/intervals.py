@@ -1,4 +1,4 @@
-"""Intervals of measured probabilities, and when theory agrees with them."""
+"""Confidence intervals of measured probabilities."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import numpy.typing as npt
 __all__ = ["JUDGED", "clopper_pearson", "pointwise_level"]
 
 JUDGED: Final = 100
-"""Errors from which a point is judged: its relative spread is then a tenth."""
+"""Number of errors from which a point is compared with theory: its relative spread is then a
+tenth."""
 
 
 def clopper_pearson(
     errors: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.99
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Exact limits (low, high) of a probability from independent trials, by beta quantiles.
+    """Returns exact limits (low, high) of a probability from independent trials, by beta quantiles.
 
-    Clopper and Pearson, Biometrika 26:404 (1934): the true value lies outside in at most
-    1 - level of all cases, half on each side. 0 errors begin at 0, all errors end at 1.
+    Clopper and Pearson, Biometrika 26:404 (1934): the true value lies outside in at most 1 - level
+    of all cases, half on each side. The lower limit of 0 errors is 0, the upper limit of all errors
+    1.
     """
     from scipy.special import betainccinv, betaincinv
 
@@ -34,6 +36,8 @@ def clopper_pearson(
 
 
 def pointwise_level(level: float, points: int) -> float:
-    """The level that each of `points` intervals needs for all of them to hold at `level`: the
-    misses are shared out evenly (Bonferroni), which needs no independence of the points."""
+    """Returns the confidence level for each of `points` intervals that gives all of them `level`.
+
+    Bonferroni: the risk is divided evenly; the points need not be independent.
+    """
     return 1 - (1 - level) / max(points, 1)

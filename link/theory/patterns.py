@@ -1,11 +1,11 @@
-"""Law of a pixel's spikes over a few ticks of light that changes, with hard reset: a closed form.
+"""Distribution of a pixel's spikes over a few ticks of varying light, with hard reset: closed form.
 
-Between resets charge only grows, so a pixel that was emptied before tick i has not spiked by the
-end of tick j exactly where the electrons of i to j are fewer than its threshold: a renewal process,
-whose intervals are independent (Cox, Renewal Theory, 1962). Under Poisson light of any course the
-smooth charge at which a threshold of q electrons is reached is Gamma(q) distributed; threshold
-noise widens it. Its law is taken by the cube root, which is normal to within 1e-4 from q of 20 on
-(Wilson and Hilferty, PNAS 17:684, 1931).
+Between resets charge only grows. A pixel that was emptied before tick i has therefore not spiked by
+the end of tick j if and only if the electrons of i to j are fewer than its threshold: a renewal
+process with independent intervals (Cox, Renewal Theory, 1962). Under Poisson light of any course
+the smooth charge at which a threshold of q electrons is reached is Gamma(q) distributed; threshold
+noise widens it. The distribution is computed from the cube root, which is normal to within 1e-4 for
+q from 20 (Wilson and Hilferty, PNAS 17:684, 1931).
 """
 
 from __future__ import annotations
@@ -19,8 +19,13 @@ Array = npt.NDArray[np.float64]
 
 
 def survival(charge: npt.ArrayLike, q: float, noise: float = 0.0) -> Array:
-    """P(no spike yet) of a pixel that was empty and has gathered a mean charge, in thresholds of q
-    electrons; noise: standard deviation of the threshold, electrons."""
+    """Returns P(no spike yet) of a pixel that started empty.
+
+    Args:
+        charge: mean charge since then, in thresholds.
+        q: threshold, electrons.
+        noise: standard deviation of the threshold, electrons.
+    """
     from scipy.special import ndtr
 
     shape = q * q / (q + noise * noise)
@@ -29,11 +34,15 @@ def survival(charge: npt.ArrayLike, q: float, noise: float = 0.0) -> Array:
 
 
 def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Array:
-    """P(pattern of the last `window` ticks), (..., 2^window), bit j of a pattern being the spike of
-    the j-th of them.
+    """Returns P(pattern of the last `window` ticks), (..., 2^window).
 
-    means: (..., ticks) electrons of each tick over q electrons; the pixel is empty before the
-    first. noise: as in `survival`.
+    Bit j of a pattern is the spike of tick j of the window. The pixel is empty before the first
+    tick.
+
+    Args:
+        means: (..., ticks) mean electrons of each tick over q electrons.
+        window: number of ticks of the pattern.
+        q, noise: as in `survival`.
     """
     ticks = means.shape[-1]
     if not 1 <= window <= ticks:
@@ -46,13 +55,13 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
         for n, pair in enumerate(zip(first.tolist(), last_one.tolist(), strict=True))
     }
     one = np.ones(means.shape[:-1])
-    alive |= {(i, i): one for i in range(ticks + 1)}  # of no tick
-    fresh = [one]  # P(emptied just before a tick)
+    alive |= {(i, i): one for i in range(ticks + 1)}  # an empty interval
+    fresh = [one]  # P(reset just before a tick)
     for j in range(ticks - window):
         fresh.append(_fires(fresh, alive, j))
     out = np.zeros((*means.shape[:-1], 1 << window))
     start = ticks - window
-    # chance of the spikes of a pattern up to its last one, which lies just before the tick `last`
+    # (pattern, last, P(spikes of the pattern, the last one just before tick `last`))
     reached: list[tuple[int, int, Array]] = []
     out[..., 0] = sum(f * alive[i, ticks] for i, f in enumerate(fresh))
     for j in range(start, ticks):
@@ -69,5 +78,5 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
 
 
 def _fires(fresh: list[Array], alive: dict[tuple[int, int], Array], j: int) -> Array:
-    """P(spike in tick j, none since one of the `fresh` resets)."""
+    """Returns P(spike in tick j, and none since one of the `fresh` resets)."""
     return np.asarray(sum(f * (alive[i, j] - alive[i, j + 1]) for i, f in enumerate(fresh)))

@@ -1,8 +1,8 @@
-"""Monte Carlo of what the closed forms say: errors counted in independent trials.
+"""Monte Carlo trials of the closed forms: errors counted in independent trials.
 
-Every function takes a seed and a stream number of the caller's (below 2^64), which key numpy's
-Philox generator, and a number of trials; what it counts are independent trials, so that a binomial
-interval holds: where a channel has a memory, each trial is a pixel or a codeword of its own.
+Every function takes a seed and a stream number (below 2^64), which key numpy's Philox generator,
+and a number of trials. The trials are independent, so a binomial interval holds: if a channel has
+memory, each trial is a separate pixel or codeword.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from numba import njit
 
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
-from link.theory.charge import Reset
+from link.theory.charge import PixelChannel
 
 __all__ = [
     "awgn_trials", "burst_word_trials", "charge_trials", "gamma_gamma_trials", "log_normal_trials",
@@ -23,7 +23,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 _CHUNK = 1 << 18
-"""Trials at once: some megabytes."""
+"""Trials computed at once: some megabytes."""
 
 
 def _generator(seed: int, stream: int) -> np.random.Generator:
@@ -39,7 +39,8 @@ def _chunks(trials: int, size: int = _CHUNK) -> Iterator[int]:
 def poisson_trials(
     q: int, mean_on: float, mean_off: float, bits: int, seed: int, stream: int
 ) -> int:
-    """Wrong bits of `bits` random ones, each in a tick of its own: `poisson_threshold`."""
+    """Returns the wrong bits of `bits` random ones, each in a tick of its own:
+    `poisson_threshold`."""
     rng, errors = _generator(seed, stream), 0
     for n in _chunks(bits):
         sent = rng.random(n) < 0.5
@@ -51,7 +52,7 @@ def _ook(
     amplitude: float, bits: int, seed: int, stream: int,
     intensity: Callable[[np.random.Generator, int], Array],
 ) -> int:  # fmt: skip
-    """Wrong bits at a slicer that knows the intensity."""
+    """Returns the wrong bits of a slicer that knows the intensity."""
     rng, errors = _generator(seed, stream), 0
     for n in _chunks(bits):
         sent = rng.random(n) < 0.5
@@ -61,12 +62,12 @@ def _ook(
 
 
 def awgn_trials(amplitude: float, bits: int, seed: int, stream: int) -> int:
-    """Wrong bits: `awgn_ook`."""
+    """Returns the wrong bits of `awgn_ook`."""
     return _ook(amplitude, bits, seed, stream, lambda rng, n: np.ones(n))
 
 
 def log_normal_trials(amplitude: float, sigma: float, bits: int, seed: int, stream: int) -> int:
-    """Wrong bits, a fresh intensity for each: `log_normal_ook`."""
+    """Returns the wrong bits of `log_normal_ook`, with a new intensity for each bit."""
     return _ook(
         amplitude, bits, seed, stream,
         lambda rng, n: np.exp(sigma * rng.standard_normal(n) - sigma**2 / 2),
@@ -76,7 +77,7 @@ def log_normal_trials(amplitude: float, sigma: float, bits: int, seed: int, stre
 def gamma_gamma_trials(
     amplitude: float, alpha: float, beta: float, bits: int, seed: int, stream: int
 ) -> int:
-    """Wrong bits, a fresh intensity for each: `gamma_gamma_ook`."""
+    """Returns the wrong bits of `gamma_gamma_ook`, with a new intensity for each bit."""
     return _ook(
         amplitude, bits, seed, stream,
         lambda rng, n: rng.gamma(alpha, 1 / alpha, n) * rng.gamma(beta, 1 / beta, n),
@@ -85,9 +86,18 @@ def gamma_gamma_trials(
 
 @njit(cache=True)
 def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-untyped-def]
-    """Pixels whose last tick reads otherwise than sent. sent: (ticks + 1, pixels) bits, the first
-    before the first tick. draws: (ticks, pixels), in 0 .. 1. start: charge before. laws: (2, 2, n)
-    distribution functions of a tick's count less `first` (2, 2), by the bit before and the bit."""
+    """Returns the number of pixels whose last tick is read wrongly.
+
+    Args:
+        sent: (ticks + 1, pixels) bits, the first one before the first tick.
+        draws: (ticks, pixels) uniform numbers in 0 .. 1.
+        start: (pixels,) charge before.
+        laws: (2, 2, n) distribution functions of a tick's count minus `first`, by the bit before
+            and the bit.
+        first: (2, 2) smallest count of each law.
+        q: threshold, electrons.
+        rule: 0 hard, 1 residual, 2 subtract.
+    """
     ticks, pixels = draws.shape
     wrong = 0
     for p in range(pixels):
@@ -112,19 +122,24 @@ def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-un
     return wrong
 
 
-def charge_trials(
-    reset: Reset, q: int, mu_on: float, mu_off: float, bits: int, seed: int, stream: int,
-    warm: int = 24, late: float = 0.0,
-) -> int:  # fmt: skip
-    """Wrong bits of pixels of their own, each of which has seen `warm` random bits before the one
-    that counts, from a charge spread evenly over 0 .. q - 1: `charge_errors`. subtract takes some
-    hundreds to settle."""
+def charge_trials(channel: PixelChannel, bits: int, seed: int, stream: int, warm: int = 24) -> int:
+    """Returns the wrong bits of `charge_errors`, each on a separate pixel.
+
+    The initial charge is uniform over 0 .. q - 1.
+
+    Args:
+        channel: the pixel.
+        bits: number of trials.
+        seed, stream: key of the random numbers.
+        warm: random bits before the one that counts; `subtract` needs some hundreds to settle.
+    """
     from scipy.stats import poisson
 
+    reset, q, mu_on, mu_off, overlap = channel
     rule = {"hard": 0, "residual": 1, "subtract": 2}[reset]
     rng, errors = _generator(seed, stream), 0
     bit = np.array([mu_off, mu_on])
-    means = (1 - late) * bit[None, :] + late * bit[:, None]
+    means = (1 - overlap) * bit[None, :] + overlap * bit[:, None]
     reach = 8 * np.sqrt(means) + 20
     first = np.maximum(np.floor(means - reach), 0).astype(np.int64)
     span = int(np.ceil(2 * reach.max())) + 2
@@ -137,9 +152,18 @@ def charge_trials(
 
 
 def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int) -> int:
-    """Codewords of random bytes that the decoder does not give back, each of their bytes wrong by
-    chance on its own: `rs_word_error`. n: 255. What it takes for another codeword counts as well:
-    both happen beyond (n - k) // 2 wrong bytes, and never below."""
+    """Returns the random codewords that the decoder does not recover: `rs_word_error`.
+
+    Each byte is wrong independently. Words decoded to another codeword count as well: both happen
+    beyond (n - k) // 2 wrong bytes, and never below.
+
+    Args:
+        n: 255.
+        k: bytes of data.
+        p: probability that a byte is wrong.
+        words: number of codewords.
+        seed, stream: key of the random numbers.
+    """
     if n != WORD_BYTES:
         raise ValueError(f"n must be {WORD_BYTES}, not {n}")
     rng, errors, code = _generator(seed, stream), 0, ReedSolomon(n - k)
@@ -154,11 +178,20 @@ def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int)
 def burst_word_trials(
     n: int, k: int, start: float, length: int, depth: int, words: int, seed: int, stream: int
 ) -> int:
-    """Codewords of n bytes with more wrong ones than (n - k) // 2 under bursts of `length` bytes:
-    `burst_word_error`. Bytes of `depth` codewords lie interleaved.
+    """Returns the codewords with more than (n - k) // 2 wrong bytes under bursts:
+    `burst_word_error`.
 
-    Of a block only every length-th codeword counts (without interleaver every second): no burst
-    reaches two of them, so that they are independent; the blocks are drawn apart.
+    The bytes of `depth` codewords are interleaved. Only every length-th codeword of a block counts
+    (without interleaver every second one): no burst reaches two of them, so they are independent.
+    The blocks are drawn independently.
+
+    Args:
+        n, k: bytes and data bytes of a codeword.
+        start: probability that a burst begins at a byte.
+        length: bytes of a burst.
+        depth: codewords of the interleaver; 1 for none.
+        words: number of codewords that count.
+        seed, stream: key of the random numbers.
     """
     rng, errors, t = _generator(seed, stream), 0, (n - k) // 2
     apart = 2 if depth == 1 else length
@@ -168,7 +201,7 @@ def burst_word_trials(
         sums = np.concatenate([[0], np.cumsum(begins)])
         wrong = sums[length:] > sums[:-length]
         order = wrong.reshape(n, block).T if depth > 1 else wrong.reshape(block, n)
-        # Words nearer than a burst to the block's end would meet its first bytes a row later.
+        # A burst at the block's end continues in the words at its beginning, one row later.
         last = block - length + 1 if depth > 1 else block
         bad = order[: max(last, 1) : apart].sum(1)[:words] > t
         errors += int(bad.sum())

@@ -1,4 +1,4 @@
-"""Word errors of a Reed-Solomon code of bytes, under scattered errors and under bursts."""
+"""Word error rates of a Reed-Solomon code of bytes, under independent errors and under bursts."""
 
 from __future__ import annotations
 
@@ -11,14 +11,21 @@ Array = npt.NDArray[np.float64]
 
 
 def byte_error(ber: npt.ArrayLike, bits: int = 8) -> Array:
-    """Error rate of a byte of independent bits, 1 - (1 - ber)^bits, small ones kept."""
+    """Returns the error rate of a byte of independent bits, 1 - (1 - ber)^bits, accurate if
+    small."""
     return np.asarray(-np.expm1(bits * np.log1p(-np.asarray(ber, np.float64))))
 
 
 def rs_word_error(n: int, k: int, p: npt.ArrayLike) -> Array:
-    """Share of codewords of n symbols, k of them data, with more than t = (n - k) // 2 wrong ones,
-    each wrong with p on its own: sum over j > t of C(n, j) p^j (1-p)^(n-j), through the incomplete
-    beta function, whose tail neither cancels nor stops at 1e-16."""
+    """Returns the share of codewords with more than t = (n - k) // 2 wrong symbols.
+
+    Symbols are wrong independently: sum over j > t of C(n, j) p^j (1-p)^(n-j), from the incomplete
+    beta function, which neither cancels nor underflows at 1e-16.
+
+    Args:
+        n, k: symbols and data symbols of a codeword.
+        p: probability that a symbol is wrong.
+    """
     from scipy.special import betainc
 
     if not 0 < k <= n:
@@ -28,18 +35,25 @@ def rs_word_error(n: int, k: int, p: npt.ArrayLike) -> Array:
 
 
 def burst_byte_error(start: npt.ArrayLike, length: int) -> Array:
-    """Share of wrong bytes where a burst of `length` bytes begins at each byte with probability
-    `start` on its own: 1 - (1 - start)^length."""
+    """Returns the share of wrong bytes, 1 - (1 - start)^length.
+
+    A burst of `length` bytes begins at each byte independently with probability `start`.
+    """
     return byte_error(start, length)
 
 
 def burst_word_error(n: int, k: int, start: float, length: int, depth: int = 1) -> float:
-    """Share of codewords with more than (n - k) // 2 wrong bytes under such bursts.
+    """Returns the share of codewords with more than (n - k) // 2 wrong bytes under bursts.
 
-    depth: codewords that an interleaver spreads over each other (byte i of word w is sent at
-    w + i depth). From depth >= length on, no burst meets a word twice and its bytes fail on their
-    own, so `rs_word_error` holds; at depth 1 a chain of (bytes that the burst still takes, wrong
-    bytes so far) gives the exact share. Between the two there is no form here: ValueError.
+    If depth >= length, no burst reaches a word twice and its bytes fail independently, so
+    `rs_word_error` holds. At depth 1 a Markov chain of (bytes left in the burst, wrong bytes so
+    far) gives the exact share. There is no closed form between the two: ValueError.
+
+    Args:
+        n, k: bytes and data bytes of a codeword.
+        start: probability that a burst begins at a byte.
+        length: bytes of a burst.
+        depth: codewords of an interleaver (byte i of word w is sent at w + i depth).
     """
     if length < 1 or not 0 <= start <= 1:
         raise ValueError(f"length must be at least 1 and start 0 to 1, not {length}, {start}")
@@ -48,13 +62,13 @@ def burst_word_error(n: int, k: int, start: float, length: int, depth: int = 1) 
     if depth != 1:
         raise ValueError(f"depth must be 1 or at least the length of {length}, not {depth}")
     t = (n - k) // 2
-    # law[r, c]: the burst takes r more bytes, c wrong so far, t + 1 standing for all above t.
+    # law[r, c]: r bytes left in the burst, c wrong bytes so far; t + 1 stands for all above t.
     law = np.zeros((length + 1, t + 2))
     ages = start * (1 - start) ** np.arange(length)  # bytes since the last start
     law[length - np.arange(length), 0] = ages
     law[0, 0] += (1 - start) ** length
     for _ in range(n):
-        # A start sets the rest to `length`, else one byte of the rest passes.
+        # A start sets the remainder to `length`; otherwise it decreases by one byte.
         going = np.zeros_like(law)
         going[: length - 1] = (1 - start) * law[1:length]
         going[0] += (1 - start) * law[0]
@@ -65,7 +79,7 @@ def burst_word_error(n: int, k: int, start: float, length: int, depth: int = 1) 
 
 
 def _count(law: Array) -> Array:
-    """One more wrong byte wherever a burst has it."""
+    """Counts one more wrong byte in every state with a burst."""
     out = law.copy()
     out[1:, 1:] = law[1:, :-1]
     out[1:, -1] += law[1:, -1]

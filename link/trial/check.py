@@ -1,16 +1,18 @@
-"""The error of a link's run: its bit error rate against that of full physics, on a few patches.
+"""The error of a link's run: its bit error rate against full physics, on a few patches.
 
-Both are met on the same bits, with the same chance in every pixel. Two figures come of it:
+Both are measured on the same bits, with the same random numbers in every pixel. There are two
+estimates:
 
-- counted: by the bits that only one of the two has wrong. |Difference of the rates| is at most
-  their share; where there are none that share has a one-sided Clopper-Pearson limit, else the two
-  kinds have an interval each, which together hold at 99.9 %. The bits are taken as independent.
-  Nothing else is assumed, and what limits it is the number of bits.
-- estimated: by the bits that are nearly wrong (`link_near`), whose relative change is taken as that
-  of the bit error rate. Where there are enough bits this is the error that is told, and says so.
+- counted: from the bits that only one of the two decides wrongly. |Difference of the rates| is at
+  most their share. If there are none, that share has a one-sided Clopper-Pearson limit; otherwise
+  the two kinds have an interval each, which together hold at 99.9 %. Bits are taken as independent.
+  Nothing else is assumed; the limit is the number of bits.
+- estimated: from the bits that are nearly wrong (`link.trial.near`), whose relative change is taken
+  as that of the bit error rate. With enough bits this is the reported error, and it is marked as
+  estimated.
 
 The unit is half the interval of the run's own bit error rate: before the run that of full physics
-on the patches, after it the rate that was measured over all of its bits.
+on the patches, after it the rate over all of its bits.
 """
 
 from __future__ import annotations
@@ -36,20 +38,27 @@ from link.trial.plan import LEVEL, LinkPlan, half_width
 __all__ = ["ESTIMATED", "KIND", "LinkCheck", "Paired", "check_link", "compare", "goodput_change"]
 
 KIND = "bit error rate, half-widths of its interval"
-"""What the error of a link is of."""
+"""Kind of a link's error."""
 ESTIMATED = f"{KIND}, estimated from bits that are nearly wrong"
-"""The same, where it is."""
+"""Kind of an estimated error."""
 _FULL, _RUN = "reference", "run"
 Wrong = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Paired:
-    """Two ways on the same bits. bits: compared. full, run: wrong bits of full physics, and as run.
-    more, fewer: those that only the run, and only full physics has wrong. unit: a half-width, as a
-    bit error rate. change: interval of |difference of the rates|, at 99.9 %. rate: bit error rate
-    that the relative change of bits nearly wrong is taken of, at least that of a single error.
-    near: those bits, None where errors alone are counted."""
+    """Decisions of full physics and of the run on the same bits.
+
+    Attributes:
+        bits: number of bits compared.
+        full, run: wrong bits of full physics, and of the run.
+        more, fewer: bits that only the run decides wrongly, and only full physics.
+        unit: half-width of the interval, as a bit error rate.
+        change: interval of |difference of the rates|, at 99.9 %.
+        rate: bit error rate that the relative change of nearly wrong bits refers to, at least that
+            of a single error.
+        near: the nearly wrong bits, None if only errors are counted.
+    """
 
     bits: int
     full: int
@@ -63,12 +72,12 @@ class Paired:
 
     @property
     def kind(self) -> str:
-        """What `value`, `low` and `high` are."""
+        """Kind of `value`, `low` and `high`."""
         return KIND if self.near is None else ESTIMATED
 
     @property
     def counted(self) -> tuple[float, float, float]:
-        """|Difference of the rates| by errors alone, its least and most at 99.9 %, half-widths."""
+        """|Difference of the rates| from errors alone, and its limits at 99.9 %, half-widths."""
         low, high = self.change
         off = abs(self.more - self.fewer) / self.bits
         return off / self.unit, low / self.unit, high / self.unit
@@ -83,40 +92,47 @@ class Paired:
 
     @property
     def value(self) -> float:
-        """|Difference of the rates| in half-widths, of `kind`."""
+        """|Difference of the rates| of `kind`, half-widths."""
         return self._estimate[0]
 
     @property
     def low(self) -> float:
-        """At 99.9 %, half-widths."""
+        """Lower limit at 99.9 %, half-widths."""
         return self._estimate[1]
 
     @property
     def high(self) -> float:
-        """At 99.9 %, half-widths."""
+        """Upper limit at 99.9 %, half-widths."""
         return self._estimate[2]
 
-    def met(self, rate: float, bits: int) -> Paired:
-        """The same beside a bit error rate met over so many bits."""
+    def rescaled(self, rate: float, bits: int) -> Paired:
+        """Returns the same in half-widths of a bit error rate measured over `bits` bits."""
         return replace(self, unit=half_width(rate, bits), rate=max(rate, 1 / bits))
 
     @property
-    def otherwise(self) -> float:
-        """Share of bits that are decided otherwise, at most, at 99.9 %."""
+    def differing_limit(self) -> float:
+        """Upper limit of the share of bits that are decided differently, at 99.9 %."""
         return _at_most(self.more + self.fewer, self.bits)
 
 
 def _at_most(count: int, bits: int) -> float:
-    """One-sided Clopper-Pearson limit at 99.9 %."""
+    """Returns the one-sided Clopper-Pearson limit at 99.9 %."""
     return float(clopper_pearson(count, bits, 1 - 2 * (1 - LEVEL))[1])
 
 
 def compare(
     full: Wrong, run: Wrong, bits_of_run: int, leads: tuple[Lead, Lead] | None = None
 ) -> Paired:
-    """full, run: of each bit, whether it was decided wrong. leads: by how much each soft value is
-    for what was sent, of full physics and of the run. The unit is half the 99.9 % interval of
-    the bit error rate of full physics, met over the run's bits."""
+    """Compares the decisions of a run with those of full physics.
+
+    The unit is half the 99.9 % interval of the bit error rate of full physics, over the run's bits.
+
+    Args:
+        full, run: bool of one shape, whether each bit was decided wrongly.
+        bits_of_run: number of bits of the run.
+        leads: soft value in favour of the sent bit, of full physics and of the run; None to count
+            errors only.
+    """
     bits, rate = full.size, float(full.mean())
     more, fewer = int((run & ~full).sum()), int((full & ~run).sum())
     level = 1 - (1 - LEVEL) / 2
@@ -131,8 +147,11 @@ def compare(
 
 
 def goodput_change(full: float, run: float, mode: Mode) -> float:
-    """Relative change of the goodput that two bit error rates foretell: the codewords that come
-    through, with independent bits. 0 where none come through either way."""
+    """Returns the relative change of the goodput between two bit error rates.
+
+    Goodput is the share of codewords that arrive, with independent bits; the result is 0 if none
+    arrive with `full`.
+    """
     a_byte = round(8 * mode.code.symbols / mode.code.bits)
     through = [
         1 - float(rs_word_error(255, 255 - mode.parity, byte_error(min(rate, 0.5), a_byte)))
@@ -143,10 +162,15 @@ def goodput_change(full: float, run: float, mode: Mode) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinkCheck:
-    """paired: the run against full physics, None where nothing could be compared. alone: of each
-    effect that the plan leaves out, what leaving out that one alone changed.
-    goodput: relative change foretold. patches: how many. full_ns: what full physics takes for a
-    pixel-cycle of the patches, their light included."""
+    """Result of the check of a link's plan.
+
+    Attributes:
+        paired: the run against full physics, None if nothing could be compared.
+        alone: for each effect that the plan leaves out, the change if only that one is left out.
+        goodput: predicted relative change of the goodput.
+        patches: number of patches.
+        full_ns: run time of full physics for a pixel-cycle of the patches, light included, ns.
+    """
 
     paired: Paired | None
     alone: Mapping[str, Paired | None]
@@ -159,28 +183,30 @@ class LinkCheck:
         """`alone` in half-widths."""
         return {name: None if p is None else p.value for name, p in self.alone.items()}
 
-    def met(self, rate: float | None, bits: int) -> LinkCheck:
-        """The same in half-widths of the bit error rate that the run's own bits have."""
+    def rescaled(self, rate: float | None, bits: int) -> LinkCheck:
+        """Returns the same in half-widths of the bit error rate of the run's own bits."""
         if rate is None or self.paired is None or not bits:
             return self
-        alone = {name: None if p is None else p.met(rate, bits) for name, p in self.alone.items()}
-        return replace(self, paired=self.paired.met(rate, bits), alone=alone)
+        alone = {
+            name: None if p is None else p.rescaled(rate, bits) for name, p in self.alone.items()
+        }
+        return replace(self, paired=self.paired.rescaled(rate, bits), alone=alone)
 
     @property
     def error(self) -> Error:
-        """As `result.json` has it."""
+        """The error for `result.json`."""
         if self.paired is None:
             return Error(None, None, None)
         return Error(self.paired.value, self.paired.kind, (self.paired.low, self.paired.high))
 
     def beyond(self, tolerance: float) -> bool:
-        """Whether the run is shown to be off by more than was asked for."""
+        """Whether the error of the run significantly exceeds the tolerance."""
         if self.paired is None or tolerance <= 0:
             return False
         return max(self.paired.low, self.paired.counted[1]) > tolerance
 
     def document(self) -> dict[str, Any]:
-        """For reports: what was compared."""
+        """Returns what was compared, for reports."""
         paired = self.paired
         close = None if paired is None else paired.near
         return {
@@ -188,7 +214,7 @@ class LinkCheck:
             "wrong_full_physics": None if paired is None else paired.full,
             "wrong_as_run": None if paired is None else paired.run,
             "otherwise": None if paired is None else paired.more + paired.fewer,
-            "otherwise_at_most": None if paired is None else paired.otherwise,
+            "otherwise_at_most": None if paired is None else paired.differing_limit,
             "nearly_wrong": None if close is None else close.count,
             "nearly_wrong_otherwise": None if close is None else close.more + close.fewer,
             "counted": None if paired is None else list(paired.counted),
@@ -197,9 +223,9 @@ class LinkCheck:
 
 
 def _without(setting: LinkSetting, plan: LinkPlan, name: str) -> Variant:
-    """Full physics but for one effect."""
-    if name in plan.of_air:
-        return Variant("reference", setting.camera, plan.of_air - {name})
+    """Returns full physics without one effect."""
+    if name in plan.active_air:
+        return Variant("reference", setting.camera, plan.active_air - {name})
     return Variant("reference", setting.camera.without({name}))
 
 
@@ -213,15 +239,26 @@ def check_link(
     device: Device | None,
     progress: Progress,
 ) -> LinkCheck:
-    """Runs a few patches of the link with every effect in the reference tier, as planned, and
-    without each effect alone that the plan leaves out. seed: of patches that lie by chance."""
+    """Compares the planned run with full physics on a few patches.
+
+    Full physics is also compared with itself without each effect that the plan leaves out.
+
+    Args:
+        setting: the link.
+        sent: the transmission.
+        plan: the plan to check.
+        detector: name of the detector.
+        seed: of the random patches.
+        device: OpenCL device, None for numba.
+        progress: of the trial.
+    """
     patches = LinkPatches(setting, sent, seed, detector)
     count = 0 if patches.plane is None else len(patches.plane.tiles)
     if not patches.bits:  # out of view, or nothing sent but the training
         return LinkCheck(None, dict.fromkeys(plan.left_out), None, count, None)
     variants = {
         _FULL: Variant("reference", setting.camera),
-        _RUN: Variant(plan.tier, plan.camera, plan.run_air),
+        _RUN: Variant(plan.tier, plan.camera, plan.air_effects),
     }
     variants |= {name: _without(setting, plan, name) for name in plan.left_out}
     decided = patches.film(variants, device, progress)

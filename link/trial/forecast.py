@@ -1,4 +1,4 @@
-"""What `viform plan` says of a link: the plan of its run, and what it would take on this device."""
+"""The document of `viform plan` for a link: its plan, and its run time on this device."""
 
 from __future__ import annotations
 
@@ -20,24 +20,28 @@ from sensor.latched.patches import PatchCamera
 __all__ = ["link_forecast"]
 
 BLOCKS: Final = 4
-"""Blocks at the begin of the run that are run. The first warms up; of the others the fastest
-counts, since other load of the machine only adds to it."""
+"""Blocks at the start of the run that are timed. The first warms up; of the others the fastest
+counts, since other load of the machine only adds time."""
 
 
 def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
-    """Speeds of light and cameras. To leave out costs no more than to keep: what is simulated as
-    planned is a part of everything."""
+    """Returns the speeds of light and cameras.
+
+    A simulation with fewer effects is never slower than one with all of them, so the latter bounds
+    it.
+    """
     setting, chip = setup.setting, setup.setting.camera.chip
-    air = setting.make_air(setup.sent, setup.sent.planes, plan.run_air)
+    air = setting.make_air(setup.sent, setup.sent.planes, plan.air_effects)
     # If only effects of the air are left out, the camera is the same and is timed once.
     plans = [plan] if plan.camera == everything.camera else [plan, everything]
     cameras = [
-        SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.late) for each in plans
+        SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.row_delay)
+        for each in plans
     ]
     plane = LinkPatches(setting, setup.sent, setup.scenario.seed).plane
     reference, cut = None, None
     if plane is not None:
-        reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.late)
+        reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.row_delay)
         cut = PlaneMap(plane.cut, None)
     spent: list[list[float]] = [[] for _ in range(4)]
     pixels = chip.height * chip.width
@@ -45,7 +49,7 @@ def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
         block, begin = Block(start, BLOCK), time.perf_counter()
         light = air.step(None, block)
         spent[3].append((time.perf_counter() - begin) / pixels)
-        # In turn: the one that reads new light first pays for bringing it into the cache.
+        # The order alternates: the first camera to read new light pays for loading it into cache.
         for n, camera in list(enumerate(cameras))[:: -1 if start // BLOCK % 2 else 1]:
             begin = time.perf_counter()
             camera.step(light, block)
@@ -62,7 +66,7 @@ def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
 
 
 def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, Any]:
-    """The document of `viform plan --json` for a link."""
+    """Returns the document of `viform plan --json` for a link."""
     survey = survey_link(setup.setting, setup.mode, setup.sent.symbols, setup.cycles)
     planned = survey.plan(setup.scenario.tolerance, setup.device)
     everything = survey.plan(0.0, setup.device, tier=planned.tier)
@@ -70,7 +74,8 @@ def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, 
         progress.note(warning)
     progress.note("timing a few blocks")
     return forecast_document(
-        name, planned.plan, tier=planned.tier, device=setup.device_name, own=planned.own,
-        speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles,
-        display=None, error_of=KIND, mode=asdict(setup.mode),
+        name, planned.plan, tier=planned.tier, device=setup.device_name,
+        tier_error=planned.tier_bound,
+        speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles, display=None,
+        error_of=KIND, mode=asdict(setup.mode),
     )  # fmt: skip

@@ -1,9 +1,9 @@
 """Error against run time of a link: every tier at a ladder of tolerances.
 
 The error of a row is that of the bit error rate of its plan against full physics, on patches and on
-the same bits, in half-widths of the interval that the run's bits leave. It is estimated from bits
-that are nearly wrong where there are enough of them (`error_of` says so). The time of a row is that
-of the air and of the camera on the whole plane: the least over blocks after one that is discarded.
+the same bits, in half-widths of the interval that the run's bits leave. With enough bits it is
+estimated from those that are nearly wrong (`error_of` says so). The time of a row is that of air
+and camera on the whole plane: the minimum over blocks, after one that is discarded.
 """
 
 from __future__ import annotations
@@ -34,7 +34,13 @@ _FULL: Final = "reference"
 
 @dataclass(frozen=True)
 class _Rung:
-    """A plan of the ladder, and the tolerances that give it."""
+    """A plan of the ladder.
+
+    Attributes:
+        tier: of the camera's pixels.
+        tolerances: tolerances that give this plan.
+        plan: the plan.
+    """
 
     tier: Tier
     tolerances: list[float]
@@ -60,45 +66,48 @@ def _rungs(setup: LinkSetup, survey: LinkSurvey) -> list[_Rung]:
 def _plane_ns(
     setup: LinkSetup, plans: Sequence[LinkPlan], progress: Progress
 ) -> tuple[dict[frozenset[str] | None, float], dict[tuple[Tier, CameraSetting], float]]:
-    """Nanoseconds a pixel-cycle of the whole chip.
+    """Measures the whole chip, nanoseconds for a pixel-cycle.
 
-    Returns those of the light by the effects of the air that are kept (None: all of them), and
-    those of each distinct camera.
+    Returns:
+        The time of the light by the effects of the air (None for all), and of each distinct camera.
     """
     chip = setup.setting.camera.chip
     airs = {
-        kept: setup.setting.make_air(setup.sent, setup.sent.planes, kept)
-        for kept in dict.fromkeys([None, *(plan.run_air for plan in plans)])
+        effects: setup.setting.make_air(setup.sent, setup.sent.planes, effects)
+        for effects in dict.fromkeys([None, *(plan.air_effects for plan in plans)])
     }
     cameras = {
-        key: SpikeCamera(key[1], setup.device, tier=key[0], row_delay=airs[None].late)
+        key: SpikeCamera(key[1], setup.device, tier=key[0], row_delay=airs[None].row_delay)
         for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
     }
     blocks = min(TIMED + 1, max(setup.cycles // BLOCK, 1))
-    of_air: dict[frozenset[str] | None, list[float]] = {kept: [] for kept in airs}
-    of_camera: dict[tuple[Tier, CameraSetting], list[float]] = {key: [] for key in cameras}
+    air_ns: dict[frozenset[str] | None, list[float]] = {effects: [] for effects in airs}
+    camera_ns: dict[tuple[Tier, CameraSetting], list[float]] = {key: [] for key in cameras}
     each = chip.height * chip.width * BLOCK * 1e-9
     progress.start(f"{len(cameras)} cameras on the whole chip", blocks)
     for n in range(blocks):
         block, lights = Block(n * BLOCK, BLOCK), {}
-        for kept, air in airs.items():
+        for effects, air in airs.items():
             begin = time.perf_counter()
-            lights[kept] = air.step(None, block)
-            of_air[kept].append((time.perf_counter() - begin) / each)
+            lights[effects] = air.step(None, block)
+            air_ns[effects].append((time.perf_counter() - begin) / each)
         for key, camera in cameras.items():
             begin = time.perf_counter()
             camera.step(lights[None], block)
-            of_camera[key].append((time.perf_counter() - begin) / each)
+            camera_ns[key].append((time.perf_counter() - begin) / each)
         progress.advance(n + 1)
     return (
-        {kept: min(ns[1:] or ns) for kept, ns in of_air.items()},
-        {key: min(ns[1:] or ns) for key, ns in of_camera.items()},
+        {effects: min(ns[1:] or ns) for effects, ns in air_ns.items()},
+        {key: min(ns[1:] or ns) for key, ns in camera_ns.items()},
     )
 
 
 def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
-    """The document of `viform accuracy --json` for a link. Raises InputError if no bit can be
-    compared."""
+    """Returns the document of `viform accuracy --json` for a link.
+
+    Raises:
+        InputError: if no bit can be compared.
+    """
     setting, camera = setup.setting, setup.setting.camera
     survey = survey_link(setting, setup.mode, setup.sent.symbols, setup.cycles)
     rungs = _rungs(setup, survey)
@@ -111,39 +120,42 @@ def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
         )  # fmt: skip
     variants = {_FULL: Variant("reference", camera)}
     variants |= {
-        rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.run_air) for rung in rungs
+        rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.air_effects) for rung in rungs
     }
     decided = patches.film(variants, setup.device, progress)
-    of_air, of_camera = _plane_ns(setup, [rung.plan for rung in rungs], progress)
+    air_ns, camera_ns = _plane_ns(setup, [rung.plan for rung in rungs], progress)
     full = decided[_FULL]
     rows, kind = [], KIND
     for rung in rungs:
         other, plan = decided[rung.name], rung.plan
         paired = compare(full.wrong, other.wrong, survey.scene.bits, (full.lead, other.lead))
         kind = paired.kind
-        ns = of_air[plan.run_air] + of_camera[plan.tier, plan.camera]
+        ns = air_ns[plan.air_effects] + camera_ns[plan.tier, plan.camera]
         for at, tolerance in enumerate(rung.tolerances):
             rows.append(Row(
                 rung.tier, tolerance, paired.value, (paired.low, paired.high),
-                ns * 1e-9 * setup.pixel_cycles, ns, plan.kept, list(plan.left_out),
+                ns * 1e-9 * setup.pixel_cycles, ns, plan.simulated, list(plan.left_out),
                 rung.tolerances[0] if at else None,
             ))  # fmt: skip
-    reference = _reference(setup, survey, patches, full, of_air[None])
+    reference = _reference(setup, survey, patches, full, air_ns[None])
     return _document(setup, survey, patches, full, [*rows, reference], kind)
 
 
 def _reference(
     setup: LinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
 ) -> Row:
-    """The row of full physics: its error is that of its own thresholds, which shifts the charge of
-    a tick against them."""
+    """Returns the row of full physics.
+
+    Its error is that of its own tabulated thresholds, which shifts the charge of a tick against
+    them.
+    """
     assert patches.plane is not None
     ns = air_ns + full.camera_ns
     wrong = reference_error(setup.setting.camera, patches.plane.numbers[:DRAWS])
-    own = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
-    everything = [effect.name for effect in (*survey.of_air, *survey.of_camera)]
+    error = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
+    everything = [effect.name for effect in (*survey.air_effects, *survey.camera_effects)]
     seconds = ns * 1e-9 * setup.pixel_cycles
-    return Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
+    return Row("reference", None, error, (0.0, error), seconds, ns, everything, [])
 
 
 def _document(

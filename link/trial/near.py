@@ -1,14 +1,13 @@
-"""How a bit error rate changes, by bits that are nearly wrong: an estimate from many where errors
-are few.
+"""Change of a bit error rate, estimated from bits that are nearly wrong, where errors are rare.
 
-A bit is nearly wrong where its soft value is for what was sent by less than a margin, the one that
-a thousandth of the bits of full physics are within. So there are hundreds of them where one is
-wrong, and two ways are compared by those that only one of the two has so, with the same chance in
-every pixel. Estimated is that errors change by the same share as they do: what is left out moves
-soft values, and the share by which that changes the bits below a margin goes with the slope of
-ln(bits below it), which is much the same at no margin as at a small one. It grows somewhat towards
-none: in the default link without glare and cross-talk, 13 % fewer bits are within a margin of 10,
-14 % within 8, 6 % within 15.
+A bit is nearly wrong if its soft value favours the sent bit by less than a margin. The margin is
+chosen so that a thousandth of the bits of full physics are within it, which gives hundreds of such
+bits for each error. Two simulations with the same random numbers are compared by the bits that are
+nearly wrong in only one of them. The estimate assumes that errors change by the same share: an
+omitted effect shifts soft values, and the share by which that changes the number of bits below a
+margin follows the slope of ln(number), which is similar at zero and at a small margin. It grows
+slightly towards zero: in the default link without glare and cross-talk, 13 % fewer bits are within
+a margin of 10, 14 % within 8, 6 % within 15.
 """
 
 from __future__ import annotations
@@ -24,24 +23,31 @@ from link.theory import clopper_pearson
 __all__ = ["FEWEST", "SHARE", "WIDEST", "Lead", "Near", "near"]
 
 SHARE: Final = 1e-3
-"""Of the bits that are nearly wrong."""
+"""Share of the bits that are nearly wrong."""
 FEWEST: Final = 200
-"""Bits that are nearly wrong; the share is larger where there are few bits."""
+"""Smallest number of nearly wrong bits; with few bits the share is larger."""
 WIDEST: Final = 0.01
-"""Largest share. With fewer bits, errors alone are counted."""
+"""Largest share. With fewer bits, only errors are counted."""
 _SPREAD: Final = 1.0
-"""Each bit has a margin of its own within so much, the same in every way: some detectors' soft
-values are a few numbers, and a margin among them would part what is alike."""
+"""Range of the random offset of each bit's margin, the same in all simulations: some detectors have
+few distinct soft values, and a single margin could split equal ones."""
 _SEED: Final = 0x6E656172
 Lead = npt.NDArray[np.float32]
-"""(symbols, cells)."""
+"""(symbols, cells) soft value in favour of the sent bit."""
 
 
 @dataclass(frozen=True)
 class Near:
-    """bits: compared. count: that full physics has nearly wrong. more, fewer: those that only the
-    other way, and only full physics has so. margin: of soft values, mean. relative: interval of the
-    relative change of their number."""
+    """Comparison of nearly wrong bits.
+
+    Attributes:
+        bits: number of bits compared.
+        count: bits that are nearly wrong with full physics.
+        more, fewer: bits that are nearly wrong only in the other simulation, and only with full
+            physics.
+        margin: mean margin of soft values.
+        relative: interval of the relative change of their number.
+    """
 
     bits: int
     count: int
@@ -52,20 +58,24 @@ class Near:
 
     @property
     def change(self) -> float:
-        """Relative, of their number."""
+        """Relative change of their number."""
         return (self.more - self.fewer) / self.count
 
     @property
     def size(self) -> tuple[float, float]:
-        """Interval of its size."""
+        """Interval of the magnitude of the relative change."""
         low, high = self.relative
         nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
         return nearest, max(abs(low), abs(high))
 
 
 def near(full: Lead, run: Lead, level: float) -> Near | None:
-    """full, run: of each bit, by how much its soft value is for what was sent. level: of the
-    interval. None where there are too few bits, or as many are wrong as would be nearly wrong."""
+    """Compares nearly wrong bits; None if there are too few bits or too many errors.
+
+    Args:
+        full, run: soft values in favour of the sent bits.
+        level: confidence of the interval.
+    """
     bits = full.size
     count = max(round(SHARE * bits), FEWEST)
     if count > WIDEST * bits:

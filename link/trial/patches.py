@@ -1,11 +1,11 @@
-"""A link on a few patches of the camera: what a plan of it is checked with.
+"""A link on a few patches of the camera, for the check of its plan.
 
-Patches are squares of camera pixels with the cells whose images lie in them: in the panel's middle,
-where it is brightest, along its edges and near its corners, where registration and timing are at
-their worst, and some by chance. Light is made for them alone, the same bits as on the whole plane;
-the pixels are filmed with their own numbers, so that all cameras see the same chance. Every
-camera's spikes go through a detector of their own that learns from the training, with the true
-registration and timing: what is compared are the decisions on the same bits.
+Patches are squares of camera pixels with the cells imaged in them: in the panel's middle, where it
+is brightest; along its edges and near its corners, where registration and timing are worst; and
+some at random. Light is computed only for them, with the same bits as on the whole plane. Pixels
+keep their numbers, so that all cameras draw the same random numbers. The spikes of each camera go
+through a detector of their own, which learns from the training, with the true registration and
+timing. The decisions on the same bits are compared.
 """
 
 from __future__ import annotations
@@ -38,23 +38,28 @@ from sensor.latched.tiers import Tier
 __all__ = ["Decided", "LinkPatches", "Variant"]
 
 SIDE: Final = 48, 104
-"""Camera pixels of a patch, at least, and at most: a tenth of the sensor's shorter side between
-them. Not less than four cells."""
+"""Smallest and largest side of a patch, camera pixels; between them a tenth of the sensor's shorter
+side, and at least four cells."""
 MARGIN: Final = 5
-"""Camera pixels between a cell's middle and the patch's edge, beside half the cell."""
+"""Distance of a cell's edge from the patch's edge, camera pixels."""
 RANDOM: Final = 8
-"""Patches by chance."""
+"""Number of random patches."""
 CYCLES: Final = 256
-"""Of the camera, that are filmed at most, unless the training takes longer."""
+"""Largest number of camera cycles, unless the training takes longer."""
 FEWEST: Final = 24
-"""Symbols after the training, at least."""
+"""Smallest number of symbols after the training."""
 _BLOCK: Final = 2 * WORD
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to simulate the link. air: names of the air's effects, None for all. camera: as it is
-    run."""
+    """A way to simulate the link.
+
+    Attributes:
+        tier: of the camera's pixels.
+        camera: with the effects to simulate.
+        air: names of the effects of the air, None for all.
+    """
 
     tier: Tier
     camera: CameraSetting
@@ -63,9 +68,14 @@ class Variant:
 
 @dataclass(frozen=True, eq=False)
 class Decided:
-    """wrong: (symbols, cells) bool, decisions that are not what was sent. lead: (symbols, cells) by
-    how much the soft value is for what was sent. air_ns, camera_ns: what a pixel-cycle of the
-    patches' light and pixels took, the first block aside."""
+    """Decisions of a variant.
+
+    Attributes:
+        wrong: (symbols, cells) bool, wrong decisions.
+        lead: (symbols, cells) float32, soft value in favour of the sent bit.
+        air_ns, camera_ns: run time of light and pixels for a pixel-cycle, without the first block,
+            ns.
+    """
 
     wrong: npt.NDArray[np.bool_]
     lead: npt.NDArray[np.float32]
@@ -80,7 +90,7 @@ class Decided:
 
 @dataclass(frozen=True)
 class _Squares:
-    """Boxes of a plane."""
+    """Boxes of a plane: (y0, y1, x0, x1) each."""
 
     height: int
     width: int
@@ -91,7 +101,7 @@ class _Squares:
 
 
 class _PanelPixels:
-    """What the panel shows, made once for all airs that follow each other closely."""
+    """The panel's pixels, computed once for several airs that run in step."""
 
     def __init__(self, sent: Transmission) -> None:
         self._sent, self.ticks = sent, sent.ticks
@@ -108,7 +118,11 @@ class _PanelPixels:
 
 @dataclass(frozen=True, eq=False)
 class _PartLayout(Layout):
-    """A layout of which only some data cells are looked at. chosen: as `data`, in order."""
+    """A layout with only some of its data cells.
+
+    Attributes:
+        chosen: (cells,) data cells, as in `Layout.data`, in order.
+    """
 
     chosen: npt.NDArray[np.intp]
 
@@ -118,7 +132,19 @@ class _PartLayout(Layout):
 
 
 class LinkPatches:
-    """The patches of one transmission. seed: of those that lie by chance. detector: its name."""
+    """The patches of one transmission.
+
+    Args:
+        setting: the link.
+        sent: the transmission.
+        seed: of the random patches.
+        detector: name of the detector.
+
+    Attributes:
+        cells: (n,) places in `Layout.data` of the data cells in the patches.
+        plane: the patches; None if no data cell is in view.
+        symbols: number of symbols after the training that are compared.
+    """
 
     def __init__(
         self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "joint"
@@ -142,7 +168,6 @@ class LinkPatches:
                 & (y >= y0 + reach) & (y <= y1 - 1 - reach)
             )  # fmt: skip
         self.cells = np.flatnonzero(inside)
-        """Which data cells are looked at, (n,), as places in `Layout.data`."""
         self._part = _PartLayout(sent.mode, layout.data[self.cells])
         self.plane = None
         if boxes:
@@ -151,15 +176,14 @@ class LinkPatches:
         ticks = sent.mode.ticks
         most = max(CYCLES // ticks - TRAINING, FEWEST)
         self.symbols = max(min(most, sent.data_end - TRAINING), 0)
-        """After the training."""
 
     @property
     def bits(self) -> int:
-        """That are compared."""
+        """Number of bits that are compared."""
         return self.symbols * len(self.cells)
 
     def _centres(self, layout: Layout) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """Camera (x, y) of the data cells' middles."""
+        """Returns the camera (x, y) of the data cells' centres."""
         row, column = np.divmod(layout.data, layout.shape[1])
         side = layout.mode.cell
         where = Registration(self._homography, np.zeros((0, 3)))
@@ -168,7 +192,8 @@ class LinkPatches:
     def _boxes(
         self, x: npt.NDArray[Any], y: npt.NDArray[Any], size: int, seed: int
     ) -> list[tuple[int, int, int, int]]:
-        """Around cells in view: the middle, the ends along both axes and both diagonals, chance."""
+        """Returns the boxes: around the middle, the ends along both axes and diagonals, and random
+        cells."""
         if not len(x):
             return []
         chip, half = self._setting.camera.chip, size // 2
@@ -179,7 +204,7 @@ class LinkPatches:
         chosen += np.random.default_rng(seed).permutation(len(x))[:RANDOM].tolist()
         boxes: list[tuple[int, int, int, int]] = []
         for n in chosen:
-            # Drawn in towards the middle, so that a cell at the panel's end lies well within.
+            # Shifted towards the middle, so that a cell at the panel's end lies well inside.
             left = round(float(x[n] - np.sign(dx[n]) * min(half * 0.6, abs(dx[n])))) - half
             top = round(float(y[n] - np.sign(dy[n]) * min(half * 0.6, abs(dy[n])))) - half
             left, top = (
@@ -188,21 +213,24 @@ class LinkPatches:
             boxes.append((top, top + size, left, left + size))
         return list(dict.fromkeys(boxes))
 
-    def _air(self, source: _PanelPixels, kept: frozenset[str] | None) -> Air:
+    def _air(self, source: _PanelPixels, effects: frozenset[str] | None) -> Air:
         assert self.plane is not None
-        return self._setting.make_air(source, self._sent.planes, kept, self.plane.places)
+        return self._setting.make_air(source, self._sent.planes, effects, self.plane.places)
 
     def film(
         self, variants: Mapping[str, Variant], device: Device | None, progress: Progress
     ) -> dict[str, Decided]:
-        """Decisions of every variant on the same bits. Raises ValueError where no cell with data is
-        in view, or the transmission ends with its training."""
+        """Returns the decisions of every variant on the same bits.
+
+        Raises:
+            ValueError: if no data cell is in view, or the transmission ends with its training.
+        """
         if self.plane is None or not self.bits:
             raise ValueError("at least one data cell must be in view and sent")
         source, kinds = _PanelPixels(self._sent), dict.fromkeys(v.air for v in variants.values())
-        airs = {kept: self._air(source, kept) for kept in kinds}
+        airs = {effects: self._air(source, effects) for effects in kinds}
         cameras = {
-            name: PatchCamera(v.camera, self.plane, v.tier, device, row_delay=airs[v.air].late)
+            name: PatchCamera(v.camera, self.plane, v.tier, device, row_delay=airs[v.air].row_delay)
             for name, v in variants.items()
         }
         clock = self._setting.camera.clock
@@ -216,10 +244,10 @@ class LinkPatches:
         for start in range(0, cycles, _BLOCK):
             block = Block(start, min(_BLOCK, cycles - start))
             lights: dict[frozenset[str] | None, Light] = {}
-            for kept, air in airs.items():
+            for effects, air in airs.items():
                 begin = time.perf_counter()
-                lights[kept] = air.step(None, block)
-                spent[kept].append(time.perf_counter() - begin)
+                lights[effects] = air.step(None, block)
+                spent[effects].append(time.perf_counter() - begin)
             for name, camera in cameras.items():
                 begin = time.perf_counter()
                 latched = camera.step(lights[variants[name].air], start, block.cycles)
@@ -238,13 +266,17 @@ class LinkPatches:
     def _decide(
         self, words: npt.NDArray[np.uint32], air: Air
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-        """A detector's soft values for what was sent, and whether they are wrong. words: (n,
-        pixels) of the patches."""
+        """Returns the soft values in favour of the sent bits, and whether they are wrong.
+
+        Args:
+            words: (n, pixels) uint32 of the patches.
+            air: light of the variant.
+        """
         assert self.plane is not None
         chip = self._setting.camera.chip
         whole = np.zeros((len(words), chip.height * chip.width), np.uint32)
         whole[:, self.plane.numbers.astype(np.intp)] = words
-        timing = true_timing(self._setting, air.late, self._sent.ticks)
+        timing = true_timing(self._setting, air.row_delay, self._sent.ticks)
         detector = make_detector(
             self._detector, self._part, self._registration(air, timing), timing
         )
@@ -255,7 +287,7 @@ class LinkPatches:
         return np.where(on, soft, -soft), np.asarray((soft > 0) != on)
 
     def _registration(self, air: Air, timing: Timing) -> Registration:
-        """Where the panel's pixels are imaged, with what vibration does to it."""
+        """Returns the place of the panel's pixels in the image, with vibration."""
         truth, count = air.truth, TRAINING + self.symbols
         middle = timing.start(np.arange(count) + 0.5, timing.rows / 2)
         drift = np.column_stack([middle, air.shifts[:count]])
@@ -263,7 +295,10 @@ class LinkPatches:
 
 
 def _ns(seconds: list[float], pixels: int, cycles: int) -> float:
-    """Nanoseconds a pixel-cycle; the first block, which may compile, aside where there are more."""
+    """Returns the nanoseconds for a pixel-cycle, without the first block if there are more.
+
+    The first block may include compilation.
+    """
     some = seconds[1:] or seconds
     each = min(_BLOCK, cycles)
     return float(np.mean(some)) * 1e9 / (pixels * each)

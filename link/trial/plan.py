@@ -1,12 +1,12 @@
-"""The plan of a link's run: tier, effects of the air and of the camera, in units of the bit error
-rate's interval.
+"""The plan of a link's run: tier and effects, bounded in half-widths of the bit error rate's
+interval.
 
-Every bound begins with the share of a lit pixel's charge in a tick by which leaving the effect out
-can move any pixel's charge; `link.air` turns that into the change of the bit error rate over half
-the width of its 99.9 % interval, by a closed form that is not the receiver's: so every bound is an
-estimate, which the planner counts twice and sums up. The effects' bounds of a rate
-(`sensor.effects`) are of images: one spike more or less in a window counts there as a spike, where
-a link asks only on which side of the threshold a tick falls.
+Every bound starts from the share of a lit pixel's charge in a tick by which leaving the effect out
+can change any pixel's charge. `link.air` converts it to the change of the bit error rate over half
+the width of its 99.9 % interval, by a closed form that is not the receiver's. Every bound is
+therefore an estimate, which the planner counts twice and adds up. The bounds of `sensor.effects` do
+not apply: they are for images, where one spike more in a window counts as a spike, while a link
+only reads on which side of the threshold a tick falls.
 """
 
 from __future__ import annotations
@@ -34,40 +34,40 @@ __all__ = [
 ]  # fmt: skip
 
 LEVEL: Final = 0.999
-"""Of the bit error rate's interval."""
+"""Confidence of the interval of the bit error rate."""
 _DEVIATIONS: Final = 8.0
-"""Of a tick's charge, beyond which no threshold decides a bit."""
+"""Standard deviations of a tick's charge beyond which no threshold decides a bit."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkPlan:
-    """A plan.
+    """The plan of a link.
 
     Attributes:
         plan: of every effect.
-        scene: what the bounds are computed from.
+        scene: input of the bounds.
         tier: of the camera's pixels.
-        camera: as it is run.
-        of_air: names of the effects of the air that act.
-        kept_air: names of those that are simulated.
-        own: bound of the error of the tier itself.
+        camera: with the effects that are simulated.
+        active_air: names of the effects of the air that act in the scene.
+        simulated_air: names of those that are simulated.
+        tier_bound: bound of the error of the tier itself.
     """
 
     plan: Plan
     scene: LinkSummary
     tier: Tier
     camera: CameraSetting
-    of_air: frozenset[str]
-    kept_air: frozenset[str]
-    own: float
+    active_air: frozenset[str]
+    simulated_air: frozenset[str]
+    tier_bound: float
 
     @property
-    def run_air(self) -> frozenset[str] | None:
-        """What `link.air.Air` is to keep: None where that is everything."""
-        return None if self.kept_air == self.of_air else self.kept_air
+    def air_effects(self) -> frozenset[str] | None:
+        """Effects for `link.air.Air`: None for all."""
+        return None if self.simulated_air == self.active_air else self.simulated_air
 
     @property
-    def kept(self) -> list[str]:
+    def simulated(self) -> list[str]:
         """Every effect that is simulated."""
         return list(self.plan.everywhere)
 
@@ -76,7 +76,11 @@ class LinkPlan:
         return self.plan.left_out
 
     def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
-        """What is left out, as `result.json` says it. measured: of each, where it was."""
+        """Returns the effects that are left out, for `result.json`.
+
+        Args:
+            measured: error without each effect, where it was measured.
+        """
         return [
             {
                 "effect": row.effect, "bound": row.bound, "kind": row.kind,
@@ -87,23 +91,30 @@ class LinkPlan:
 
 
 def half_width(rate: float, bits: int) -> float:
-    """Of the 99.9 % Clopper-Pearson interval of a bit error rate met over so many bits: the unit of
-    a link's error."""
+    """Returns half the 99.9 % Clopper-Pearson interval of a bit error rate, the unit of a link's
+    error.
+
+    Args:
+        rate: bit error rate.
+        bits: number of bits that it was measured over.
+    """
     low, high = clopper_pearson(round(rate * bits), bits, LEVEL)
     return float(high - low) / 2
 
 
 def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Change]:
-    """Of the camera's effects, by name, by how much of a lit pixel's charge in a tick leaving each
-    out can move any pixel's. What differs from pixel to pixel is a standard deviation, met anew in
-    each."""
+    """Returns the change of a pixel's charge without each effect of the camera, by name.
+
+    Changes are shares of a lit pixel's charge in a tick. A change that differs from pixel to pixel
+    is a standard deviation, drawn once for each pixel.
+    """
     on, q = scene.on, camera.threshold
     tick = float(camera.clock.period)
     shot = q if any(e.name == "shot noise" for e in camera.effects) else 0.0
     noise = math.sqrt(shot + camera.threshold_noise**2) - math.sqrt(shot)
     swing = (scene.on - scene.off) / on
     sizes = {
-        # Without it a charge falls on the other side of a threshold up to so many deviations away.
+        # Without it, a charge within so many deviations may fall on the other side of a threshold.
         "shot noise": _DEVIATIONS * math.sqrt(q) / on,
         "threshold noise": _DEVIATIONS * noise / on,
         "row-by-row sampling": swing * camera.row_skew,
@@ -115,23 +126,28 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
     }
     changes = {name: Change(size) for name, size in sizes.items()}
     if camera.pattern is not None:
-        own = camera.pattern
-        anew = scene.cycles / (camera.chip.width * camera.chip.height)
-        changes["PRNU"] = Change(own.prnu, anew)
-        changes["threshold FPN"] = Change(own.threshold_fpn, anew)
-        dark = own.dark * (1 + _DEVIATIONS * own.dsnu) * tick / on
+        pattern = camera.pattern
+        duration = scene.cycles / (camera.chip.width * camera.chip.height)  # one draw a pixel
+        changes["PRNU"] = Change(pattern.prnu, duration)
+        changes["threshold FPN"] = Change(pattern.threshold_fpn, duration)
+        dark = pattern.dark * (1 + _DEVIATIONS * pattern.dsnu) * tick / on
         changes["dark current and DSNU"] = Change(dark)
     return changes
 
 
 def _link_effect(effect: Effect, changes: dict[str, Change], lost: float) -> Effect:
-    """An effect of the camera with its bound in the link's unit. lost: share of pixels that are hot
-    or dead."""
+    """Returns an effect of the camera with its bound in half-widths.
+
+    Args:
+        effect: the effect.
+        changes: of all effects, by name.
+        lost: share of pixels that are hot or dead.
+    """
 
     def bound(summary: Summary) -> Bound:
         if not isinstance(summary, LinkSummary):
             raise TypeError("the bounds of a link's effects need a LinkSummary")
-        if effect.name == "hot and dead pixels":  # at worst such a pixel decides a cell
+        if effect.name == "hot and dead pixels":  # worst case: such a pixel decides a cell
             return Bound(lost / 2 / half_width(ber(summary), summary.bits), "estimate")
         if effect.name not in changes:  # costs nothing, and is kept
             return Bound(math.inf, "proof")
@@ -140,34 +156,34 @@ def _link_effect(effect: Effect, changes: dict[str, Change], lost: float) -> Eff
     return replace(effect, bound=bound, scope="plane")
 
 
-def _own(camera: CameraSetting, scene: LinkSummary) -> float:
-    """What the fast tier's arithmetic may change."""
+def _fast_error(camera: CameraSetting, scene: LinkSummary) -> float:
+    """Returns the bound of the error of the fast tier's arithmetic."""
     error = charge_error(camera.model, scene.on, scene.cycles) * camera.threshold / scene.on
     return ESTIMATE_WEIGHT * ber_units(scene, error)
 
 
 def _known(effect: Effect, scene: LinkSummary) -> Effect:
-    """The same effect with its bound in this scene computed once."""
+    """Returns the same effect with its bound in this scene computed once."""
     bound = effect.bound(scene)
     return replace(effect, bound=lambda _: bound)
 
 
 @dataclass(frozen=True, eq=False)
 class LinkSurvey:
-    """What the plans of a link depend on.
+    """Input of the plans of a link.
 
     Attributes:
         camera: with every effect.
-        scene: what the bounds are computed from.
-        of_air, of_camera: effects that act, with their bounds.
+        scene: input of the bounds.
+        air_effects, camera_effects: effects that act, with their bounds.
         fast: bound of the error of the fast tier's arithmetic.
         lumped: bound of the error of the lumped form of a circuit.
     """
 
     camera: CameraSetting
     scene: LinkSummary
-    of_air: tuple[Effect, ...]
-    of_camera: tuple[Effect, ...]
+    air_effects: tuple[Effect, ...]
+    camera_effects: tuple[Effect, ...]
     fast: float
     lumped: float = 0.0
 
@@ -183,26 +199,31 @@ class LinkSurvey:
 
         Args:
             tolerance: of the change of the bit error rate, half-widths of its interval.
-            forced: effects to keep whatever their bound.
-            tier: of the camera's pixels; chosen by the tolerance if None.
+            device: OpenCL device, None for numba.
+            forced: effects to simulate whatever their bound.
+            tier: of the camera's pixels; None to choose it by the tolerance.
         """
         if tier is None:
             able = device is not None and tolerance > 0 and self.fast <= SHARE * tolerance / 2
             tier = "fast" if able else "exact"
-        own = self.lumped + (self.fast if tier == "fast" else 0.0)
-        effects = [*self.of_air, *self.of_camera]
-        plan = make_plan(effects, self.scene, tolerance, own=own, forced=forced, base_ns=QUIET)
-        gone, acting = set(plan.left_out), frozenset(effect.name for effect in self.of_air)
+        bound = self.lumped + (self.fast if tier == "fast" else 0.0)
+        effects = [*self.air_effects, *self.camera_effects]
+        plan = make_plan(
+            effects, self.scene, tolerance, tier_error=bound, forced=forced, base_ns=QUIET
+        )
+        left_out, active = set(plan.left_out), frozenset(effect.name for effect in self.air_effects)
         return LinkPlan(
-            plan, self.scene, tier, self.camera.without(gone), acting, acting - gone, own
+            plan, self.scene, tier, self.camera.without(left_out), active, active - left_out, bound
         )
 
 
 def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> LinkSurvey:
-    """The survey of a run.
+    """Surveys a run.
 
     Args:
-        symbols: that are sent, training included.
+        setting: the link.
+        mode: of the transmission.
+        symbols: number of symbols sent, training included.
         cycles: of the camera.
     """
     camera = setting.camera
@@ -216,6 +237,6 @@ def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> 
     sizes = [_link_effect(effect, changes, lost) for effect in camera.kept]
     return LinkSurvey(
         camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),
-        tuple(_known(e, scene) for e in sizes), _own(camera, scene),
+        tuple(_known(e, scene) for e in sizes), _fast_error(camera, scene),
         ber_units(scene, camera.lumped_error),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A link with its plan, and the check of the plan on patches before anything is recorded."""
+"""A planned link, and the check of its plan on patches before the recording."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from sensor import SpikeCamera
 __all__ = ["PlannedLink", "check_plan", "plan_link"]
 
 ARITHMETIC: Final = "32-bit arithmetic"
-"""Name of the effect that the exact tier reinstates."""
+"""Name of the effect for which the exact tier is taken."""
 _BLURRED: Final = 2.0
-"""Sides of a cell, of blur above which the check is skipped: no bit would be decided right."""
+"""Blur above which the check is skipped, in sides of a cell: no bit would be decided correctly."""
 
 
 @dataclass(frozen=True)
 class PlannedLink:
-    """A link that is planned.
+    """A planned link.
 
     Attributes:
-        setup: what is simulated.
-        survey: what the bounds of plans depend on.
-        plan: what is kept.
-        check: what patches have measured of the plan; None before.
-        beyond: one line for each promise that does not hold with every effect kept.
+        setup: the link.
+        survey: input of the plans.
+        plan: effects that are simulated.
+        check: result of the check on patches; None before it.
+        beyond: one line for each bound that is exceeded although every effect is simulated.
     """
 
     setup: LinkSetup
@@ -47,16 +47,19 @@ class PlannedLink:
     beyond: tuple[str, ...] = ()
 
     def make_air(self) -> Air:
-        """The stage that makes the light."""
+        """Returns the stage that makes the light."""
         sent = self.setup.sent
-        return self.setup.setting.make_air(sent, sent.planes, self.plan.run_air)
+        return self.setup.setting.make_air(sent, sent.planes, self.plan.air_effects)
 
-    def make_camera(self, late: npt.NDArray[np.int64]) -> SpikeCamera:
-        """The stage that makes the spikes. late: delay of the light of each row, ps."""
-        return SpikeCamera(self.plan.camera, self.setup.device, tier=self.plan.tier, row_delay=late)
+    def make_camera(self, row_delay: npt.NDArray[np.int64]) -> SpikeCamera:
+        """Returns the stage that makes the spikes. row_delay: (H,) delay of the light of each row,
+        ps."""
+        return SpikeCamera(
+            self.plan.camera, self.setup.device, tier=self.plan.tier, row_delay=row_delay
+        )
 
     def keep(self, effects: Sequence[str]) -> PlannedLink:
-        """The same link planned with these effects kept."""
+        """Returns the same link, planned with these effects."""
         return _planned(self.setup, self.survey, effects)
 
 
@@ -76,9 +79,10 @@ def plan_link(setup: LinkSetup) -> PlannedLink:
 
 
 def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list[Finding]]:
-    """The link with its plan checked on patches, and the effect that must be reinstated, if any.
+    """Checks the plan on patches. Returns the link with the result, and the effect to reinstate, if
+    any.
 
-    The check is skipped where no bit can be decided right.
+    The check is skipped if no bit can be decided correctly.
     """
     setup, plan = link.setup, link.plan
     setting, tolerance = setup.setting, setup.scenario.tolerance

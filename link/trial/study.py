@@ -1,4 +1,4 @@
-"""A link that is planned and measured without a run of its own."""
+"""Plan and accuracy of a link, measured without a run."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ __all__ = ["LinkStudy"]
 
 
 class LinkStudy:
-    """See `Study`.
+    """Study of a link; see `Study`.
 
     Args:
         name: short name of the scenario.
+        scenario: the scenario.
         camera: that of [sensor], with every effect.
         device: part of an OpenCL device's name, "numba", or None for the default one.
     """

@@ -11,7 +11,7 @@ import pytest
 from cosim import PS, Block, Clock, Viform
 from cosim.light.radiometry import photons_per_lux
 from display import SpikePanel
-from link.air import Aim, Air, AirSetting, Optics, f_number_for
+from link.air import Aim, Air, AirSetting, Optics, Scene, f_number_for
 from link.mode import CELLS, LINE_CODES, TICKS, Mode
 from link.receiving import Received, Receiver
 from link.sending import Transmission
@@ -47,12 +47,12 @@ def crossed(
     )
     per_lux = chip.electrons_per_lux(photons_per_lux(555.0))
     stop = f_number_for(level, optics, DISTANCE, 1000.0, per_lux, CLOCK)
+    panel = SpikePanel((PANEL, PANEL), CLOCK, 1.0, drive="impulse", row_scan=0.0)
+    scene = Scene(panel, replace(optics, f_number=stop), Aim(), AirSetting(DISTANCE))
     air = Air(
-        sent, SpikePanel((PANEL, PANEL), CLOCK, 1.0, drive="impulse", row_scan=0.0),
-        replace(optics, f_number=stop), Aim(), AirSetting(DISTANCE), camera,
-        first_light=12 * PS // 40_000, planes=sent.planes, kept=(),
+        sent, scene, camera, first_light=12 * PS // 40_000, planes=sent.planes, effects=()
     )  # fmt: skip
-    eye, receiver = SpikeCamera(camera, None, row_delay=air.late), Receiver((SIDE, SIDE))
+    eye, receiver = SpikeCamera(camera, None, row_delay=air.row_delay), Receiver((SIDE, SIDE))
     for first in range(0, sent.planes + 32, 64):
         block = Block(first, 64)
         words = eye.step(air.step(None, block), block)

@@ -1,10 +1,9 @@
-"""`viform board replay`: a log of a line, read back without the board."""
+"""`viform board replay`: prints or replays a log of the line without the board."""
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,38 +11,41 @@ from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.connection import Csr
 from scenarios.cli.output import Json, print_document
 
+if TYPE_CHECKING:
+    from rtl_model.host.log_events import LogEvent
+
 __all__ = ["board_replay"]
 
-_SHOWN = 4  # words of a transaction that are printed
+_PRINTED = 4  # most words of a transaction that are printed
 
 
 def board_replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="written with --log")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="file written with --log")],
     csr: Csr = None,
     judge: Annotated[
-        bool, typer.Option("--bringup", help="judge the log of a bring-up anew")
+        bool, typer.Option("--bringup", help="repeat the bring-up over the log")
     ] = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, max=4096, help="of the bring-up's bursts; the log's when absent"),
+        typer.Option(min=1, max=4096, help="in the bring-up's bursts; as in the log when absent"),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Print a log's transactions with the registers' names, or run the bring-up over it again."""
+    """Print the transactions of a log with register names, or repeat the bring-up over it."""
     from rtl_model.host import ReplayPort, default_map, is_pty
 
-    port = ReplayPort(log)  # refuses what is no log
+    port = ReplayPort(log)  # refuses a file that is not a log
     known = csr_map(csr)
     if judge:
         from rtl_model.bringup.run import BringUp, bring_up
         from scenarios.cli.board.bringup import print_stage
 
         simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated
-        how = BringUp(
+        options = BringUp(
             baud=port.baud, csr=known, simulated=simulated, time_scale=port.time_scale or 1.0,
             frames=frames or port.frames or 8,
         )  # fmt: skip
-        report = bring_up(port, how, (lambda stage: None) if json else print_stage)
+        report = bring_up(port, options, (lambda stage: None) if json else print_stage)
         if json:
             print_document(report.document())
         elif not report.ok:
@@ -52,10 +54,7 @@ def board_replay(
             raise typer.Exit(1)
         return
     names = {entry.address: name for name, entry in (known or default_map()).registers.items()}
-    rows = [
-        _row(json_module.loads(line), names)
-        for line in log.read_text(encoding="ascii").splitlines()
-    ]
+    rows = [{**event.model_dump(), "text": _text(event, names)} for event in port.events]
     faults = sum(row.get("fault") is not None for row in rows)
     if json:
         print_document({"ok": True, "events": rows, "faults": faults})
@@ -63,34 +62,31 @@ def board_replay(
     begun = rows[0]["monotonic"]
     for row in rows:
         print(f"{row['monotonic'] - begun:10.6f} s  {row['text']}")
-    print(f"{len(rows)} events, {faults} answers with a fault")
+    end = ", the last line is cut off" if port.cut else ""
+    print(f"{len(rows)} events, {faults} answers with a fault{end}")
 
 
-def _row(event: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
-    """The event with a line of what it says."""
-    kind = event["event"]
-    if kind == "write":
-        address = int(event["address"], 0)
-        name = names.get(address, event["address"])
-        words = event["words"]
-        data = bytes.fromhex(event["hex"])[6:]
-        reads = event["command"].startswith("read")
-        access = f"reads {name}" if reads else f"writes {name} = {_words(data)}"
-        text = access + (f", {words} words" if words > 1 else "")
-    elif kind == "read":
-        text = f"  answer {_words(bytes.fromhex(event['hex']))}"
-        text += f", FAULT {event['fault']}" if event["fault"] else ""
-    elif kind == "stray":
-        text = f"  unasked {event['hex']}"
-    elif kind == "open":
-        text = f"{event['port']} at {event['baud']} baud, {event['wall']}"
-    else:
-        text = f"{kind} {event['value']}"
-    return {**event, "text": text}
+def _text(event: LogEvent, names: dict[int, str]) -> str:
+    """The event in one line."""
+    from rtl_model.host.log_events import Answer, Opened, Request, Stray
+
+    if isinstance(event, Request):
+        name = names.get(int(event.address, 0), event.address)
+        written = f" = {_words(bytes.fromhex(event.hex)[6:])}"
+        access = f"reads {name}" if event.command.startswith("read") else f"writes {name}{written}"
+        return access + (f", {event.words} words" if event.words > 1 else "")
+    if isinstance(event, Answer):
+        fault = f", FAULT {event.fault}" if event.fault else ""
+        return f"  answer {_words(bytes.fromhex(event.hex))}{fault}"
+    if isinstance(event, Stray):
+        return f"  stray {event.hex}"
+    if isinstance(event, Opened):
+        return f"{event.port} at {event.baud} baud, {event.wall}"
+    return f"{event.event} {event.value}"
 
 
 def _words(data: bytes) -> str:
     if not data:
         return "nothing"
     words = [data[n : n + 4].hex() for n in range(0, len(data), 4)]
-    return " ".join(words[:_SHOWN]) + (f" .. ({len(words)})" if len(words) > _SHOWN else "")
+    return " ".join(words[:_PRINTED]) + (f" .. ({len(words)})" if len(words) > _PRINTED else "")

@@ -82,7 +82,7 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
         "cause": r.verdict.cause.name.lower(), "verdict": r.verdict.text, "ticks": r.ticks,
         "clock_hz": clock.hz,
         "file": None, "mode": None, "timing": None,
-        "frames": {"seen": r.frames_seen, "right": r.frames_right, "needed": r.frames_needed},
+        "frames": {"seen": r.frames_read, "right": r.frames_right, "needed": r.frames_needed},
         "codewords": {"read": r.codewords, "lost": r.codewords_wrong,
                       "bytes_mended": r.bytes_corrected},
     }  # fmt: skip

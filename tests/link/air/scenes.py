@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim import Clock
 from display import SpikePanel
-from link.air import Aim, Air, AirSetting, Optics
+from link.air import Aim, Air, AirSetting, Optics, Scene
 from sensor import CHIPS, CameraSetting
 
 CLOCK = Clock(40_000)
@@ -38,12 +38,12 @@ class Shown:
         return np.random.default_rng(symbol).random(self.shape) < 0.5
 
 
-def make(source: Any = None, planes: int = 24, kept: Any = None, **changes: Any) -> Air:
+def make(source: Any = None, planes: int = 24, effects: Any = None, **changes: Any) -> Air:
     """changes: optics, aim, air, panel, camera, places."""
     given: dict[str, Any] = {"optics": OPTICS, "aim": Aim(), "air": AIR, "panel": PANEL}
     given = given | changes
+    scene = Scene(given["panel"], given["optics"], given["aim"], given["air"])
     return Air(
-        source or Shown(), given["panel"], given["optics"], given["aim"], given["air"],
-        given.get("camera", CAMERA), first_light=FIRST, planes=planes, kept=kept,
-        places=given.get("places"),
+        source or Shown(), scene, given.get("camera", CAMERA), first_light=FIRST, planes=planes,
+        effects=effects, places=given.get("places"),
     )  # fmt: skip

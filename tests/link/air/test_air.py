@@ -66,7 +66,7 @@ def test_a_slow_emitter_is_the_displays_own() -> None:
         def pixels(self, symbol: int) -> np.ndarray:
             return np.full(self.shape, symbol == 0)
 
-    air = make(Once(ticks=1), 8, panel=panel, kept=["emitter response"])
+    air = make(Once(ticks=1), 8, panel=panel, effects=["emitter response"])
     light = air.step(None, Block(0, 16))
     steady = levels(OPTICS, AIR).on
     tick, level = 25e-6, 0.0
@@ -88,7 +88,7 @@ def test_scanning_in_step_cancels() -> None:
     homography = image_of(wide, Aim(), AIR, SHAPE)
     rows = (np.arange(SHAPE[0]) - homography[1, 2]) / homography[1, 1]
     exact = np.clip(rows, 0, 63) / 64 * PS / 40_000
-    assert np.abs(air.late - exact).max() <= 1
+    assert np.abs(air.row_delay - exact).max() <= 1
     # A flash of one cycle in the panel's time is all of one cycle for a row in step.
     flash = np.full(SHAPE, 1e4, np.float32)
     dark = np.zeros(SHAPE, np.float32)

@@ -37,10 +37,15 @@ FULL = Scene(
 
 
 @cache
-def _light(kept: tuple[str, ...]) -> np.ndarray:
+def _light(effects: tuple[str, ...]) -> np.ndarray:
     scene = FULL
     air = make(
-        panel=scene.panel, optics=scene.optics, aim=scene.aim, air=scene.air, kept=kept, planes=20
+        panel=scene.panel,
+        optics=scene.optics,
+        aim=scene.aim,
+        air=scene.air,
+        effects=effects,
+        planes=20,
     )
     light = air.step(None, Block(0, 24))
     return np.stack([piece.first for piece in light.pieces])
@@ -55,7 +60,7 @@ def test_a_bound_holds_on_what_is_simulated(name: str) -> None:
         without = np.concatenate([without[:1], np.repeat(without[1:-1], 2, axis=0), without[-1:]])
     found = float(np.abs(with_it - without).max()) / levels(FULL.optics, FULL.air).on
     change = charge_changes(FULL, CAMERA)[name]
-    most = change.size * (6 if change.lasts else 1)
+    most = change.size * (6 if change.duration else 1)
     assert 0 < found <= most * (1 + 1e-3) + 2e-3
     # It says something: what acts on every pixel is bounded to within a factor.
     if name in ("fog extinction", "airlight", "lens blur", "sun", "ambient on the panel"):

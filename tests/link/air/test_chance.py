@@ -71,7 +71,7 @@ def test_shifts_are_of_the_seed_alone() -> None:
     assert np.array_equal(long[:40], short)
     assert not np.array_equal(long, vibration(1.0, 30.0, 50e-6, 100, 6))
     assert not vibration(0.0, 30.0, 50e-6, 5, 5).any()
-    air = make(kept=["vibration"], aim=_shaking())
+    air = make(effects=["vibration"], aim=_shaking())
     assert air.shift(FIRST + PS // 40_000) == pytest.approx(tuple(air.shifts[0]))
     assert air.shift(FIRST + 2 * PS // 40_000) == pytest.approx(tuple(air.shifts[1]))
     assert air.shift(FIRST - 1) == (0, 0)
@@ -154,9 +154,9 @@ def test_the_panels_light_flickers_and_nothing_else() -> None:
     """A small panel before a large lens is one patch."""
     strong = replace(AIR, structure=1e-9, glare=0.0, ambient=500.0)
     optics = replace(OPTICS, pitch=100e-6)
-    air = make(air=strong, optics=optics, kept=["scintillation", "surroundings"])
+    air = make(air=strong, optics=optics, effects=["scintillation", "surroundings"])
     assert air.flicker.index > 1e-4 and air.patches.count == 1
-    plain = make(air=replace(strong, structure=0.0), optics=optics, kept=["surroundings"])
+    plain = make(air=replace(strong, structure=0.0), optics=optics, effects=["surroundings"])
     for symbol in (0, 3):
         (one,), (two,) = air._symbol_pieces(symbol), plain._symbol_pieces(symbol)
         lit = two.first > two.first.max() * 0.9

@@ -138,7 +138,7 @@ def test_light_through_patches_is_the_same_in_any_blocks() -> None:
     to the first."""
     strong = replace(AIR, structure=1e-9, glare=0.0)
     optics = replace(OPTICS, blur=0.0, f_number=4.0)
-    given: dict[str, Any] = {"air": strong, "optics": optics, "kept": ["scintillation"]}
+    given: dict[str, Any] = {"air": strong, "optics": optics, "effects": ["scintillation"]}
     whole, parts = make(**given), make(**given)
     assert whole.patches.count >= 2
     long = whole.step(None, Block(0, 24)).pieces
@@ -146,7 +146,7 @@ def test_light_through_patches_is_the_same_in_any_blocks() -> None:
     assert all(np.array_equal(p.first, short[p.start].first) for p in long)
     again = parts.step(None, Block(0, 8)).pieces
     assert all(np.array_equal(p.first, short[p.start].first) for p in again)
-    plain = make(**given | {"kept": []})
+    plain = make(**given | {"effects": []})
     (one,), (two,) = whole._symbol_pieces(2), plain._symbol_pieces(2)
     lit = two.first > two.first.max() * 0.99
     found = one.first[lit] / two.first[lit]

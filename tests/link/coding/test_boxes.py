@@ -48,7 +48,7 @@ def test_a_noiseless_round_trip_is_bit_exact(line, parity, interleave, size):
     put_all(inbox, values, quality)
     assert inbox.file is not None
     assert (inbox.file.data, inbox.file.name) == (data, "a b.bin")
-    assert inbox.frames_right == inbox.frames_seen == outbox.frames
+    assert inbox.frames_right == inbox.frames_read == outbox.frames
     assert inbox.frames_needed == outbox.frames_needed
     assert inbox.codewords_wrong == inbox.bytes_corrected == 0 and not inbox.cell_errors.any()
 
@@ -127,7 +127,7 @@ def test_frames_are_counted_to_the_end_of_the_file_that_is_whole(after):
     mended = inbox.codewords
     put_all(inbox, more)
     assert inbox.over
-    assert inbox.frames_seen == inbox.frames_right == outbox.frames
+    assert inbox.frames_read == inbox.frames_right == outbox.frames
     assert inbox.codewords == mended and inbox.codewords_wrong == 0
 
 
@@ -140,8 +140,8 @@ def test_frames_of_the_file_that_are_lost_once_it_is_whole_are_counted():
     inbox = Inbox(SMALL, interleave=False)
     put_all(inbox, values)
     assert inbox.file is not None and not inbox.over
-    assert inbox.frames_seen == outbox.frames
-    lost = inbox.frames_seen - inbox.frames_right
+    assert inbox.frames_read == outbox.frames
+    lost = inbox.frames_read - inbox.frames_right
     assert 0.4 < lost / Blocks(SMALL, False).frames < 0.7
 
 
@@ -151,7 +151,7 @@ def test_frames_are_lost_as_long_as_the_file_is_not_whole():
     inbox = Inbox(SMALL)
     put_all(inbox, np.concatenate([values[:2], chance(2)]))
     assert inbox.file is None and not inbox.over
-    assert inbox.frames_seen == 2 * inbox.frames_right
+    assert inbox.frames_read == 2 * inbox.frames_right
 
 
 @pytest.mark.parametrize("seen", [True, False])
@@ -172,7 +172,7 @@ def test_a_burst_is_survived_with_the_interleaver_alone(seen):
         inbox = Inbox(SMALL, interleave=interleave)
         put_all(inbox, values, quality)
         delivered[interleave] = inbox.file is not None and inbox.file.data == data
-        lost[interleave] = 1 - inbox.frames_right / inbox.frames_seen
+        lost[interleave] = 1 - inbox.frames_right / inbox.frames_read
         if interleave:  # the map of cells shows where
             assert inbox.cell_errors[bad].mean() > 0.9 * len(values)
             assert inbox.cell_errors.sum() == inbox.cell_errors[bad].sum()
@@ -252,7 +252,7 @@ def test_damage_never_delivers_a_wrong_file(seed, share):
         quality = rng.choice([0, 1, np.nan, np.inf], SMALL.cells).astype(np.float32)
         inbox.put(int(group), row, quality)
     assert inbox.file is None or (inbox.file.data, inbox.file.name) == (data, "x")
-    assert 0 <= inbox.frames_right <= inbox.frames_seen
+    assert 0 <= inbox.frames_right <= inbox.frames_read
     assert 0 <= inbox.codewords_wrong <= inbox.codewords
 
 

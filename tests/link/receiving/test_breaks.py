@@ -132,5 +132,5 @@ def test_what_a_panel_shows_after_a_file_is_not_lost() -> None:
     middle ^= rng.random(middle.shape) < 0.4
     got = receive(toy, np.concatenate([planes[:stop], later, planes[stop:]]))
     assert got.delivered == (DATA, "a.bin")
-    assert got.frames_seen == toy.sent.outbox.frames == got.frames_right, got.verdict
+    assert got.frames_read == toy.sent.outbox.frames == got.frames_right, got.verdict
     assert f"{got.frames_right} frames of {got.frames_right}" in got.verdict.text

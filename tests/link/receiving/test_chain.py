@@ -10,7 +10,7 @@ import pytest
 from cosim import PS, Block, Clock, Viform
 from cosim.light.radiometry import photons_per_lux
 from display import SpikePanel
-from link.air import Aim, Air, AirSetting, Optics, f_number_for
+from link.air import Aim, Air, AirSetting, Optics, Scene, f_number_for
 from link.mode import Mode
 from link.receiving import Received, Receiver
 from link.sending import Transmission
@@ -35,10 +35,10 @@ def through(row_scan: float, ppm: float) -> tuple[Received, Air, Transmission]:
     optics = replace(optics, f_number=f_number_for(1.4, optics, 2.0, 1000.0, per_lux, CLOCK))
     aim = Aim((3.3, -2.6), 0.3, (0.5, -0.4), vibration=0.05)
     stage = Air(
-        sent, panel, optics, aim, AirSetting(2.0, ambient=500.0), camera,
+        sent, Scene(panel, optics, aim, AirSetting(2.0, ambient=500.0)), camera,
         first_light=round(FIRST * PS / 40_000), planes=sent.planes,
     )  # fmt: skip
-    eye = SpikeCamera(camera, None, row_delay=stage.late)
+    eye = SpikeCamera(camera, None, row_delay=stage.row_delay)
     receiver = Receiver((SIDE, SIDE))
     for first in range(0, sent.planes + 32, 64):
         block = Block(first, 64)

@@ -262,5 +262,5 @@ def test_a_transmission_is_read_with_the_closing_and_without(line: str, closed: 
         toy.sent = Transmission(mode, DATA[:900], "a.bin", overhead=0.3, most_symbols=end)
     got = receive(toy)
     assert got.delivered == (DATA[:900], "a.bin"), got.verdict
-    assert got.frames_seen == got.frames_right == toy.sent.outbox.frames
+    assert got.frames_read == got.frames_right == toy.sent.outbox.frames
     assert max(got.packed) == end - 1

@@ -112,9 +112,9 @@ class TestForwardRecursion:
 
     def test_memory_known_is_no_loss(self) -> None:
         """What is carried over is known in part from the spikes: more than the slicer's rate."""
-        from link.theory import charge_errors
+        from link.theory import PixelChannel, charge_errors
 
-        p01, p10 = charge_errors("residual", 100, 150.0, 10.0)
+        p01, p10 = charge_errors(PixelChannel("residual", 100, 150.0, 10.0))
         slicer = entropy((1 - p10 + p01) / 2) - (entropy(p10) + entropy(p01)) / 2
         assert fsc_information_rate("residual", 100, 150.0, 10.0, ticks=6400).low > slicer
 

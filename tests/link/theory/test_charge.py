@@ -13,7 +13,7 @@ from link.theory import (
     pixel_errors,
     poisson_threshold,
 )
-from link.theory.charge import charge_kernels
+from link.theory.charge import PixelChannel, charge_kernels
 from link.theory.trials import charge_trials, poisson_trials
 
 Q = 100
@@ -59,18 +59,18 @@ RESET = [
 
 @pytest.mark.parametrize(("reset", "share", "measured", "within"), RESET)
 def test_the_reset_rule_decides(reset, share: float, measured: float, within: float) -> None:
-    rate = sum(charge_errors(reset, Q, (1.4 + share) * Q, share * Q)) / 2
+    rate = sum(charge_errors(PixelChannel(reset, Q, (1.4 + share) * Q, share * Q))) / 2
     assert rate == pytest.approx(measured, rel=within)
 
 
 def test_without_background_a_residue_is_harmless() -> None:
-    p01, p10 = charge_errors("residual", Q, 1.4 * Q, 0.0)
+    p01, p10 = charge_errors(PixelChannel("residual", Q, 1.4 * Q, 0.0))
     assert p01 == 0 and 0 < p10 < 1e-5
 
 
 @pytest.mark.parametrize("share", [0.0, 0.03, 0.4])
 def test_residual_has_a_closed_form(share: float) -> None:
-    solved = charge_errors("residual", 40, 55.0, 40 * share)
+    solved = charge_errors(PixelChannel("residual", 40, 55.0, 40 * share))
     assert solved == pytest.approx(residual_errors(40, 55.0, 40 * share), rel=1e-9, abs=1e-12)
 
 
@@ -84,10 +84,10 @@ def test_subtract_reads_every_threshold_that_came() -> None:
     for _ in range(12):
         step = step @ step
     law = law @ step
-    p01, p10 = charge_errors("subtract", q, on, off)
+    p01, p10 = charge_errors(PixelChannel("subtract", q, on, off))
     assert float(law @ kernels[0][1].sum(1)) == pytest.approx(p01, rel=1e-5)
     assert float(law @ kernels[1][0].sum(1)) == pytest.approx(p10, rel=1e-3)
-    assert charge_errors("subtract", q, 19.0, 1.0) == (1.0, 0.0)
+    assert charge_errors(PixelChannel("subtract", q, 19.0, 1.0)) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize("reset", ["hard", "residual", "subtract"])
@@ -100,18 +100,18 @@ def test_kernels_are_laws(reset) -> None:
     ("reset", "measured", "within"), [("hard", 0.048, 0.02), ("residual", 0.26, 0.02)]
 )
 def test_a_row_half_a_tick_off(reset, measured: float, within: float) -> None:
-    rate = sum(charge_errors(reset, Q, 1.45 * Q, 0.05 * Q, late=0.5)) / 2
+    rate = sum(charge_errors(PixelChannel(reset, Q, 1.45 * Q, 0.05 * Q, 0.5))) / 2
     assert rate == pytest.approx(measured, rel=within)
 
 
 @pytest.mark.parametrize(
-    ("reset", "share", "late", "bits"),
+    ("reset", "share", "overlap", "bits"),
     [("hard", 0.15, 0.0, 60_000), ("residual", 0.1, 0.0, 20_000), ("hard", 0.05, 0.5, 20_000)],
 )
-def test_simulated_pixels_agree(reset, share: float, late: float, bits: int) -> None:
-    on, off = (1.4 + share) * Q, share * Q
-    rate = sum(charge_errors(reset, Q, on, off, late)) / 2
-    errors = charge_trials(reset, Q, on, off, bits, 1, 7, late=late)
+def test_simulated_pixels_agree(reset, share: float, overlap: float, bits: int) -> None:
+    channel = PixelChannel(reset, Q, (1.4 + share) * Q, share * Q, overlap)
+    rate = sum(charge_errors(channel)) / 2
+    errors = charge_trials(channel, bits, 1, 7)
     low, high = clopper_pearson(errors, bits, 1 - 1e-6)
     assert errors > 100 and low < rate < high
 
@@ -126,7 +126,7 @@ def test_simulated_slots_agree() -> None:
 class TestCells:
     def test_one_pixel_and_tick_is_the_equations(self) -> None:
         for reset in ("hard", "residual"):
-            exact = charge_errors(reset, Q, 150.0, 10.0)
+            exact = charge_errors(PixelChannel(reset, Q, 150.0, 10.0))
             assert pixel_errors(Q, 150.0, 10.0, reset, longest=None) == pytest.approx(
                 exact, rel=1e-6
             )
@@ -177,9 +177,9 @@ class TestCells:
 def test_nonsense_is_refused() -> None:
     with pytest.raises(ValueError, match="no run is too long"):
         longest_off_run(100, 0)
-    with pytest.raises(ValueError, match="late"):
-        charge_errors("hard", 10, 14, 1, late=2)
+    with pytest.raises(ValueError, match="overlap"):
+        charge_errors(PixelChannel("hard", 10, 14, 1, 2))
     with pytest.raises(ValueError, match="subtract"):
-        charge_errors("subtract", 10, 14, 1, late=0.5)
+        charge_errors(PixelChannel("subtract", 10, 14, 1, 0.5))
     with pytest.raises(ValueError, match="states"):
         charge_kernels("hard", 100_000, 1.0)

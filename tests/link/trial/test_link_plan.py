@@ -91,17 +91,17 @@ def test_what_is_decided_otherwise_is_counted_and_the_unit_is_the_runs() -> None
     full = np.zeros((40, 500), np.bool_)
     none = compare(full, full, 10**6)
     # No event in n trials: at 99.9 % p is below 1 - 0.001^(1 / n), one-sided.
-    assert none.otherwise == pytest.approx(1 - 0.001 ** (1 / 20_000), rel=1e-6)
-    assert list(none.change) == [0, none.otherwise]
+    assert none.differing_limit == pytest.approx(1 - 0.001 ** (1 / 20_000), rel=1e-6)
+    assert list(none.change) == [0, none.differing_limit]
     run = full.copy()
     run.ravel()[:300] = True
     some = compare(full, run, 10**6)
-    assert [some.more, some.fewer] == [300, 0] and some.otherwise > 300 / 20_000
-    met = LinkCheck(some, {"glare": none, "fog": None}, 0.0, 1, 1.0).met(0.1, 10**8)
+    assert [some.more, some.fewer] == [300, 0] and some.differing_limit > 300 / 20_000
+    met = LinkCheck(some, {"glare": none, "fog": None}, 0.0, 1, 1.0).rescaled(0.1, 10**8)
     assert met.paired is not None and met.paired.change == some.change
     assert met.error.value == pytest.approx(300 / 20_000 / half_width(0.1, 10**8))
     assert met.measured == {"glare": 0.0, "fog": None}
-    assert LinkCheck(some, {}, 0.0, 1, 1.0).met(None, 0).paired == some
+    assert LinkCheck(some, {}, 0.0, 1, 1.0).rescaled(None, 0).paired == some
 
 
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
@@ -139,7 +139,7 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkSurvey)
     assert made["reset dead time"].size == pytest.approx(0.2)
     assert made["dark current and DSNU"].size == pytest.approx(1.0 / scene.on)
     assert made["PRNU"].size == 0.01
-    assert scene.cycles / made["PRNU"].lasts == pytest.approx(250 * 400)
+    assert scene.cycles / made["PRNU"].duration == pytest.approx(250 * 400)
     assert {e.name for e in camera.kept} - {"random initial charge"} <= set(made)
 
 
@@ -148,9 +148,12 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
 ) -> None:
     plan = seen.plan(0.1, device)
     assert "scintillation" in plan.left_out and plan.tier == "fast"
-    assert {"vibration", "lens blur", "row-by-row sampling", "shot noise"} <= set(plan.kept)
-    assert plan.kept_air == plan.of_air - set(plan.left_out) and plan.run_air == plan.kept_air
-    assert float(plan.plan.total.max()) + plan.own <= 0.05
+    assert {"vibration", "lens blur", "row-by-row sampling", "shot noise"} <= set(plan.simulated)
+    assert (
+        plan.simulated_air == plan.active_air - set(plan.left_out)
+        and plan.air_effects == plan.simulated_air
+    )
+    assert float(plan.plan.total.max()) + plan.tier_bound <= 0.05
     rows = {row["effect"]: row for row in plan.documents({"scintillation": 0.5})}
     assert rows["scintillation"]["measured"] == 0.5
     assert 0 < rows["scintillation"]["bound"] < 0.05
@@ -158,15 +161,15 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
     kinds = {row.kind for row in plan.plan.rows if row.effect != "random initial charge"}
     assert kinds == {"estimate"} and rows["scintillation"]["kind"] == "estimate"
     everything = seen.plan(0.0, device)
-    assert everything.tier == "exact" and not everything.left_out and everything.run_air is None
+    assert everything.tier == "exact" and not everything.left_out and everything.air_effects is None
     assert everything.camera == seen.camera
     assert seen.plan(0.1, None).tier == "exact"
-    assert "scintillation" in seen.plan(0.1, device, forced=["scintillation"]).kept
+    assert "scintillation" in seen.plan(0.1, device, forced=["scintillation"]).simulated
 
 
 def test_strong_turbulence_is_kept(sent: Transmission, device: Device) -> None:
     look = survey_link(small("link.air.structure=1e-9"), MODE, sent.symbols, 200)
-    assert "scintillation" in look.plan(0.1, device).kept
+    assert "scintillation" in look.plan(0.1, device).simulated
 
 
 @pytest.mark.parametrize(("structure", "out"), [("1e-14", True), ("1.5e-14", False)])

@@ -37,7 +37,7 @@ def test_errors_change_by_the_share_that_nearly_wrong_bits_do(moved: float) -> N
     _, low, high = paired.counted
     assert low <= abs(truth) * RATE / paired.unit <= high
     assert high - low > 3 * (paired.high - paired.low)
-    met = paired.met(1e-4, 10**7)
+    met = paired.rescaled(1e-4, 10**7)
     assert met.value == pytest.approx(abs(found.change) * 1e-4 / met.unit)
     assert LinkCheck(met, {}, 0.0, 1, 1.0).error.kind == ESTIMATED
     assert LinkCheck(met, {}, 0.0, 1, 1.0).beyond(met.low / 2)
@@ -85,4 +85,4 @@ def test_the_report_says_which_figure_is_counted_and_which_is_estimated() -> Non
     assert f"{paired.near.more} more and {paired.near.fewer} fewer" in told
     assert f"between {paired.counted[1]:.2g} and {paired.counted[2]:.2g}" in told
     alone = error_text(LinkCheck(compare(full <= 0, run <= 0, 10**8), {}, 0.0, 3, 1.0))
-    assert "estimate" not in alone and "So counted" in alone
+    assert "estimate" not in alone and "Counted in this way" in alone
