@@ -104,7 +104,7 @@ def test_a_look_says_how_late_symbols_are(late: float) -> None:
         w, replace(TRUE, first=TRUE.first - late), Levels(ON, BACKGROUND, "hard", 0)
     )
     assert delay.error < 0.005
-    assert abs(delay.late - late) < 4.9 * delay.error  # alpha 1e-6
+    assert abs(delay.ticks - late) < 4.9 * delay.error  # alpha 1e-6
 
 
 def test_a_look_at_spikes_that_say_nothing_is_unsure() -> None:
