@@ -76,7 +76,7 @@ def fading(rate: Fading) -> float:
     pairs = []
     for shape in (200.0, 1e4, 1e9, 1e15):
         for a in (0.3, 4.0, 12.0):
-            # Inverse gamma functions fail near 1e10; without fading the relative error is a^4 / shape.
+            # Inverse gamma functions fail near 1e10; no fading has a relative error of a^4 / shape.
             truth = _plain(a) if shape > 1e10 else _two_fold(a, shape)
             pairs.append((rate(a, shape, shape), truth))
     for alpha, beta in ((4.0, 1.9), (5.69, 1.1), (160.0, 2.5)):
