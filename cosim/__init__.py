@@ -1,5 +1,5 @@
-"""Ground floor: time, units, light, spikes and their files, effects, OpenCL, random numbers, the
-run loop. Every part stands on it; it knows none of them."""
+"""The base of all parts: time, units, light, spikes and their files, effects, OpenCL, random
+numbers and the run. It imports no other part."""
 
 from cosim.clock import PS, Clock, seconds_to_ps
 from cosim.errors import InputError, Interrupted, ViformError

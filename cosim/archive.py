@@ -1,7 +1,8 @@
-"""numpy's archives (`.npz`): read with every byte checked, read and written in parts."""
+"""Archives of numpy (`.npz`): reading with all checksums verified, and access in parts."""
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,15 +13,17 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.errors import shorten
+
 __all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
 
 _ENTRY = 46
-"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). One whose
-comment has a damaged length swallows the next, which zipfile does not notice."""
+"""Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). An entry
+with a damaged comment length hides the next one, which zipfile does not notice."""
 
 
 def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
-    """The arrays of an archive by name; ValueError where it holds none or anything else."""
+    """Arrays of an archive by name. Raises ValueError if it holds none, or anything else."""
     if not archive.infolist():
         raise ValueError("it holds no arrays")
     for info in archive.infolist():
@@ -34,24 +37,30 @@ def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
 
 @contextmanager
 def _as_value_error() -> Iterator[None]:
-    """zipfile, zlib and numpy raise a dozen types for damaged bytes."""
+    """Raises ValueError for the many exceptions of zipfile, zlib and numpy for damaged data, and
+    suppresses the warnings of numpy about headers."""
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     except Exception as exc:
-        raise ValueError(str(exc) or type(exc).__name__) from exc
+        raise ValueError(shorten(str(exc)) or type(exc).__name__) from exc
 
 
 def _must_end(member: IO[bytes], name: str) -> None:
-    if member.read(1):  # at a member's end zipfile compares its checksum
+    """Raises ValueError unless a member ends here."""
+    if member.read(1):  # zipfile compares the checksum at the end of a member
         raise ValueError(f"{name}.npy is longer than its array")
 
 
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """The arrays of an `.npz` by name.
 
-    numpy.load compares a checksum only when an array happens to end where its member does, so a
-    damaged shape can go unseen. Raises OSError when the file cannot be read, ValueError when it is
-    no archive, is damaged, or holds pickled objects or anything but arrays.
+    numpy.load compares a checksum only if the array ends where its member ends, so it may not
+    notice a damaged shape.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: the file is no archive, is damaged, or holds anything but arrays of numbers.
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
     with path.open("rb") as file, _as_value_error(), zipfile.ZipFile(file) as archive:
@@ -63,9 +72,10 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 
 class ArrayReader:
-    """One array of an archive, read from its first element on in parts of any size.
+    """One array of an archive, which is read from its first element in parts of any size.
 
-    dtype, shape: what its header says; nothing is allocated for it before it is read.
+    Attributes:
+        dtype, shape: from its header. Memory is allocated only for the parts that are read.
     """
 
     def __init__(self, member: IO[bytes], name: str) -> None:
@@ -82,7 +92,8 @@ class ArrayReader:
             raise ValueError(f"{name}.npy must hold numbers in C order")
 
     def read(self, count: int) -> npt.NDArray[Any]:
-        """The next `count` elements, flat, or those that are left; ValueError for damage."""
+        """The next `count` elements, or all that remain, flat. Raises ValueError for damaged
+        data."""
         with _as_value_error():
             total = int(np.prod(self.shape, dtype=object))
             count = min(count, total - self._done)
@@ -97,9 +108,10 @@ class ArrayReader:
 
 @contextmanager
 def open_arrays(path: Path) -> Iterator[dict[str, ArrayReader]]:
-    """The arrays of an `.npz` by name, to be read in parts, side by side.
+    """The arrays of an `.npz` by name, for reading in parts, in any interleaving.
 
-    An array's checksum is compared when its last element is read. Raises as `load_arrays` does.
+    The checksum of an array is compared when its last element is read. Raises as `load_arrays`
+    does.
     """
     with path.open("rb") as file:
         with _as_value_error():
@@ -111,7 +123,7 @@ def open_arrays(path: Path) -> Iterator[dict[str, ArrayReader]]:
 
 
 class ArchiveWriter:
-    """Writes an `.npz` array by array, each whole or in parts. level: of zlib, 0 to 9."""
+    """Writes an `.npz` array by array, each whole or in parts. level: of compression, 0 to 9."""
 
     def __init__(self, file: IO[bytes], level: int = 6) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level)
@@ -139,9 +151,9 @@ class ArchiveWriter:
         shape: tuple[int, ...],
         parts: Iterable[npt.NDArray[Any]],
     ) -> None:
-        """Writes an array of that type and shape from parts that follow each other in C order.
+        """Writes an array from consecutive parts in C order.
 
-        Raises ValueError where they do not add up to it.
+        Raises ValueError if the parts do not add up to the shape.
         """
         kind, done = np.dtype(dtype), 0
         header = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False}

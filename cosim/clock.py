@@ -1,4 +1,4 @@
-"""Time: integer picoseconds at every edge that parts share, and clocks that do not drift."""
+"""Time in integer picoseconds, and clocks without drift."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ PS = 10**12
 
 
 def seconds_to_ps(seconds: float) -> int:
-    """Nearest whole picosecond to `seconds` (decimal text of the float, so 0.064 s is exact)."""
+    """Nearest integer picosecond; uses the decimal text of the float, so 0.064 s is exact."""
     return round(Fraction(repr(float(seconds))) * PS)
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A clock of `num/den` Hz. Edge k lies at floor(k * 1e12 * den / num) picoseconds.
+    """A clock of `num/den` Hz. Edge k is at floor(k * 1e12 * den / num) picoseconds.
 
-    The floor is taken of the exact rational, never of a sum of rounded periods, so 60 Hz and
-    85 MHz stay in step for ever. Cycle k lasts from edge k to edge k + 1. Held in lowest terms, so
-    that equal frequencies are equal clocks.
+    The floor is taken of the exact rational, not of a sum of rounded periods, so clocks of 60 Hz
+    and 85 MHz do not drift against each other. Cycle k lasts from edge k to edge k + 1. The
+    fraction is in lowest terms, so clocks of equal frequency compare equal.
     """
 
     num: int
@@ -38,7 +38,7 @@ class Clock:
 
     @classmethod
     def from_hz(cls, hz: float) -> Clock:
-        """The rational that the shortest decimal text of `hz` says (29.97 is 2997/100)."""
+        """The clock of the shortest decimal text of `hz` (29.97 is 2997/100)."""
         if not (isfinite(hz) and hz > 0):
             raise ValueError(f"clock frequency must be positive and finite, not {hz} Hz")
         exact = Fraction(repr(float(hz)))
@@ -59,17 +59,17 @@ class Clock:
         return k * PS * self.den // self.num
 
     def middle(self, k: int) -> int:
-        """Middle of cycle k in picoseconds: the instant that an image "at cycle k" shows."""
+        """Middle of cycle k in picoseconds: the instant of an image "at cycle k"."""
         return (2 * k + 1) * PS * self.den // (2 * self.num)
 
     def cycle_at(self, ps: int) -> int:
-        """The cycle that holds instant `ps`: the largest k with edge(k) <= ps."""
+        """The cycle that contains instant `ps`: the largest k with edge(k) <= ps."""
         return ((ps + 1) * self.num - 1) // (PS * self.den)
 
     def position(self, ps: int) -> Fraction:
-        """`ps` in cycles, exact: edge k sits within a picosecond of position k."""
+        """Instant `ps` in cycles, exact; edge k is within a picosecond of position k."""
         return Fraction(ps * self.num, PS * self.den)
 
     def cycles_in(self, ps: int) -> int:
-        """Whole cycles in a duration, to the nearest cycle."""
+        """Number of cycles in a duration, rounded to the nearest."""
         return round(self.position(ps))

@@ -1,4 +1,4 @@
-"""`Frame`: what a conventional imager delivers, digital numbers with exposure and row times."""
+"""`Frame`: output of a conventional imager, digital numbers with exposure and row times."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Frame:
 
     Attributes:
         values: (H, W) uint16, DN.
-        bits: of a value; full scale is 2^bits - 1.
-        number: of the frame, from 0.
+        bits: bits of a value; full scale is 2^bits - 1.
+        number: number of the frame, from 0.
         begin, end: (H,) int64 ps, start and end of each row's exposure.
-        ready: ps, when the frame's last pixel has left the imager.
-        state: figures of the controllers for this frame (exposure multiplier, saturated pixels,
+        ready: ps, instant at which the last pixel of the frame has left the imager.
+        state: values of the controllers for this frame (exposure multiplier, saturated pixels,
             gain step), by name.
     """
 
@@ -41,10 +41,10 @@ class Frame:
 
     @property
     def exposure(self) -> int:
-        """Of the first row, ps."""
+        """Exposure time of the first row, ps."""
         return int(self.end[0] - self.begin[0])
 
     @property
     def full_scale(self) -> int:
-        """Largest value there is, DN."""
+        """Largest possible value, DN."""
         return (1 << self.bits) - 1

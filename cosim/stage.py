@@ -1,7 +1,7 @@
-"""Blocks of cycles, and the stages of a chain that they go through.
+"""Blocks of cycles, and the stages of a chain that process them.
 
-Each stage transforms the output of the stage before it, block by block: a scene gives light, a lens
-maps it, a camera turns it into spikes, a recorder writes them. A stage that keeps state between
+Each stage transforms the output of the previous stage, block by block: a scene emits light, a lens
+maps it, a camera turns it into spikes, and a recorder writes them. A stage with state between
 blocks implements `Stateful`.
 """
 
@@ -16,7 +16,7 @@ import numpy.typing as npt
 __all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "blocks"]
 
 BLOCK = 64
-"""Latch cycles in a block unless a scenario says otherwise."""
+"""Latch cycles in a block, unless a scenario sets another number."""
 State = dict[str, npt.NDArray[Any]]
 
 
@@ -43,13 +43,13 @@ class Stage(Protocol):
     """One part of the chain."""
 
     def step(self, data: Any, block: Block) -> Any:
-        """The output of a block of cycles. data: output of the stage before, None for the first."""
+        """The output for a block. data: output of the previous stage, None for the first."""
         ...
 
 
 @runtime_checkable
 class Stateful(Protocol):
-    """A stage whose next block depends on the blocks before it."""
+    """A stage whose output depends on previous blocks."""
 
     def state(self) -> State: ...
     def restore(self, state: State) -> None: ...

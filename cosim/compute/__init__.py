@@ -1,1 +1,1 @@
-"""OpenCL, counter-based random numbers, and free memory."""
+"""OpenCL, counter-based random numbers, and the check of free memory."""

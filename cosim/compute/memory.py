@@ -1,4 +1,4 @@
-"""The check that memory is free, before something large is allocated."""
+"""Check of free memory before a large allocation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GIB = 2**30
 
 
 def check_memory(what: str, need: int, remedy: str) -> None:
-    """Raises InputError where `need` bytes are more than this machine has free."""
+    """Raises InputError if `need` bytes exceed the free memory. what, remedy: for its message."""
     free = int(psutil.virtual_memory().available)
     if need > free:
         must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"

@@ -1,7 +1,7 @@
-"""OpenCL: finding a device, compiling once, and moving arrays. The only file that imports it.
+"""OpenCL: choice of a device, compilation, and transfer of arrays. The only file that imports it.
 
-PoCL runs the kernels on any processor. Two of its habits shape this file: it finds no device when
-its cache folder cannot be written, and it aborts the whole process without /sys.
+PoCL runs the kernels on any processor. It has two peculiarities: it finds no device if its cache
+folder is not writable, and it aborts the process if /sys is missing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 _PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
-"""Debian's packages that make an OpenCL device of the processor."""
+"""Debian packages that provide the processor as an OpenCL device."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
 _PROBE = """
@@ -46,9 +46,11 @@ print(json.dumps([
 
 
 def cache_folder() -> Path:
-    """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, else a temporary one.
+    """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, or a temporary
+    folder.
 
-    The temporary one is named by the user, so that runs share it, and used only when it is theirs.
+    The temporary folder has the user's number in its name, so that runs share it, and is used only
+    if that user owns it.
     """
     choices = (("VIFORM_CACHE", "."), ("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
     folders = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
@@ -64,11 +66,12 @@ def cache_folder() -> Path:
 
 
 def prepare_caches() -> None:
-    """Point the caches of PoCL, pyopencl and Matplotlib at a folder that can be written, here and
-    in children, and numba's too where it could not write beside the code. For numba and Matplotlib
-    to see it, it must be called before they are imported.
+    """Directs the caches of PoCL, pyopencl and Matplotlib to a writable folder, for this process
+    and its children, and that of numba if the source folder is not writable. It must be called
+    before numba and Matplotlib are imported.
 
-    VIFORM_CACHE holds on to it: looked for again, XDG_CACHE_HOME would lead one folder deeper.
+    VIFORM_CACHE is set to the folder. Otherwise a second call would use a folder below it, because
+    the first has changed XDG_CACHE_HOME.
     """
     folder = cache_folder()
     os.environ["VIFORM_CACHE"] = str(folder)
@@ -81,9 +84,11 @@ def prepare_caches() -> None:
 
 
 def probe() -> list[dict[str, Any]]:
-    """The OpenCL devices of this machine, looked for in a child, whose abort is only news.
+    """The OpenCL devices of this machine, found by a child process, which may abort.
 
-    Each: platform, device, version, units. Empty when there is none, or the child died or hung.
+    Returns:
+        A dictionary for each device: platform, device, version, units. Empty if there is none, or
+        if the child aborted or did not end.
     """
     prepare_caches()
     command = [sys.executable, "-c", _PROBE]
@@ -96,8 +101,8 @@ def probe() -> list[dict[str, Any]]:
 
 
 def opencl_packages() -> tuple[str, ...]:
-    """Debian's packages that bring a device; none where the user has pointed the loader at drivers
-    in other places."""
+    """Debian packages that provide a device; none if the user has set the loader to other
+    drivers."""
     elsewhere = os.environ.get("OCL_ICD_VENDORS") or os.environ.get("OCL_ICD_FILENAMES")
     return () if elsewhere else _PACKAGES
 
@@ -107,15 +112,15 @@ def _no_device(value: str, remedy: str) -> InputError:
 
 
 def choose_device(wanted: str | None) -> Device | None:
-    """The OpenCL device asked for, None for "numba": the compiled form on the processor."""
+    """The selected OpenCL device, or None for "numba", the compiled form on the processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
 def open_device(wanted: str | None = None) -> Device:
-    """The device whose "platform: device" text contains `wanted` (any case), else the first GPU,
-    else the first device.
+    """The device whose "platform: device" text contains `wanted` (in any case). Without `wanted`,
+    the first GPU, or else the first device.
 
-    Raises InputError when there is none.
+    Raises InputError if there is none.
     """
     prepare_caches()
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
@@ -147,7 +152,12 @@ def open_device(wanted: str | None = None) -> Device:
 
 @dataclass(eq=False)
 class Device:
-    """An open device with its queue and its compiled programs."""
+    """An open device with its queue and its compiled programs.
+
+    Attributes:
+        handle: pyopencl's device.
+        name: "platform: device".
+    """
 
     handle: Any
     name: str
@@ -168,8 +178,8 @@ class Device:
         return cl.CommandQueue(self.context)
 
     def kernel(self, source: str, name: str, options: tuple[str, ...] = ()) -> Any:
-        """A kernel of `source`; each (source, options) is compiled once in this process, and the
-        binary is kept on disk for the next one by pyopencl and PoCL."""
+        """A kernel of `source`. Each (source, options) is compiled once in a process; pyopencl and
+        PoCL store the binary on disk for later ones."""
         import pyopencl as cl
 
         key = (source, options)
@@ -180,24 +190,24 @@ class Device:
         return cl.Kernel(self._programs[key], name)
 
     def upload(self, array: npt.NDArray[Any]) -> Any:
-        """A device buffer that starts as a copy of `array`."""
+        """A device buffer with a copy of `array`."""
         import pyopencl as cl
 
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
 
     def share(self, array: npt.NDArray[Any], *, write: bool = False) -> Any:
-        """A device buffer over the memory of a contiguous `array`, which processors do not copy.
+        """A device buffer over the memory of a contiguous `array`, without a copy on processors.
 
-        The array must stay as it is while kernels read it; with `write`, `settle` brings back what
-        they write."""
+        The array must not change while kernels read it. With `write`, `settle` returns what kernels
+        have written."""
         import pyopencl as cl
 
         access = cl.mem_flags.READ_WRITE if write else cl.mem_flags.READ_ONLY
         return cl.Buffer(self.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
 
     def settle(self, buffer: Any, array: npt.NDArray[Any]) -> None:
-        """Waits for the queue; the array of a shared buffer then holds what kernels wrote."""
+        """Waits for the queue; the array of a shared buffer then has the output of the kernels."""
         import pyopencl as cl
 
         view, _ = cl.enqueue_map_buffer(
@@ -214,5 +224,5 @@ class Device:
         return into
 
     def finish(self) -> None:
-        """Waits for everything in the queue."""
+        """Waits until the queue is empty."""
         self.queue.finish()

@@ -1,8 +1,9 @@
 """Counter-based random numbers: Philox4x32-10.
 
 Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11. A value depends
-on its key and counter alone, so never on tiling, device or order. Key: (seed, effect). Counter:
-(pixel, tick high, tick low, draw), where the tick of a draw per spike is the spike's index.
+only on its key and counter, and not on tiles, device or order. The key is (seed, stream). The
+counter is (pixel, tick high, tick low, draw); for a draw per spike, the tick is the index of the
+spike.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ def philox4x32(
     Args:
         counter: four arrays or integers below 2^32.
         key: two integers below 2^32.
+
+    Returns:
+        Four arrays of the broadcast shape.
     """
     c0, c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, np.uint64) for c in counter))
     k0, k1 = key

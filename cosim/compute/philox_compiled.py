@@ -1,4 +1,4 @@
-"""Philox4x32-10 inside loops that numba compiles (numpy's form is cosim/compute/philox.py)."""
+"""Philox4x32-10 for loops that numba compiles (numpy's form is cosim/compute/philox.py)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _32 = np.uint64(32)
 
 @njit(cache=True)
 def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
-    """The four words at counter (pixel, index high, index low, draw), key (seed, stream), all
-    uint64 with values below 2^32 but for `index`."""
+    """The four words of counter (pixel, index high, index low, draw) and key (seed, stream). All
+    arguments are uint64; all but `index` are below 2^32."""
     c0, c1, c2, c3 = pixel, index >> _32, index & _LOW, draw
     k0, k1 = seed, stream
     for _ in range(10):
@@ -36,7 +36,7 @@ def pick(index, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def word_at(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
-    """Word index mod 4 of counter (pixel, index div 4, draw), as `random_words` takes it: four
-    indices share a counter."""
+    """Word index mod 4 of counter (pixel, index div 4, draw); see `random_words`. Four indices
+    share a counter."""
     w0, w1, w2, w3 = random_words(pixel, index >> np.uint64(2), draw, seed, stream)
     return pick(index, w0, w1, w2, w3)

@@ -1,7 +1,7 @@
-"""Every stream of random numbers: the second word of a Philox key, the first being a seed.
+"""Streams of random numbers: the second word of a Philox key, whose first word is a seed.
 
-Draws of one stream differ by their counter, those of two streams by this number, so it is given
-out once and never changes: a run's bits hang on it.
+Draws of one stream differ by their counter, and draws of two streams by this number. A number is
+used once and never changes, because the bits of a run depend on it.
 """
 
 from __future__ import annotations
@@ -13,47 +13,47 @@ __all__ = ["Stream"]
 
 @unique
 class Stream(IntEnum):
-    """Numbers between the groups are free."""
+    """Numbers of the streams; those between the groups are free."""
 
     NONE = 0
-    """Of an effect that draws nothing."""
+    """For an effect without draws."""
     SHOT_NOISE = 1
     """Thresholds of intervals, with shot noise and threshold noise in one draw."""
     INITIAL_CHARGE = 2
     METASTABILITY = 3
-    """Time that a latch takes to decide."""
+    """Settling time of a metastable latch."""
     PATTERN = 16
-    """What stays from pixel to pixel; its seed is the device's, so no run's noise shares it."""
+    """Fixed pattern of pixels; keyed by the seed of the device, not of the run."""
     SKIPPED = 48
-    """Asynchronous pixels: stretches of unreported intervals, and what ends them."""
+    """Asynchronous pixels: stretches of unreported intervals, and their ends."""
     READING = 49
     """Asynchronous pixels: electrons of readings below threshold."""
     CONTINUOUS = 64
-    """All that continuous photographing draws."""
+    """All draws of continuous photographing."""
     VIBRATION = 80
-    """Of a link's camera: how it is pushed from symbol to symbol."""
+    """Camera of a link: its displacement from symbol to symbol."""
     SCINTILLATION = 81
-    """Of the air between a link's ends."""
+    """Air between the ends of a link."""
     SERIAL_NOISE = 96
-    """Of a virtual board's serial line: which bits are inverted."""
+    """Serial line of a virtual board: inverted bits."""
     IMAGER_SHOT = 112
     """Conventional imagers: photoelectrons."""
     IMAGER_DARK = 113
-    """Electrons that gather without light."""
+    """Dark electrons."""
     IMAGER_READ = 114
     """Noise of the analog chain."""
     IMAGER_RESET = 115
     IMAGER_GAIN = 116
-    """Of electron multiplication, whatever its kind."""
+    """Electron multiplication of any kind."""
     IMAGER_LOSS = 117
-    """Electrons that are lost on their way."""
+    """Electrons lost in transfer."""
     IMAGER_CLOCKS = 118
-    """Electrons that clocks induce."""
+    """Clock-induced electrons."""
     IMAGER_IONS = 119
-    """Of ion events in a tube."""
+    """Ion events in a tube."""
     IMAGER_SPREAD = 120
-    """Where electrons land."""
+    """Spread of the places where electrons land."""
     IMAGER_PATTERN = 121
-    """What stays from frame to frame; its seed is the device's."""
+    """Fixed pattern; keyed by the seed of the device."""
     IMAGER_THERMAL = 122
-    """Of a cooler's sensor and surroundings."""
+    """Temperature sensor and surroundings of a cooler."""

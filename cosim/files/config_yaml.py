@@ -30,7 +30,7 @@ __all__ = [
 
 CONFIG = "config.yaml"
 """The name that such a file has."""
-_LARGEST = 2**16
+_LARGEST = 2**13
 """Bytes of a config.yaml; the public ones have 150."""
 _MOST_PIXELS = 10**9
 

@@ -1,1 +1,1 @@
-"""Light: planes of light over time, lenses, photometry, what a scene's light will be."""
+"""Light: planes of light over time, lenses, photometry, and surveys of scenes."""

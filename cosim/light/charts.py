@@ -1,8 +1,9 @@
-"""Test charts drawn in closed form: groups of bars, Landolt rings, grey steps, discs of light.
+"""Test charts in closed form: groups of bars, Landolt rings, grey steps, discs of light.
 
-A shape is a signed distance in pixels, and a pixel's reflectance the part of it within the shape,
-taken as a ramp one pixel wide over the edge: exact for an edge along the grid, within 4 % of a
-pixel's area for any other. Lengths are in parts of the sheet's shorter side.
+A shape is a signed distance in pixels. The reflectance of a pixel follows from the part of it that
+lies in the shape, a linear ramp one pixel wide across the edge. This is exact for an edge along the
+grid, and within 4 % of a pixel's area for any other. Lengths are relative to the shorter side of
+the sheet.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ __all__ = ["ASPECT", "CHARTS", "Regions", "bar_width", "draw", "regions"]
 Values = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Regions = tuple[Mask, Mask]
-"""Pixels that lie whole within the chart's largest light and dark bars, for contrast to noise."""
+"""Pixels inside the largest light and dark bars of a chart, for contrast-to-noise ratios."""
 
 PAPER, WHITE, BLACK = 0.5, 0.9, 0.02
 """Reflectances: grey card, barium sulphate paint and flock, rounded; assumed."""
@@ -27,19 +28,19 @@ CHARTS: Final = ("night", "bars", "landolt", "steps", "discs")
 _BARS: Final = (0.05, 0.03, 0.02, 0.0125, 0.008)
 """Widths of a bar in the five groups."""
 _NIGHT, _LARGE = 0.74, 0.95
-"""Size of the groups on the sheet with rings and steps, and alone."""
+"""Size of the groups of bars on the sheet with rings and steps, and on a sheet of their own."""
 ASPECT: Final = 5
 """Length of a bar over its width (MIL-STD-150A)."""
 _RINGS: Final = (0.16, 0.1, 0.06, 0.036)
-"""Diameters of the rings; the gap and the line are a fifth of it (ISO 8596:2017)."""
+"""Diameters of the rings. Gap and line are a fifth of the diameter (ISO 8596:2017)."""
 _DISCS: Final = ((0.322, 0.42, 0.11), (0.70, 0.70, 0.07), (0.78, 0.25, 0.04), (0.25, 0.80, 0.05),
                  (0.55, 0.12, 0.02))  # fmt: skip
-"""Row, column, radius: the largest lies within rows 101 to 228 of 512, the window that the EMCCD's
-paper chooses for its largest spot."""
+"""Row, column, radius. The largest disc lies in rows 101 to 228 of 512, the window that the paper
+on the EMCCD uses for its largest spot."""
 
 
 class _Sheet:
-    """A plane of reflectances that shapes are laid on."""
+    """A plane of reflectances on which shapes are drawn."""
 
     def __init__(self, shape: tuple[int, int], ground: float) -> None:
         height, width = shape
@@ -49,12 +50,13 @@ class _Sheet:
         self.plane = np.full(shape, ground)
 
     def lay(self, distance: Values, tone: float) -> None:
-        """distance: pixels beyond the shape's edge, negative within."""
+        """Draws a shape. distance: (H, W) pixels beyond its edge, negative inside. tone:
+        reflectance."""
         part = np.clip(0.5 - distance, 0, 1)
         self.plane += (tone - self.plane) * part
 
     def box(self, row: float, column: float, high: float, wide: float) -> Values:
-        """Distance to a rectangle whose middle is given."""
+        """Distance to a rectangle around a middle point."""
         s = self.side
         return np.asarray(
             np.maximum(
@@ -64,6 +66,7 @@ class _Sheet:
         )
 
     def disc(self, row: float, column: float, radius: float) -> Values:
+        """Distance to a disc around a middle point."""
         s = self.side
         return np.asarray(np.hypot(self.rows - row * s, self.columns - column * s) - radius * s)
 
@@ -77,7 +80,7 @@ def _group(sheet: _Sheet, row: float, column: float, bar: float) -> None:
 
 
 def _bars(sheet: _Sheet, row: float, column: float, size: float) -> None:
-    """All groups, one below the other. size: of the largest, in parts of its own."""
+    """All groups of bars, one below the other. size: scale of their lengths."""
     at = row
     for bar in _BARS:
         at += 4.2 * bar * size
@@ -111,16 +114,16 @@ def _rings(sheet: _Sheet, row: float, column: float, size: float) -> None:
 
 
 def _steps(sheet: _Sheet, row: float, high: float) -> None:
-    """Grey steps in equal ratios of sqrt 2 from white down, side by side."""
+    """Grey steps side by side, each darker than the last by sqrt 2, starting at white."""
     wide = 0.92 / STEPS
     for n in range(STEPS):
         tone = WHITE * 2 ** (-n / 2)
-        left = 0.04 + n * wide  # each reaches to the sheet's right, so that no seam shows
+        left = 0.04 + n * wide  # each extends to the right end of the row, so there are no seams
         sheet.lay(sheet.box(row, (left + 0.96) / 2, high, 0.96 - left), tone)
 
 
 def draw(chart: str, shape: tuple[int, int]) -> Values:
-    """Reflectance of a chart on so many rows and columns, (H, W) float64 within [0, 1]."""
+    """Reflectance of a chart (one of CHARTS), (H, W) float64 in [0, 1]. shape: (H, W)."""
     sheet = _Sheet(shape, 0.0 if chart == "discs" else PAPER)
     if chart == "night":
         _bars(sheet, 0.0, 0.29, _NIGHT)
@@ -139,20 +142,21 @@ def draw(chart: str, shape: tuple[int, int]) -> Values:
 
 
 def bar_width(chart: str, shape: tuple[int, int]) -> float | None:
-    """Pixels across the largest bar; None of a chart without bars."""
+    """Width of the largest bar in pixels; None for a chart without bars."""
     size = {"night": _NIGHT, "bars": _LARGE}.get(chart)
     return None if size is None else _BARS[0] * size * min(shape)
 
 
 def regions(plane: Values) -> Regions:
-    """Pixels of a picture that are light and dark: within a fiftieth of its range from the most
-    and from the least reflectance, and at least two pixels from any that is not."""
+    """Light and dark pixels of a picture: their reflectance differs from the maximum or minimum by
+    at most a fiftieth of the range, and so does that of all pixels within two pixels, if there are
+    such."""
     from scipy.ndimage import binary_erosion
 
     low, high = float(plane.min()), float(plane.max())
     near = 0.02 * (high - low)
-    found = []
+    masks = []
     for mask in (plane >= high - near, plane <= low + near):
         inner = binary_erosion(mask, iterations=2)
-        found.append(inner if inner.any() else mask)
-    return found[0], found[1]
+        masks.append(inner if inner.any() else mask)
+    return masks[0], masks[1]

@@ -1,8 +1,8 @@
-"""A lens between a lit scene and a sensor: how much light arrives, and how sharp.
+"""A lens between a lit scene and a sensor: illuminance of the sensor, and blur.
 
-On the axis a Lambertian scene of reflectance 1 under E lux puts E T / (4 N^2 (1 + m)^2) lux on the
-sensor (camera equation, e.g. Ray, Applied Photographic Optics, 3rd ed., 2002; m is the
-magnification). Not modelled: the cos^4 fall-off towards the corners, distortion, veiling glare.
+On the axis, a Lambertian scene of reflectance 1 under E lux causes E T / (4 N^2 (1 + m)^2) lux on
+the sensor (camera equation, e.g. Ray, Applied Photographic Optics, 3rd ed., 2002; m is the
+magnification). Not modelled: cos^4 fall-off towards the corners, distortion, veiling glare.
 """
 
 from __future__ import annotations
@@ -19,14 +19,18 @@ from cosim.light.light import Light, Plane, PlaneMap
 __all__ = ["FASTEST_F_NUMBER", "Lens", "diffraction_mtf"]
 
 FASTEST_F_NUMBER = 0.5
-"""No lens in air is faster: the sine of its cone's half angle, 1/(2N), is at most 1."""
+"""Lowest f-number of a lens in air: the sine of its cone's half angle, 1/(2N), is at most 1."""
 
 
 def diffraction_mtf(frequency: npt.NDArray[np.float64], cutoff: float) -> npt.NDArray[np.float64]:
     """MTF of a perfect lens with a round pupil, incoherent light.
 
     2/pi (acos v - v sqrt(1 - v^2)), v = frequency / cutoff, cutoff = 1/(wavelength N)
-    (Goodman, Introduction to Fourier Optics, 3rd ed., eq. 6-31). Both in cycles per metre.
+    (Goodman, Introduction to Fourier Optics, 3rd ed., eq. 6-31).
+
+    Args:
+        frequency: any shape, cycles per metre.
+        cutoff: cycles per metre.
     """
     v = np.clip(frequency / cutoff, 0, 1)
     return 2 / math.pi * (np.arccos(v) - v * np.sqrt(1 - v * v))
@@ -34,9 +38,17 @@ def diffraction_mtf(frequency: npt.NDArray[np.float64], cutoff: float) -> npt.ND
 
 @dataclass(frozen=True)
 class Lens:
-    """f_number N >= 0.5, transmission T in (0, 1], magnification m >= 0.
+    """A lens.
 
-    psf: "none" images points to points; "airy" blurs as diffraction at `wavelength_nm` does.
+    Attributes:
+        f_number: N, at least 0.5.
+        transmission: T, above 0 and at most 1.
+        magnification: m, 0 or more.
+        psf: "none" for no blur, "airy" for diffraction at `wavelength_nm`.
+        wavelength_nm: wavelength for the diffraction.
+
+    Raises:
+        ValueError: a value is out of range.
     """
 
     f_number: float
@@ -59,25 +71,25 @@ class Lens:
 
     @property
     def working_f_number(self) -> float:
-        """N (1 + m), which sets both the light on the sensor and the diffraction."""
+        """N (1 + m), which determines the light on the sensor and the diffraction."""
         return self.f_number * (1 + self.magnification)
 
     @property
     def gain(self) -> float:
-        """Lux on the sensor for a lux of scene exitance (illuminance x reflectance)."""
+        """Lux on the sensor per lux of scene exitance (illuminance x reflectance)."""
         return self.transmission / (4 * self.working_f_number**2)
 
     def blur(self, plane: Plane, pitch_um: float) -> Plane:
-        """The plane through the PSF, edges mirrored; the sum of light is kept.
+        """The plane convolved with the PSF, with mirrored edges and the same sum of light.
 
-        Light between pixel centres counts as band-limited by them, so beside a point far brighter
-        than its surroundings the image rings by up to a hundredth of that point. What would fall
-        below zero is cut off and the rest scaled to the same sum.
+        Light between pixel centres is interpolated as band-limited, so the image rings near a point
+        far brighter than its surroundings, by up to a hundredth of that point. Negative values are
+        clipped to 0, and the rest is scaled to the original sum.
         """
         if self.psf == "none":
             return plane
         height, width = plane.shape
-        # The cosine transform mirrors the edges by itself, so no light wraps to the other side.
+        # The cosine transform mirrors the edges, so no light wraps around to the other side.
         from scipy.fft import dctn, idctn
 
         pitch = pitch_um * 1e-6
@@ -102,7 +114,7 @@ class LensRelay:
 
     def __init__(self, lens: Lens, pitch_um: float) -> None:
         gain = np.float32(lens.gain)
-        # The Airy pattern's tails have no end: with it, any change touches the whole plane.
+        # The tails of the Airy pattern are unlimited: a change affects the whole plane.
         if lens.psf == "airy":
             self._map = PlaneMap(lambda plane: lens.blur(plane, pitch_um) * gain, None)
         else:

@@ -1,8 +1,8 @@
-"""`Light`: what falls on a plane, held as cheaply as the scene allows.
+"""`Light`: light on a plane over time, in a compact form.
 
-Light is piecewise linear in time: pieces that each hold a level at their start and one at their
-end, per pixel. A constant piece holds one array twice. Pieces may jump from one to the next and
-may begin at any picosecond; nothing ties them to a clock.
+Light is piecewise linear in time. A piece has a level at its start and one at its end, for each
+pixel; a constant piece refers to one array twice. Light may jump between pieces. A piece may begin
+at any picosecond and is not bound to a clock.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ __all__ = ["Box", "Light", "Piece", "Plane"]
 Plane = npt.NDArray[np.float32]
 """(height, width) float32."""
 Box = tuple[int, int, int, int]
-"""Rows y0 to y1 and columns x0 to x1, the ends excluded, as (y0, y1, x0, x1)."""
+"""(y0, y1, x0, x1): rows y0 to y1 and columns x0 to x1, without the ends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Light that runs linearly from `first` at instant `start` to `last` at `stop`.
+    """Light that changes linearly from `first` at instant `start` to `last` at `stop`.
 
     Attributes:
         start, stop: instants in picoseconds, start < stop.
-        first, last: (H, W) float32 >= 0; the same object where the light is constant.
-        changed: box outside which the piece is constant and continues the piece before it without
-            a jump; None if unknown. Parts may use it to save work and must give the same result
-            without it.
+        first, last: (H, W) float32 >= 0; the same object if the light is constant.
+        changed: box outside which the piece is constant and follows the previous piece without a
+            jump; None if unknown. Parts may use it to save work, but their results must not depend
+            on it.
     """
 
     start: int
@@ -51,6 +51,7 @@ class Piece:
 
     @property
     def constant(self) -> bool:
+        """Whether the light of the piece does not change."""
         return self.first is self.last
 
     def level(self, ps: int) -> Plane:
@@ -65,11 +66,11 @@ class Piece:
 class Light:
     """Light on a plane during at least a block of time: pieces in order, without gaps.
 
-    The pieces may extend beyond the block. The same `Piece` object serves every block that it
-    overlaps, so that a part can prepare it once.
+    The pieces may extend beyond the block. All blocks that a piece overlaps have the same `Piece`
+    object, so that a part needs to prepare it only once.
 
     Attributes:
-        pieces: in order, each starting where the one before it stops.
+        pieces: in order; each starts where the previous one stops.
         unit: "lux" on the plane.
     """
 
@@ -90,11 +91,12 @@ class Light:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(H, W) of the plane."""
         height, width = self.pieces[0].first.shape
         return height, width
 
     def at(self, ps: int) -> Plane:
-        """Level at instant `ps`; where two pieces meet, the later one's."""
+        """Level at instant `ps`; where two pieces meet, that of the second."""
         for piece in self.pieces:
             if piece.start <= ps < piece.stop:
                 return piece.level(ps)
@@ -104,9 +106,9 @@ class Light:
         )
 
     def integral(self, start: int, stop: int) -> npt.NDArray[np.float64]:
-        """Exposure from `start` to `stop` (ps) in unit x seconds: the closed form, in float64.
+        """Exposure from `start` to `stop` (ps) in unit x seconds, (H, W), in closed form.
 
-        Raises ValueError where the pieces do not cover that time.
+        Raises ValueError if the pieces do not cover this time.
         """
         if not self.pieces[0].start <= start <= stop <= self.pieces[-1].stop:
             raise ValueError(
@@ -125,13 +127,16 @@ class Light:
 
 
 class PlaneMap:
-    """Applies one function to the levels of pieces, each level once however many blocks use it.
+    """Applies a function to the levels of light, once to each level.
 
-    Pieces of the light before are known again, and the last four planes; nothing older is kept,
-    since planes are large. The function must be linear and keep constants constant (a lens, air, a
-    relay). `grow` is how many pixels its influence reaches beyond a changed box; None means the
-    whole plane. `part`: the function's values in a box of its image alone, the same bits: what has
-    not changed is then not computed again.
+    The pieces of the previous light and the last four planes are cached, and nothing older, because
+    planes are large.
+
+    Args:
+        function: map of a plane, linear and independent of time (a lens, air, a relay).
+        grow: pixels by which its influence extends beyond a changed box; None for the whole plane.
+        part: computes the values of the function in a box only, with the same bits, so that
+            unchanged values are not computed again; None if there is no such form.
     """
 
     def __init__(
@@ -145,7 +150,7 @@ class PlaneMap:
         self._pieces: list[tuple[Piece, Piece]] = []
 
     def _plane(self, plane: Plane, before: Plane | None = None, box: Box | None = None) -> Plane:
-        """Image of a plane; `before` is that of one which differs from it in this box alone."""
+        """Image of a plane. before: image of a plane that differs from it only in `box`."""
         for source, image in self._planes:
             if source is plane:
                 return image
@@ -158,6 +163,7 @@ class PlaneMap:
         return image
 
     def _piece(self, piece: Piece) -> Piece:
+        """The mapped piece."""
         for source, image in self._pieces:
             if source is piece:
                 return image

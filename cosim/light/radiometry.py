@@ -1,9 +1,9 @@
 """From illuminance to photoelectrons.
 
-Convention: light is stated in lux and counted as if it were monochromatic, at 555 nm unless a
-wavelength is given: 4.09e15 photons a second and square metre in a lux, the figure of Huang 2022
-(section 4.3). White light of the same lux carries more photons (1.1e16 for daylight within
-400-700 nm), so a figure in electrons always names its wavelength.
+Convention: light is stated in lux and converted as if it were monochromatic, by default at 555 nm.
+One lux is then 4.09e15 photons a second and square metre, the value of Huang 2022 (section 4.3).
+White light of the same illuminance has more photons (1.1e16 for daylight within 400-700 nm), so a
+figure in electrons always states its wavelength.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _V_NM: Final = np.arange(380, 790, 10)
 
 
 def luminous_efficiency(wavelength_nm: float) -> float:
-    """V(lambda), 1 at 555 nm; the table's logarithm is interpolated by a cubic spline, which stays
-    within 1 % of the CIE's finer table, 4 % below 430 nm.
+    """V(lambda), 1 at 555 nm, from a cubic spline of the logarithm of the table. It is within 1 %
+    of the finer CIE table, and within 4 % below 430 nm.
 
-    Raises ValueError outside 380 to 780 nm, where lux says nothing about photons.
+    Raises ValueError outside 380 to 780 nm, where lux does not determine photons.
     """
     if not 380 <= wavelength_nm <= 780:
         raise ValueError(f"wavelength must be 380 to 780 nm, not {wavelength_nm:g} nm")
@@ -57,6 +57,6 @@ def luminous_efficiency(wavelength_nm: float) -> float:
 
 
 def photons_per_lux(wavelength_nm: float = 555.0) -> float:
-    """Photons / (s m2 lx) at one wavelength: lambda / (683 V(lambda) h c). 4.09e15 at 555 nm."""
+    """Photons / (s m2 lx) at one wavelength: lambda / (683 V(lambda) h c); 4.09e15 at 555 nm."""
     watts = 1 / (LUMINOUS_EFFICACY * luminous_efficiency(wavelength_nm))
     return watts * wavelength_nm * 1e-9 / (PLANCK * SPEED_OF_LIGHT)

@@ -1,7 +1,7 @@
-"""The protocol of a scene: light block by block, and the truth behind it.
+"""The protocol of a scene: its light block by block, and its ground truth.
 
-A source is the first stage of a run. It also answers for the truth that fidelity is measured
-against: the reflectance at any instant, white = 1.
+A source is the first stage of a run. It also provides the ground truth for fidelity: the
+reflectance at any instant, white = 1.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ __all__ = ["Sketch", "Source", "Target"]
 
 
 class Source(Protocol):
-    """Light of a scene on the sensor's pixel grid, in lux of exitance, and the truth behind it.
+    """Light of a scene on the pixel grid of the sensor, in lux of exitance, and its ground truth.
 
     Attributes:
         shape: rows and columns.
-        notes: how the scene was made, where a user must know it (temporal interpolation, cropping).
-        degraded: caveats that make the result less than was asked for.
+        notes: processing of the scene that a user must know (temporal interpolation, cropping).
+        degraded: reasons for which the result falls short of the request.
     """
 
     shape: tuple[int, int]
@@ -40,18 +40,18 @@ class Source(Protocol):
         ...
 
     def points(self) -> list[tuple[int, int, str]]:
-        """Pixels that figures show: row, column, name."""
+        """Pixels for figures: row, column, name."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """A scene drawn at a few instants.
+    """A scene rendered at a few instants.
 
     Attributes:
-        planes: of these instants, lux.
-        reach: distance that an edge may move from an instant to the nearest of them, pixels.
-        box: region that contains all change.
+        planes: (H, W) each, lux at these instants.
+        reach: largest displacement of an edge from any instant to the nearest of these, pixels.
+        box: region that contains all changes.
         planes_per_cycle: new planes of light per cycle.
     """
 
@@ -66,7 +66,7 @@ class Target:
     """A region of uniform, known light in a scene.
 
     Attributes:
-        name: for tables and figures.
+        name: name in tables and figures.
         lux: illuminance on the scene.
         mask: its pixels, (H, W) bool.
     """

@@ -1,4 +1,4 @@
-"""Structural similarity (Wang et al., IEEE Trans. Image Process. 13:600, 2004), quickly."""
+"""Structural similarity, SSIM (Wang et al., IEEE Trans. Image Process. 13:600, 2004)."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from cosim.light.light import Plane
 __all__ = ["Likeness", "inside"]
 
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
-"""Wang's constants, peak 1."""
+"""Constants of Wang et al. for peak 1."""
 HALF = np.float32(0.5)
-"""Taken off both before squares are taken, so that float32 is enough."""
+"""Subtracted from both images before squaring, so that float32 is precise enough."""
 EDGE = 5
-"""Pixels at the edges where the 11 x 11 window is not whole."""
+"""Width of the border in which the 11 x 11 window is incomplete, pixels."""
 Levels = npt.NDArray[np.floating[Any]]
 
 
 def _mean(x: Plane) -> Plane:
+    """Gaussian-weighted mean in the window of each pixel."""
     blurred = cv2.GaussianBlur(x, (2 * EDGE + 1, 2 * EDGE + 1), 1.5, borderType=cv2.BORDER_REFLECT)
     return np.asarray(blurred, np.float32)
 
 
 def inside(values: Plane) -> Plane:
-    """Where the window is whole."""
+    """The values for which the window is complete."""
     return values[EDGE:-EDGE, EDGE:-EDGE]
 
 
 class Likeness:
-    """A truth that images are compared with; what depends on it alone is computed once."""
+    """A true image for comparisons; terms that depend on it alone are computed once."""
 
     def __init__(self, truth: Levels) -> None:
         self._truth = truth.astype(np.float32) - HALF
@@ -40,8 +41,8 @@ class Likeness:
         self._power = _mean(self._truth * self._truth) - self._mean * self._mean
 
     def map(self, image: Levels) -> Plane:
-        """SSIM of an image against it, (H, W) float32, peak 1: Gaussian window of 11 x 11, sigma
-        1.5, mirrored at the edges, as scikit-image has it."""
+        """SSIM of an image with the true image, (H, W) float32, peak 1. The Gaussian window is 11 x
+        11 with sigma 1.5, mirrored at the edges, as in scikit-image."""
         x = image.astype(np.float32) - HALF
         mean = _mean(x)
         power = _mean(x * x)

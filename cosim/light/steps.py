@@ -1,4 +1,4 @@
-"""Light in steps as long as the scene allows, for pixels that keep their own time."""
+"""Light in steps as long as the scene allows, for pixels without a common clock."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def light_steps(
     stop: int,
     most: int | None = None,
 ) -> Iterator[tuple[Light, int, int]]:
-    """Yields (light on the pixels, start, stop), in picoseconds, one step after another.
+    """Yields (light on the pixels, start, stop) for consecutive steps, in picoseconds.
 
-    A step is the whole run where the scene's light is known that far, else a block of the clock.
+    A step is the whole run if the light of the scene is known that far, and otherwise a block.
 
     Args:
         source: scene.
-        relay: from the scene's light to what each pixel receives.
+        relay: map from the light of the scene to the light on the pixels.
         clock: of the blocks.
         stop: end of the run, ps.
         most: upper limit of a step, cycles; None for no limit.

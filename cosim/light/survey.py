@@ -1,8 +1,9 @@
-"""The light that a scene will give, before anything is simulated: an interval for every pixel.
+"""Survey of a scene before anything is simulated: the range of the light at every pixel.
 
-A scene whose light comes in few pieces is walked through; its interval is exact. One that is drawn
-anew every few cycles is drawn at SAMPLES instants, and what an edge may bring from one to the next
-is taken from the neighbourhood that it can cross in that time: an estimate, and said to be one.
+For a scene with few pieces of light, all pieces are read, and the range is exact. A scene that is
+rendered every few cycles is sampled at SAMPLES instants. The light that moving edges bring between
+them is taken from the neighbourhood that an edge can cross in that time; this range is an estimate
+and is marked as such.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ from cosim.stage import BLOCK, Block
 __all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
 
 SAMPLES = 9
-"""Instants at which a drawn scene is sampled."""
+"""Instants at which a rendered scene is sampled."""
 
 
 @runtime_checkable
 class Sketched(Protocol):
-    """A source that samples itself, since drawing all of it would take long."""
+    """A source that provides samples, because rendering all of it would take long."""
 
     def sketch(self, cycles: int, samples: int) -> Sketch: ...
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """The light of a run at every pixel.
+    """Range of the light of a run at every pixel.
 
     Attributes:
-        least, most: limits over all instants, (H, W) in lux.
-        certain: where these limits are proven, (H, W).
+        least, most: limits over all instants, (H, W) lux.
+        certain: (H, W) bool, whether these limits are proven.
         planes: new planes of light per cycle.
     """
 
@@ -49,11 +50,11 @@ class Survey:
 
     @property
     def steady(self) -> npt.NDArray[np.bool_]:
-        """Where the light never changes."""
+        """(H, W) bool, whether the light is constant."""
         return np.asarray((self.least == self.most) & self.certain)
 
 
-def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
+def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
     """The exact survey, from every piece of the run."""
     least: Plane | None = None
     most: Plane | None = None
@@ -68,16 +69,16 @@ def _walked(source: Source, clock: Clock, cycles: int) -> Survey:
             for plane in (piece.first,) if piece.constant else (piece.first, piece.last):
                 least = plane.copy() if least is None else np.minimum(least, plane, out=least)
                 most = plane.copy() if most is None else np.maximum(most, plane, out=most)
-        # Light that reaches beyond the block need not be asked for again.
+        # Light that extends beyond the block is not requested again.
         start = max(start + BLOCK, min(clock.cycle_at(light.pieces[-1].stop - 1), cycles))
     assert least is not None and most is not None  # a block has light
     return Survey(least, most, np.ones(least.shape, bool), (count - 1) / cycles)
 
 
 def survey(source: Source, clock: Clock, cycles: int) -> Survey:
-    """The survey of a run of so many cycles. It uses the source up."""
+    """The survey of a run of `cycles` cycles. It consumes the source."""
     if not isinstance(source, Sketched):
-        return _walked(source, clock, cycles)
+        return _exact_survey(source, clock, cycles)
     from scipy.ndimage import maximum_filter, minimum_filter
 
     sketch = source.sketch(cycles, SAMPLES)
@@ -100,7 +101,7 @@ def survey(source: Source, clock: Clock, cycles: int) -> Survey:
 
 
 def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:
-    """The survey behind a lens: `relay` maps Light to Light and keeps the order of levels."""
+    """The survey of light after a relay, which must preserve the order of levels."""
 
     def mapped(plane: Plane) -> Plane:
         piece = Piece(0, 1, plane, plane)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 import shlex
@@ -12,19 +11,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.whole import NO_ROOM, whole
 from cosim.run.inputs import sealed
 
 __all__ = [
-    "NO_ROOM", "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed",
+    "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed",
     "how_to_resume", "output_folder", "room_for",
 ]  # fmt: skip
 
 PUT_BACK = "put_back.json"
 """In a run's folder while it is not finished and effects were reinstated."""
 _GIB = 2**30
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where nothing more can be written."""
 
 
 def output_folder(name: str, out: Path | None, resume: bool) -> Path:

@@ -141,7 +141,7 @@ def read_result(folder: Path) -> Result | None:
     for one with other fields, as other versions may write it: the run was done."""
     try:
         document = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     try:
         error, plan = dict(document.pop("error")), document.pop("plan")

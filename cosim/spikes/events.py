@@ -1,8 +1,8 @@
 """Event form of a viform: (i, j, t, tau), for sparse, coded and asynchronous streams.
 
-Huang 2022 section 5.2: a spike is the place of its pixel, the instant it fires, and its width, the
-time its charge took to gather. Both times are whole ticks of the clock they are measured with: the
-latch clock of a synchronous chip, a much faster one of an asynchronous.
+Huang 2022 section 5.2: a spike has the position of its pixel, the instant at which it fires, and
+its width, the time in which its charge accumulated. Both times are integer ticks of a clock: the
+latch clock of a synchronous chip, or the much faster clock of an asynchronous one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, unpack_planes,
 __all__ = ["COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "viform_of"]
 
 _PIXELS = 2**20
-"""Pixel-cycles whose spikes `event_blocks` makes at a time."""
+"""Pixel-cycles that `event_blocks` converts at a time."""
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
 COLUMNS: dict[str, type[np.generic]] = {
@@ -29,20 +29,27 @@ COLUMNS: dict[str, type[np.generic]] = {
     "width": np.int64,
     "level": np.uint16,
 }
-"""An event's arrays and their types; `level` may be absent."""
+"""Arrays of events and their types; `level` may be absent."""
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Spikes in the order of their time; those of one tick in the order they were sent.
+    """Spikes in the order of time; those of one tick in the order of transmission.
 
-    row, column: (n,) uint16. time: (n,) int64, the tick in which the spike was latched, counted
-    from tick 0 of `clock`. width: (n,) int64 ticks > 0; a pixel's first spike has its width from
-    `start` on. level: (n,) uint16 or None; the quantised share of the threshold that had gathered
-    when the longest width was up, out of `levels`; `levels` itself is a full spike. shape: (H, W).
-    ticks: the stream covers start .. start + ticks - 1.
+    Attributes:
+        row, column: (n,) uint16, position of the pixel.
+        time: (n,) int64, tick in which the spike was latched, counted from tick 0 of `clock`.
+        width: (n,) int64 > 0, ticks; that of a pixel's first spike counts from `start`.
+        shape: (H, W) of the plane.
+        ticks: number of ticks; the stream covers start .. start + ticks - 1.
+        clock: clock of the ticks.
+        start: first tick.
+        level: (n,) uint16, quantised share of the threshold at the longest width, in units of 1 /
+            `levels`; `levels` is a full spike. None if all spikes are full.
+        levels: number of levels.
 
-    Raises ValueError for arrays of other types or lengths, and for events outside shape or time.
+    Raises:
+        ValueError: an array has another type or length, or an event is outside shape or time.
     """
 
     row: Places
@@ -98,8 +105,8 @@ class Events:
 
 
 def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, Ticks]]:
-    """Row, column, time and width of every spike of a synchronous stream, a few cycles at a time;
-    the width is the interval. Those of one cycle come from the top row down, from left to right."""
+    """Yields row, column, time and width of the spikes of a synchronous stream, a few cycles at a
+    time. The width is the interval. Spikes of one cycle are in row-major order."""
     height, columns = stream.shape
     start = int(getattr(stream, "start", 0))
     last = np.full(height * columns, start - 1, np.int64)
@@ -120,8 +127,8 @@ def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, T
 
 
 def events_of(stream: SpikeStream) -> Events:
-    """Every spike of a synchronous stream, with its interval as width; those of one cycle from the
-    top row down, from left to right."""
+    """All spikes of a synchronous stream, with the interval as width; those of one cycle are in
+    row-major order."""
     row, column, time, width = (
         np.concatenate(parts) for parts in zip(*event_blocks(stream), strict=True)
     )
@@ -130,17 +137,15 @@ def events_of(stream: SpikeStream) -> Events:
 
 
 def mark_planes(words: Words, row: Places, column: Places, cycle: Ticks) -> None:
-    """Sets these spikes in contiguous (n, H, W) words. cycle: counted from words[0]."""
+    """Sets spikes in contiguous (n, H, W) words. cycle: counted from the first one in words[0]."""
     word, bit = np.divmod(cycle, WORD)
     place = (word * words.shape[1] + row) * words.shape[2] + column
     np.bitwise_or.at(words.reshape(-1), place, np.uint32(1) << bit.astype(np.uint32))
 
 
 def viform_of(events: Events) -> Viform:
-    """The planes of events that fit them: full spikes only, at most one a pixel and tick.
-
-    Raises ValueError for others.
-    """
+    """The spike planes of events. Raises ValueError for spikes that are not full, and for more than
+    one spike a pixel and tick."""
     full = events.level is None or bool((events.level == events.levels).all())
     words: Words = np.zeros((words_for(events.ticks), *events.shape), np.uint32)
     mark_planes(words, events.row, events.column, events.time - events.start)

@@ -1,8 +1,8 @@
-"""Absolute intensities: what continuous photographing puts out (Huang 2022 section 3.1).
+"""Absolute intensities: the output of continuous photographing (Huang 2022 section 3.1).
 
-A report is the place of its pixel, the instant, and the photocurrent that was measured. Between
-its reports a pixel's current is taken to stand still: the sequence is a piecewise constant form of
-it, and the last report of every pixel at an instant is the image of that instant.
+A report has the position of its pixel, the instant, and the measured photocurrent. The sequence of
+a pixel's reports is a piecewise constant approximation of its current, and the last reports of all
+pixels at an instant are the image of that instant.
 """
 
 from __future__ import annotations
@@ -25,15 +25,21 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Intensities:
-    """Reports in the order of their time; those of one tick from the top row down, from left to
-    right. A pixel reports at most once a tick.
+    """Reports in the order of time; those of one tick in row-major order. A pixel reports at most
+    once a tick.
 
-    row, column: (n,) uint16. time: (n,) int64, the tick of the report, counted from tick 0 of
-    `clock`. value: (n,) float64 >= 0, electrons a second, as the converter's code stands for.
-    shape: (H, W). ticks: the stream covers start .. start + ticks - 1.
+    Attributes:
+        row, column: (n,) uint16, position of the pixel.
+        time: (n,) int64, tick of the report, counted from tick 0 of `clock`.
+        value: (n,) float64 >= 0, electrons a second that the code of the converter represents.
+        shape: (H, W) of the plane.
+        ticks: number of ticks; the stream covers start .. start + ticks - 1.
+        clock: clock of the ticks.
+        start: first tick.
 
-    Raises ValueError for arrays of other types or lengths, for reports outside shape or time or out
-    of order, and for values that are negative or not finite.
+    Raises:
+        ValueError: an array has another type or length, a report is outside shape or time or out of
+            order, or a value is negative or not finite.
     """
 
     row: Places
@@ -96,10 +102,11 @@ class Intensities:
 
 
 def join_intensities(parts: Sequence[Intensities]) -> Intensities:
-    """One stream of parts that follow one another; a part may begin in the tick in which the one
-    before ends, where the time was split inside a tick.
+    """One stream from consecutive parts. A part may begin in the last tick of the previous part, if
+    the time was split within a tick.
 
-    Raises ValueError for no part, parts of other shapes or clocks, gaps and other overlaps.
+    Raises ValueError if there is no part, if shapes or clocks differ, or for gaps and other
+    overlaps.
     """
     if not parts:
         raise ValueError("at least one part must be given, not none")
@@ -125,8 +132,8 @@ def join_intensities(parts: Sequence[Intensities]) -> Intensities:
 
 
 def last_reports(reports: Intensities, tick: int) -> Ticks:
-    """The last report of each pixel by the end of a tick: its place in the stream, (H, W) int64;
-    -1 where there is none yet.
+    """Index of the last report of each pixel up to the end of a tick, (H, W) int64; -1 if there is
+    none.
 
     Raises ValueError for a tick outside the stream.
     """
@@ -140,8 +147,8 @@ def last_reports(reports: Intensities, tick: int) -> Ticks:
 
 
 def intensity_image(reports: Intensities, tick: int) -> Values:
-    """The last value that each pixel has reported by the end of a tick, electrons a second,
-    (H, W) float64; NaN where there is none yet.
+    """Last value that each pixel has reported up to the end of a tick, electrons a second, (H, W)
+    float64; NaN if there is none.
 
     Raises ValueError for a tick outside the stream.
     """

@@ -1,8 +1,8 @@
-"""`Viform`: spike planes, bit packed pixel-major, and the protocol of anything that holds them.
+"""`Viform`: spike planes as bits, packed pixel by pixel, and the protocol of streams of them.
 
-One word is 32 consecutive latch cycles of one pixel, least significant bit first: bit b of
-words[w, i, j] is pixel (i, j) in cycle 32 w + b. The chip's kernel emits these words and a display
-shader eats them; plane-major bytes exist only in files that need them.
+A word has 32 consecutive latch cycles of one pixel, least significant bit first: bit b of
+words[w, i, j] is pixel (i, j) in cycle 32 w + b. The kernels of a chip write these words, and the
+shaders of a display read them. Plane-major bytes exist only in files that require them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def words_for(cycles: int) -> int:
 
 
 def pack_planes(planes: npt.NDArray[np.bool_] | npt.NDArray[np.uint8]) -> Words:
-    """(T, H, W) of 0 and 1 to (ceil(T/32), H, W) words; the last word's unused bits are 0."""
+    """Packs (T, H, W) of 0 and 1 into (ceil(T/32), H, W) words; unused bits are 0."""
     cycles = planes.shape[0]
     words = np.zeros((words_for(cycles), *planes.shape[1:]), np.uint32)
     for t in range(cycles):
@@ -48,7 +48,7 @@ def pack_planes(planes: npt.NDArray[np.bool_] | npt.NDArray[np.uint8]) -> Words:
 
 
 def unpack_planes(words: Words, first: int, stop: int) -> npt.NDArray[np.uint8]:
-    """Cycles `first` to `stop` (excluded, counted from words[0]) as (T, H, W) uint8 of 0 and 1."""
+    """Cycles `first` to `stop` (excluded), counted from words[0], as (T, H, W) uint8 of 0 and 1."""
     planes = np.empty((stop - first, *words.shape[1:]), np.uint8)
     for n, t in enumerate(range(first, stop)):
         planes[n] = (words[t // WORD] >> np.uint32(t % WORD)) & np.uint32(1)
@@ -62,7 +62,7 @@ def _mask(first: int, stop: int, w: int) -> np.uint32:
 
 
 def spikes_beyond(last: npt.NDArray[np.uint32], cycles: int) -> bool:
-    """Whether the last word of `cycles` cycles has bits set that belong to none of them."""
+    """Whether the last words of `cycles` cycles have bits set beyond the last cycle."""
     return bool(cycles % WORD and (last >> np.uint32(cycles % WORD)).any())
 
 
@@ -75,10 +75,10 @@ def count_spikes(stream: SpikeStream, first: int, stop: int) -> npt.NDArray[np.u
 
 
 class SpikeStream(Protocol):
-    """Anything that holds a viform: memory, a file, a run's store.
+    """A stream of spike planes in memory, in a file or in the store of a run.
 
     `read_words(first, stop)` returns words `first` to `stop` (excluded) as (n, H, W) uint32, a view
-    or a copy, not to be written to; bits at and beyond `cycles` are 0.
+    or a copy that must not be modified. Bits beyond the last cycle are 0.
     """
 
     @property
@@ -92,9 +92,16 @@ class SpikeStream(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Viform:
-    """Word form in memory: `cycles` latch cycles of `clock`, the first one being cycle `start`.
+    """Spike planes in memory.
 
-    Raises ValueError for words of another shape or type, and for spikes beyond the last cycle.
+    Attributes:
+        words: (ceil(cycles / 32), H, W) uint32.
+        cycles: number of latch cycles.
+        clock: of the latches.
+        start: number of the first cycle.
+
+    Raises:
+        ValueError: the words have another shape or type, or spikes beyond the last cycle.
     """
 
     words: Words
@@ -119,7 +126,7 @@ class Viform:
     def from_planes(
         cls, planes: npt.NDArray[np.bool_] | npt.NDArray[np.uint8], clock: Clock
     ) -> Viform:
-        """From (T, H, W) of 0 and 1."""
+        """A viform from (T, H, W) planes of 0 and 1, starting at cycle 0."""
         return cls(pack_planes(planes), planes.shape[0], clock)
 
     @property
@@ -128,7 +135,7 @@ class Viform:
         return self.words.shape[1], self.words.shape[2]
 
     def read_words(self, first: int, stop: int) -> Words:
-        """As `SpikeStream` says; a view."""
+        """Words `first` to `stop` (excluded), as a view; see `SpikeStream`."""
         return self.words[first:stop]
 
     def planes(self) -> npt.NDArray[np.uint8]:

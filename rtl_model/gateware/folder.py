@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 from cosim import InputError
+from cosim.files.whole import refusal
 from rtl_model.gateware.design import Design
 
 __all__ = ["check_folder", "write_folder"]
@@ -29,7 +30,7 @@ def check_folder(folder: Path) -> None:
                 f"mkdir -p {folder.parent}",
             )  # fmt: skip
     except OSError as exc:
-        raise _refused(folder, exc) from exc
+        raise refusal(folder, exc) from exc
 
 
 def write_folder(design: Design, folder: Path) -> list[str]:
@@ -59,12 +60,5 @@ def write_folder(design: Design, folder: Path) -> list[str]:
                 folder.rmdir()
             raise
     except OSError as exc:
-        raise _refused(folder, exc) from exc
+        raise refusal(folder, exc) from exc
     return sorted(texts)
-
-
-def _refused(folder: Path, exc: OSError) -> InputError:
-    return InputError(
-        f"{folder}", "a folder that can be written", f"refused ({exc.strerror or exc})",
-        "choose another name, or make room",
-    )  # fmt: skip

@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
-from cosim import InputError
+from cosim.files.whole import refusal
 from rtl_model.host.ports import Port
 
 __all__ = ["FORMAT", "LineLog"]
@@ -51,12 +51,7 @@ class LineLog:
         try:
             self._file = path.open("w", encoding="ascii")
         except OSError as exc:
-            raise InputError(
-                f"{path}",
-                "a name that can be written",
-                f"refused ({exc.strerror or exc})",
-                "choose another name for the log",
-            ) from exc
+            raise refusal(path, exc) from exc
         self._line("open", format=FORMAT, port=port.name, baud=port.baud, **(session or {}))
 
     def __enter__(self) -> LineLog:

@@ -1,4 +1,4 @@
-"""The imagers there are, by name."""
+"""All kinds of imagers, by name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rtl_model.imagers.ebaps.kind import EbapsKind
 from rtl_model.imagers.emccd.kind import EmccdKind
 from rtl_model.imagers.interface.kind import ImagerKind
 
-if TYPE_CHECKING:  # a host that reads registers needs none of the sequencers
+if TYPE_CHECKING:  # a host that reads registers must not load the sequencers
     from rtl_model.imagers.device.bus import BusTarget
     from rtl_model.imagers.device.registers import Design
 
@@ -24,18 +24,19 @@ IMAGERS: Final[dict[str, ImagerKind]] = {
 
 
 def by_number(number: int) -> str | None:
-    """Returns the kind whose `ctrl_imager` reads so, or None."""
+    """Returns the name of the kind with this value of `ctrl_imager`, or None."""
     return next((name for name, kind in IMAGERS.items() if kind.number == number), None)
 
 
 def design(name: str) -> Design:
-    """Returns the registers of a kind of imager as it is by default; InputError for none such."""
+    """Returns the registers of a kind at default settings; raises InputError for an unknown
+    name."""
     return _kind(name).design()
 
 
 def bus_target(name: str) -> BusTarget:
-    """Returns an imager's sequencer after power-on, with its registers and steady light of its own
-    choice, but no pixels; InputError for none such."""
+    """Returns the sequencer of a kind after power-on, with its registers, under constant light and
+    without pixels; raises InputError for an unknown name."""
     return _kind(name).bus_target()
 
 

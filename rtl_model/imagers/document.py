@@ -1,6 +1,5 @@
-"""docs/imager-registers.md, written from the imagers' tables.
-
-`python -m rtl_model.imagers.document > docs/imager-registers.md` makes it anew.
+"""Writes docs/imager-registers.md from the register tables of the imagers:
+`python -m rtl_model.imagers.document > docs/imager-registers.md`.
 """
 
 from __future__ import annotations
@@ -16,25 +15,26 @@ __all__ = ["document"]
 _HEAD = """\
 # Registers of the imagers
 
-Made from the tables in `rtl_model/imagers` by `python -m rtl_model.imagers.document`; do not edit.
+This file is generated from the tables in `rtl_model/imagers` by
+`python -m rtl_model.imagers.document`; do not edit it.
 
-Every conventional imager has registers as the spike chip's board has, whose map is
-[registers.md](registers.md): 32-bit words behind LiteX's uartbone, the same head at the same
-addresses, the identifier at 0x800. `viform board virtual --imager NAME` puts one behind a serial
-port, and `viform board identify` and `viform board regs` speak to it as to a board; `--csr FILE`
-there writes the `csr.csv` for other tools. An imager's own registers begin at 0x300.
+Every conventional imager has registers like those of the spike camera's board
+([registers.md](registers.md)): 32-bit words behind LiteX's uartbone, the same common head at the
+same addresses, and the identifier at 0x800. `viform board virtual --imager NAME` serves an imager
+at a serial port. `viform board identify` and `viform board regs` access it like a board; the option
+`--csr FILE` writes `csr.csv` for other tools. The registers of each kind of imager begin at 0x300.
 
-A register reads at once what was written to it. When the sequencer takes it to work is said with
-each: at once, with the next frame, or with the next cycle; those that wait for one instant are
-taken together. A word is strobed one clock after its last byte has come whole, and what begins at
-that very clock does not see it yet.
+A register reads back immediately what was written to it. The tables state when the sequencer uses
+the new value: at once, with the next frame, or with the next cycle. All registers that wait for the
+same instant are updated together. A write takes place one clock after the last byte of its word has
+arrived; an operation that begins at that clock still uses the old value.
 
-The line cannot refuse a write, as the hardware behind it cannot: bits beyond a register's width are
-dropped, a write to a register that is only read changes nothing, and one to no register changes
-nothing but `ctrl_bus_errors`. (`viform board regs` looks at the table before it writes, and refuses
-there.) A scenario's `imager.writes`, and `write` of an imager in Python, go by the same table in
-every imager and are refused instead, in one line: a register that does not exist or is only read, a
-value of more bits than it has, an instant that has passed.
+The serial line cannot refuse a write, as the hardware cannot. It drops bits beyond the width of a
+register. A write to a read-only register has no effect, and a write to an unused address only
+increments `ctrl_bus_errors`. (`viform board regs` checks the table before it writes, and refuses.)
+`imager.writes` of a scenario, and `write` of an imager in Python, check the same table in every
+imager. They refuse, with a one-line error, an unknown or read-only register, a value with too many
+bits, and an instant in the past.
 """
 
 _PARAMETERS = {
@@ -42,28 +42,28 @@ _PARAMETERS = {
     "CLOCK_HZ": "clock of the sequencer, Hz",
     "BUILD": "CRC-32 of the table",
     "BIT_CLOCKS": "CLOCK_HZ / baud, rounded",
-    "IMAGER": "the number below",
+    "IMAGER": "number of the imager, see below",
 }
 
 
 def document() -> str:
     """Returns docs/imager-registers.md as text."""
-    lines = [_HEAD, "## Head, of every imager", "", *register_tables(HEAD, "###")]
+    lines = [_HEAD, "## Common head", "", *register_tables(HEAD, "###")]
     lines += ["| name | meaning |", "|---|---|"]
     lines += [f"| {name} | {meaning} |" for name, meaning in _PARAMETERS.items()]
     for name, kind in IMAGERS.items():
         if kind.number is None:
             continue
-        made = kind.design()
-        rows, columns = made.shape
+        design = kind.design()
+        rows, columns = design.shape
         lines += [
             "",
             f"## {name}",
             "",
-            f"Number {made.number}, {made.title}: {rows} rows x {columns} columns, "
-            f"{made.clock_hz / 1e6:g} MHz as it is by default.",
+            f"Number {design.number}, {design.title}. By default it has {rows} rows x {columns} "
+            f"columns and a clock of {design.clock_hz / 1e6:g} MHz.",
             "",
-            made.document("###").rstrip(),
+            design.document("###").rstrip(),
         ]
     return "\n".join(lines) + "\n"
 

@@ -1,4 +1,4 @@
-"""An imager as a machine of the spine: planned, filmed, checked, judged, reported."""
+"""An imager as a machine: it implements the protocols of `cosim.run.machine`."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from rtl_model.imagers.run.store import FRAMES, read_frame
 __all__ = ["ImagerMachine", "ImagerStudy"]
 
 PICTURES: Final = 8
-"""Frames, evenly spaced, that become pictures of their own."""
+"""Number of frames, evenly spaced, that are written as PNG pictures."""
 _COPIES: Final = 2
-"""Copies of a frame on disk while a run is not finished: on the tape, and among the frames."""
+"""Copies of a frame on disk during a run: on the tape, and in the frame store."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,9 @@ class ImagerMachine:
     """See `cosim.run.machine.Machine`.
 
     Attributes:
-        kind: of the imager.
-        planned: the run.
-        trace: file for the waveforms of the sequencer's first frames; None for none.
+        kind: kind of the imager.
+        planned: the checked and planned run.
+        trace: file for the waveforms of the sequencer during the first frames; None for none.
     """
 
     kind: ImagerKind
@@ -71,7 +71,7 @@ class ImagerMachine:
         return 16 * rows * columns * self.planned.exposures.frames * _COPIES
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """None: the plan is checked on the run's own exposures."""
+        """No findings: the plan is checked on the exposures of the recording."""
         return []
 
     def keep(self, effects: Sequence[str]) -> ImagerMachine:
@@ -81,8 +81,8 @@ class ImagerMachine:
         return FrameChain(self.planned, folder, self.trace)
 
     def shortfall(self, recording: Recording) -> list[Finding]:
-        """The effect whose absence changes most, if the error's upper limit exceeds the
-        tolerance."""
+        """The omitted effect with the largest measured error, if the upper limit of the run's
+        error exceeds the tolerance."""
         chain: FrameChain = recording.chain
         error, left_out = chain.error, list(self.planned.plan.left_out)
         if error is None or not left_out or error.high <= self.planned.spec.tolerance:
@@ -181,7 +181,7 @@ def _throughput(frames: Sequence[FrameFigures], seconds: dict[str, float]) -> li
 
 
 def _frame_rate(frames: Sequence[FrameFigures]) -> float | None:
-    """Frames a second, median over the run."""
+    """Median frame rate of the run, Hz; None for fewer than two frames."""
     if len(frames) < 2:
         return None
     step = float(np.median(np.diff([frame.ready for frame in frames])))
@@ -189,12 +189,13 @@ def _frame_rate(frames: Sequence[FrameFigures]) -> float | None:
 
 
 def _picture(n: int) -> str:
-    """File of a frame's picture in the run's folder."""
+    """Path of the picture of a frame, within the folder of the run."""
     return f"images/frame-{n:05d}.png"
 
 
 def _write_pictures(folder: Path, count: int, bits: int) -> list[int]:
-    """Writes frames as 8-bit grey pictures, linear, full scale white; their numbers."""
+    """Writes chosen frames as linear 8-bit grey pictures, with full scale as white. Returns their
+    numbers."""
     if not count:
         return []
     (folder / "images").mkdir(exist_ok=True)

@@ -1,5 +1,5 @@
-"""Cases 33 to 38: the control loops of the other imagers under light that steps by 1e7, is none, or
-swings, and a cooler that cannot reach its target for half an hour."""
+"""Stability cases 33 to 38: the exposure loops of the imagers under light that steps by 1e7, goes
+out or oscillates, and a cooler that cannot reach its target for half an hour."""
 
 from __future__ import annotations
 
@@ -25,25 +25,31 @@ from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
 __all__ = ["CONTROLLING"]
 
 Adaptive = Callable[[int], Any]
-"""Number of a search, 1 to 3 -> the rule of the exposure selection, see `adaptive.Rule`."""
+"""Number of a search, 1 to 3 -> `Rule` of the exposure selection (adaptive/device/loop.py)."""
 _EXPONENT: Final = 16
-"""Of the adaptive sensor's longest exposure, 2^16 us."""
+"""Exponent of the longest exposure of the adaptive sensor, 2^16 us."""
 
 
 def _adaptive(device: Device | None) -> Adaptive:
     return lambda search: from_judged(Search(search), _EXPONENT)
 
 
-def _late(rule_of: Adaptive, courses: list[tuple[list[float], int]]) -> float:
-    """Most frames by which the loop is later than its search may be: two frames for each decision,
-    and the two that were exposed before. Infinite where an exposure leaves 1 us to 2^16 us."""
+def _delay(rule_of: Adaptive, courses: list[tuple[list[float], int]]) -> float:
+    """Largest number of frames by which the loop settles later than allowed: two frames for each
+    decision of the longest search, and the two frames that were exposed before the change. Infinite
+    if an exposure leaves the range of 1 us to 2^16 us.
+
+    Args:
+        rule_of: see `Adaptive`.
+        courses: (lux of each frame, number of the frame of the last change) of each course.
+    """
     worst = 0.0
     for search in Search:
         rule, most = rule_of(int(search)), 2 * worst_search(search, _EXPONENT) + 2
         for lux, change in courses:
             for start in (1, 1 << _EXPONENT):
-                seen = follow(lux, rule, start=start)
-                if not all(1 <= each.multiplier <= 1 << _EXPONENT for each in seen):
+                frames = follow(lux, rule, start=start)
+                if not all(1 <= each.multiplier <= 1 << _EXPONENT for each in frames):
                     return math.inf
                 worst = max(worst, recovery(lux, change, rule, start=start) - most)
     return worst
@@ -53,33 +59,33 @@ def _late(rule_of: Adaptive, courses: list[tuple[list[float], int]]) -> float:
 
 
 def _steps() -> list[tuple[list[float], int]]:
-    """Up and down by 1e7, over the whole range of the sensor's light, and beyond it."""
+    """Steps up and down by 1e7, within the range of the sensor and beyond it."""
     pairs = [(0.1, 1e6), (1e6, 0.1), (3.0, 3e7), (3e7, 3.0), (1e-3, 1e4), (1e4, 1e-3)]
     return [([before] * 60 + [after] * 80, 60) for before, after in pairs]
 
 
 def adaptive_steps(rule_of: Adaptive) -> float:
-    """See `_late`."""
-    return _late(rule_of, _steps())
+    """See `_delay`."""
+    return _delay(rule_of, _steps())
 
 
 # 34 ------------------------------------------------------------------------------------------
 
 
 def _none_and_swings(dark: int) -> list[tuple[list[float], int]]:
-    """So many frames without light, then some; light of 1e-1 and 1e6 lux in turns of 1 to 9 frames,
-    and in turns that grow, then one light."""
-    made = [([0.0] * dark + [after] * 80, dark) for after in (0.1, 30.0, 1e6, 1e9)]
+    """`dark` frames without light, then constant light; and light that alternates between 1e-1 and
+    1e6 lux every 1 to 9 frames, or ever more slowly, then constant light."""
+    courses = [([0.0] * dark + [after] * 80, dark) for after in (0.1, 30.0, 1e6, 1e9)]
     for turn in range(1, 10):
         swing = [(0.1, 1e6)[n // turn % 2] for n in range(300)]
-        made += [([*swing, *([after] * 80)], 300) for after in (1.0, 1e3)]
+        courses += [([*swing, *([after] * 80)], 300) for after in (1.0, 1e3)]
     growing = [1e6 if n % 2 else 0.1 for n in range(40) for _ in range(n + 1)]
-    return [*made, ([*growing, *([50.0] * 80)], len(growing))]
+    return [*courses, ([*growing, *([50.0] * 80)], len(growing))]
 
 
 def adaptive_swings(rule_of: Adaptive, dark: int = 2000) -> float:
-    """See `_late`."""
-    return _late(rule_of, _none_and_swings(dark))
+    """See `_delay`."""
+    return _delay(rule_of, _none_and_swings(dark))
 
 
 # 35, 36, 37 ----------------------------------------------------------------------------------
@@ -90,30 +96,31 @@ def _ebaps(device: Device | None) -> Any:
 
 
 def ebaps_steps(loop: Any) -> float:
-    """ns off the range, or off where analysis says the loop ends between steps of 1e7."""
+    """Largest deviation of the exposure, ns, from its range or, between steps of 1e7, from the
+    predicted end."""
     return float(light_steps(loop))
 
 
 def ebaps_swings(loop: Any) -> float:
-    """ns off the range or off where the loop must end after 2000 dark frames, or by which light
-    that swings moved an exposure further than a step."""
+    """Largest deviation of the exposure, ns: from its range or the predicted end after 2000 dark
+    frames, or beyond one step under oscillating light."""
     return float(max(dark_then_light(loop), swinging(loop)))
 
 
 def _sum(device: Device | None) -> Any:
-    """The sum that the loop is given of a frame."""
+    """The sum of a frame that the loop uses."""
     return lambda frame: int(frame.sum(dtype=np.int64))
 
 
 def ebaps_sum(total: Any) -> float:
-    """DN by which the sum of a whole frame is wrong: one is a wrong decision."""
+    """Error of the sum of a whole frame, DN; an error of 1 changes a decision."""
     return float(accumulated(total))
 
 
 # 38 ------------------------------------------------------------------------------------------
 
 Cooled = Callable[[Callable[[float], float]], Any]
-"""Air's kelvin by seconds -> a cooler that has just been switched on."""
+"""(ambient K as a function of time in s) -> a cooler at power-on."""
 _TARGET: Final = 263.15
 _BAND: Final = 0.1
 
@@ -123,8 +130,9 @@ def _cooled(device: Device | None) -> Cooled:
 
 
 def windup(cooled: Cooled, hot: float = 1800.0) -> float:
-    """Kelvin by which the chip falls below its target in twenty minutes after air of 70 degC, in
-    which the drive stood at its end; infinite where it is not within 0.1 K again in ten."""
+    """Largest undershoot of the chip, K, in the twenty minutes after air of 70 degC for `hot`
+    seconds, which saturates the drive. Infinite if the chip does not settle within 0.1 K in ten
+    minutes."""
     begin = 600.0
     cooler = cooled(lambda s: 273.15 + (70 if begin <= s < begin + hot else 25))
     run_cooling(cooler, begin + hot)

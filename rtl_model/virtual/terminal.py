@@ -41,7 +41,13 @@ class Terminal:
     """
 
     def __init__(self, baud: int, link: Path | None = None) -> None:
-        self.master, self._slave = os.openpty()
+        try:
+            self.master, self._slave = os.openpty()
+        except OSError as exc:
+            raise InputError(
+                "/dev/pts", "mounted, for the port of a virtual board", f"refused ({exc.strerror})",
+                "mount -t devpts devpts /dev/pts",
+            ) from exc  # fmt: skip
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
         self.slave = os.ttyname(self._slave)

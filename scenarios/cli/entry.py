@@ -28,7 +28,7 @@ def main() -> None:
         code = _PIPE
         _drop_output()
     except OSError as exc:  # a file's own writer says more; this is for what has none
-        from cosim.run.folder import NO_ROOM
+        from cosim.files.whole import NO_ROOM
 
         if exc.errno not in NO_ROOM:
             raise
@@ -56,9 +56,9 @@ def _main(arguments: list[str]) -> int:
     from typer.exceptions import Abort, TyperException
     from typer.main import get_command
 
-    from cosim import InputError, Interrupted
+    from cosim import Interrupted
     from cosim.compute.opencl import prepare_caches
-    from cosim.errors import MissingPackages
+    from cosim.errors import MissingPackages, ViformError
     from scenarios.cli.app import app
 
     with suppress(OSError):  # what needs no cache works without
@@ -71,14 +71,14 @@ def _main(arguments: list[str]) -> int:
         where = context.command_path if context is not None else "viform"
         print(f"viform: {text}; see `{where} --help`", file=sys.stderr)
         return 2
-    except InputError as exc:
+    except Interrupted as exc:
+        print(f"viform: {exc}", file=sys.stderr)
+        return 130
+    except ViformError as exc:
         if isinstance(exc, MissingPackages):
             install_and_restart(exc.packages)
         print(f"viform: {exc}", file=sys.stderr)
         return 2
-    except Interrupted as exc:
-        print(f"viform: {exc}", file=sys.stderr)
-        return 130
     except (Abort, KeyboardInterrupt):
         print("viform: interrupted", file=sys.stderr)
         return 130

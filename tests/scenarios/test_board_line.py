@@ -105,3 +105,31 @@ def test_a_request_to_end_is_met_where_ctrl_c_is_ignored(tmp_path):
         finally:
             made.kill()
     assert not link.is_symlink()
+
+
+def test_a_damaged_log_is_one_line_and_a_cut_one_is_replayed(viform, refused, tmp_path):
+    log = tmp_path / "line.jsonl"
+    assert viform("board", "bringup", *MODEL, "--log", log, "--frames", "1")[0] == 0
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join(lines)[:-20])
+    code, out, _ = viform("board", "replay", log)
+    assert code == 0
+    assert out.endswith(
+        f"{len(lines) - 1} events, 0 answers with a fault, the last line is cut off\n"
+    )
+    requests = [n for n, line in enumerate(lines) if '"event": "write"' in line]
+
+    def edit(n: int, key: str, value: object) -> None:
+        edited = [*lines[:n], json.dumps(json.loads(lines[n]) | {key: value}), *lines[n + 1 :]]
+        log.write_text("\n".join(edited) + "\n")
+
+    for key, value in (("address", "zero"), ("monotonic", 10**400), ("words", "two")):
+        edit(requests[20], key, value)
+        said = refused("board", "replay", log, "--bringup")
+        assert f"line {requests[20] + 1} of {log} must be an event" in said
+    for n in (requests[0], requests[20], requests[-1]):
+        edit(n, "hex", "0201000000ff")
+        code, out, err = viform("board", "replay", log, "--bringup")
+        assert (
+            code in (1, 2) and f"line {n + 1} of the replay of {log}: the host sends" in out + err
+        )

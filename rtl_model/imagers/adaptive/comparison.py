@@ -1,4 +1,4 @@
-"""The adaptive-exposure sensor in `viform compare`: it chooses its exposure by itself."""
+"""The adaptive-exposure sensor in `viform compare`; it chooses its exposure itself."""
 
 from __future__ import annotations
 

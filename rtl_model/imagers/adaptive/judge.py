@@ -1,9 +1,9 @@
 """The judge of the exposure selection.
 
-It decides by the count of saturated pixels and the largest value below saturation. What is left out
-is taken to move any pixel as far as those of the strip around the largest value are moved: by the
-largest difference there, or by normal tails of the differences among all pixels of a frame at
-99.9 %, whichever is more, and by one DN for the converter's truncation.
+The selection depends on the number of saturated pixels and on the largest value below saturation.
+The shift that the omitted effects may cause in any pixel is estimated on a strip around the largest
+value. It is the largest difference there, or the normal limit of the differences for all pixels of
+a frame at 99.9 %, whichever is larger, plus one DN for the truncation of the converter.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from sensor.imagers import Exposed, PixelModel
 __all__ = ["AdaptiveJudge"]
 
 _FULL = 256
-"""DN of full scale of 8 bits, in front of the converter."""
+"""Full scale of 8 bits before the converter, DN."""
 _TRUNCATION = 1.0
-"""DN by which truncation may lengthen a difference."""
+"""Largest increase of a difference by truncation, DN."""
 
 
 class AdaptiveJudge(JudgeBase):
@@ -44,11 +44,11 @@ class AdaptiveJudge(JudgeBase):
         judged = self._imager.controller.judged
         values, over = pixels.digitise(rows, self._seed, self._full)
         counting = judged.counting
-        seen = gather(values, over, counting.window, whole_scan=counting.whole_scan)
-        return int(judged.chosen(seen))
+        statistics = gather(values, over, counting.window, whole_scan=counting.whole_scan)
+        return int(judged.chosen(statistics))
 
     def _reach(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> float:
-        """DN by which what is left out may move a pixel."""
+        """Largest shift of a pixel by the omitted effects, DN."""
         values = frame.values
         brightest = int(np.argmax(np.where(values < _FULL - 1, values, 0).max(axis=1)))
         first = min(max(brightest - STRIP // 2, 0), max(values.shape[0] - STRIP, 0))
@@ -59,7 +59,7 @@ class AdaptiveJudge(JudgeBase):
         return _TRUNCATION + max(float(np.abs(step).max()), far)
 
     def _surely_full(self, rows: Exposed, pixels: Any, reach: float) -> npt.NDArray[np.bool_]:
-        """(H, W) pixels that are over full scale however their noise and pattern fall."""
+        """(H, W) whether a pixel exceeds full scale for every likely noise and fixed pattern."""
         s = pixels.setting
         seconds = float(rows.seconds[0])
         dark, noise = pixels.mean_variance(0.0, seconds)
@@ -79,7 +79,7 @@ class AdaptiveJudge(JudgeBase):
         least = int(surely[inside].sum())
         most = int((frame.values[inside] >= top).sum())
         if least > threshold:
-            return False  # shortened, whatever is left out
+            return False  # shortened with or without the omitted effects
         if most > threshold:
             return True
         where = (slice(None), slice(None)) if whole else inside
@@ -87,7 +87,8 @@ class AdaptiveJudge(JudgeBase):
         below = values[values < top]
         if largest >= _FULL or not below.size:
             return True
-        # What is near full scale may be saturated or not: then the largest below it counts, or it.
+        # A pixel near full scale may be saturated or not. So the largest value is that pixel's, or
+        # the largest one below it.
         low = float(below.max() if largest >= top else largest) - reach
         marginal = bool(((values >= top) & ~surely[where]).any())
         high = _FULL - 1.0 if marginal else min(float(largest) + reach, _FULL - 1.0)

@@ -1,4 +1,4 @@
-"""The adaptive-exposure sensor of a scenario: built, foreseen, measured."""
+"""The adaptive-exposure sensor with the settings of a scenario."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel, Still
 from sensor.imagers.cmos import AdaptivePixels, CmosSetting
 
-__all__ = ["HALF", "AdaptiveModel", "Change", "changes", "right"]
+__all__ = ["HALF", "AdaptiveModel", "Change", "changes", "is_settled"]
 
 FULL: Final = 255
-"""Largest value of 8 bits; the controller says 256 for no value."""
+"""Largest 8-bit value, DN; the controller reports 256 for no value."""
 HALF: Final = 128
-"""DN: from here on an exposure is right, if no more pixels than allowed are saturated."""
+"""Smallest largest value, DN, that keeps the exposure, unless too many pixels are saturated."""
 SEARCHES: Final = {"256th": Search.PART, "root": Search.ROOT, "half": Search.HALF}
 MARGIN: Final = 2.0
-"""By which noise may move an exposure that was foreseen: a power of two either way."""
+"""Factor by which noise may move a foreseen exposure, up or down: one power of two."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class AdaptiveModel(ImagerModel):
         return [pixels]
 
     def exposures(self, view: View, stop: int) -> ExposureRange:
-        """Exposures that the controller chooses for the brightest pixel, without noise, and half
-        and double of them."""
+        """Exposures that the controller chooses for the brightest pixel without noise, from half to
+        double their values."""
         s, timing, setting = self.section, self.timing, self.setting
         edge, sequencer = timing.clock.edge, Sequencer(timing)
         first = 1 if s.adapt else s.multiplier
@@ -106,11 +106,11 @@ class AdaptiveModel(ImagerModel):
             spans.append((begin, end))
             lux_seconds = _brightest(view, begin, end)
             value, over = setting.value(lux_seconds / ((end - begin) / 1e12), (end - begin) / 1e12)
-            made = decide(
+            decision = decide(
                 multiplier, int(over), None if over else value, threshold=0,
                 search=SEARCHES[s.search], longest=s.longest,
             )  # fmt: skip
-            ahead.append(made.multiplier if s.adapt else first)
+            ahead.append(decision.multiplier if s.adapt else first)
         spans = spans or [(begin, end)]
         seconds = [(end - begin) / 1e12 for begin, end in spans]
         light = [_brightest(view, *span) for span in spans]
@@ -135,7 +135,7 @@ class AdaptiveModel(ImagerModel):
             None if None in delays else max((f for f in delays if f is not None), default=None)
         )
         step = self.setting.lsb / self.setting.responsivity / self.setting.gain
-        fine = [t for t in frames if right(t)] or list(frames)
+        fine = [t for t in frames if is_settled(t)] or list(frames)
         seconds = [t.seconds for t in fine]
         covered = FULL * max(seconds) / min(seconds)
         last = frames[-1]
@@ -172,23 +172,29 @@ class AdaptiveModel(ImagerModel):
 
 
 def _brightest(view: View, begin: int, end: int) -> float:
-    """lx s that the brightest pixel gets from one instant to another."""
+    """Exposure of the brightest pixel from `begin` to `end` (ps), lx s."""
     if isinstance(view.scenery, Still):
         course = view.scenery.course.integral(np.array([begin]), np.array([end]))
         return float(view.scenery.lux.max() * course[0])
     return float(view.most.max()) * (end - begin) / 1e12
 
 
-def right(frame: FrameFigures) -> bool:
-    """Whether the decision that followed from a frame kept its exposure."""
+def is_settled(frame: FrameFigures) -> bool:
+    """Whether the decision on a frame keeps its exposure."""
     return frame.state["next_multiplier"] == frame.state["multiplier"] and not frame.state["flag"]
 
 
 @dataclass(frozen=True)
 class Change:
-    """A jump of the light. ps: when. factor: of all light, before and after. frames: from the frame
-    that was exposing when it came to the first whose exposure is right for it, the first not
-    counted. delay: ps until that one has left the sensor. None where the run ended before."""
+    """A step of the light, and the response of the sensor.
+
+    Attributes:
+        ps: instant, ps.
+        before, after: factor of all light before and after the step.
+        frames: number of frames from the frame exposed at the step to the first settled one; None
+            if no frame settles.
+        delay: time from the step to the end of readout of that frame, ps; None likewise.
+    """
 
     ps: int
     before: float
@@ -198,22 +204,22 @@ class Change:
 
 
 def changes(frames: Sequence[FrameFigures], view: View) -> list[Change]:
-    """The jumps of a still scene's course, the run's beginning first."""
+    """The steps in the course of a static scene; the first is the start of the run."""
     if not isinstance(view.scenery, Still):
         return []
     knots = view.scenery.course.knots
-    jumps = [(0, 0.0, view.scenery.course.at(0))]
+    steps = [(0, 0.0, view.scenery.course.at(0))]
     for (t0, f0), (t1, f1) in pairwise(knots):
         if t1 == t0 and f1 != f0 and t0 > 0:
-            jumps.append((t0, f0, f1))
-    found = []
-    ends = [ps for ps, *_ in jumps[1:]] + [2**62]
-    for (ps, before, after), until in zip(jumps, ends, strict=True):
+            steps.append((t0, f0, f1))
+    responses = []
+    ends = [ps for ps, *_ in steps[1:]] + [2**62]
+    for (ps, before, after), until in zip(steps, ends, strict=True):
         inside = [t for t in frames if ps < t.end and t.ready < until]
-        settled = next((t for t in inside if t.begin >= ps and right(t)), None)
+        settled = next((t for t in inside if t.begin >= ps and is_settled(t)), None)
         if settled is None:
-            found.append(Change(ps, before, after, None, None))
+            responses.append(Change(ps, before, after, None, None))
         else:
             later = settled.number - inside[0].number
-            found.append(Change(ps, before, after, later, settled.ready - ps))
-    return found
+            responses.append(Change(ps, before, after, later, settled.ready - ps))
+    return responses

@@ -1,4 +1,4 @@
-"""Figures of the adaptive-exposure sensor: its document's figures 4 to 6, from this run."""
+"""Report sections of the adaptive-exposure sensor: figures 4 to 6 of its document, from the run."""
 
 from __future__ import annotations
 
@@ -30,33 +30,33 @@ from sensor.imagers.cmos import AdaptivePixels
 __all__ = ["adaptive_sections"]
 
 SMALL = 16
-"""Rows and columns of the sensor that the response curve is filmed with."""
+"""Rows and columns of the sensor that films the response curve."""
 SETTLING = 16
-"""Frames it has to find an exposure: more than half a search takes."""
+"""Frames that it has to find an exposure; the slowest search by roots takes fewer."""
 
 
 def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
-    """The sections of the page, their figures written."""
+    """Writes the figures and returns the HTML of the sections."""
     folder = run.folder / "figures"
     _course(run, folder / "exposure.png")
     _response(model, folder / "response.png")
     _timing(run, model, folder / "timing.png")
     return (
-        "<h2>Exposure and signal as the light changes</h2><p>The document's figure 6a. Light is "
-        "that of the brightest pixel; the exposure is T 2<sup>n</sup>, T = 1 &micro;s; the signal "
-        "is the largest unsaturated value of the window, which the exposure selection keeps "
-        f"between {HALF} and 255. Filled marks: more pixels were saturated than are allowed.</p>"
+        "<h2>Exposure and signal as the light changes</h2><p>This is figure 6a of the document. "
+        "The light is that of the brightest pixel. The exposure is T 2<sup>n</sup> with T = 1 "
+        "&micro;s. The signal is the largest unsaturated value of the window, which the exposure "
+        f"selection keeps between {HALF} and 255. Square marks: more pixels are saturated than "
+        "allowed.</p>"
         + plot(folder / "exposure.png", "light, exposure and signal over time")
         + _changes(run)
-        + "<h2>Response</h2><p>The document's figure 6b, filmed: steady light of each level until "
-        "the exposure stands, by a sensor of this kind of "
-        f"{SMALL} x {SMALL} pixels. Between two exposures the response is linear. Put together, "
-        f"with {HALF} DN for every halving of the exposure, the frames' values follow the "
-        "logarithm of the light: light is close to an exponential of the output.</p>"
+        + "<h2>Response</h2><p>This is figure 6b of the document. A sensor of this kind with "
+        f"{SMALL} x {SMALL} pixels films constant light of each level until its exposure settles. "
+        f"At each exposure the response is linear. With {HALF} DN added for every halving of the "
+        "exposure, the values join to one curve that is close to the logarithm of the light.</p>"
         + plot(folder / "response.png", "signal and exposure over light")
-        + "<h2>Two reset counters</h2><p>The document's figures 4 and 5, from this sensor's own "
-        "trace: above, the rows that are reset and read when the exposure changes; below, its "
-        "signals over the first rows. Hold is the frame time less the exposure.</p>"
+        + "<h2>Two reset counters</h2><p>These are figures 4 and 5 of the document, from the trace "
+        "of this sensor. Above: the rows that are reset and read around a change of exposure. "
+        "Below: its signals during the first rows. Hold is the frame time minus the exposure.</p>"
         + plot(folder / "timing.png", "reset and readout of all rows, and the signals")
     )
 
@@ -83,43 +83,43 @@ def _course(run: ImagerRun, path: Path) -> None:
     style_axes(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
-    seen = np.minimum(largest, 255)
+    signal = np.minimum(largest, 255)
     low.axhspan(HALF, 255, color=GREEN, alpha=0.08, linewidth=0)
-    low.plot(ready, seen, color=GREEN, linewidth=0.8)
-    low.plot(ready[~flagged], seen[~flagged], "o", markersize=3, color=GREEN)
+    low.plot(ready, signal, color=GREEN, linewidth=0.8)
+    low.plot(ready[~flagged], signal[~flagged], "o", markersize=3, color=GREEN)
     low.plot(ready[flagged], np.full(flagged.sum(), 255), "s", markersize=4, color=MARK)
     low.set_ylim(0, 265)
-    style_axes(low, "time at which a frame has been read, ms", "largest value, DN")
+    style_axes(low, "end of readout, ms", "largest value, DN")
     save_figure(figure, path)
 
 
 def _changes(run: ImagerRun) -> str:
     rows = []
-    jumps = [c for c in changes(run.frames, run.planned.view) if c.ps < run.planned.spec.stop]
-    for c in jumps:
-        told = "power-on" if c.before == 0 else f"x {c.after / c.before:.4g}"
-        until = "the run's end" if c is jumps[-1] else "the next"
+    steps = [c for c in changes(run.frames, run.planned.view) if c.ps < run.planned.spec.stop]
+    for c in steps:
+        step = "power-on" if c.before == 0 else f"x {c.after / c.before:.4g}"
+        until = "the end of the run" if c is steps[-1] else "the next step"
         frames = f"not before {until}" if c.frames is None else f"N + {c.frames}"
         delay = "" if c.delay is None else f"{c.delay * 1e-9:.3g} ms"
-        rows.append([f"{c.ps * 1e-9:.4g} ms", told, frames, delay])
+        rows.append([f"{c.ps * 1e-9:.4g} ms", step, frames, delay])
     if not rows:
         return ""
     return (
-        "<p>Jumps of the light, and the first frame whose exposure is right for it, counted from "
-        "frame N, which was exposing when it came. A new exposure is recorded in frame N + 3 at "
-        "the latest; what one decision does not settle takes two more frames each: a search after "
-        "light that rose into saturation, or light that fell so far that the largest value is the "
-        "noise of some pixel, which is then lengthened by too little.</p>"
-        + table(["at", "light", "right in frame", "and read after"], rows)
+        "<p>Steps of the light, and the first frame with a settled exposure. Frame N was exposed "
+        "when the light stepped. A new exposure is recorded in frame N + 3 at the latest. Each "
+        "further decision takes two more frames: in a search after the light has risen into "
+        "saturation, or after it has fallen so far that the largest value is noise and the first "
+        "factor is too small.</p>"
+        + table(["time", "light", "settled frame", "delay to its readout"], rows)
     )
 
 
 def _response(model: AdaptiveModel, path: Path) -> None:
-    """Largest value and exposure once settled, over seven decades of light."""
+    """Draws the settled value and exposure over seven decades of light."""
     section = model.section
     lux = np.geomspace(0.1, 1e6, 57)
     setting = model.setting
-    found = []
+    points = []
     for level in lux:
         imager = AdaptiveExposure(
             AdaptivePixels((SMALL, SMALL), setting), Timing.of(SMALL, SMALL, section.frame_rate)
@@ -131,9 +131,9 @@ def _response(model: AdaptiveModel, path: Path) -> None:
         frames = imager.film(scene, 100 * PS, seed=1, kept=kept)
         for frame in frames:
             if frame.number >= SETTLING:
-                found.append((frame.state["multiplier"], float(frame.values.mean())))
+                points.append((frame.state["multiplier"], float(frame.values.mean())))
                 break
-    multiple, value = np.array(found).T
+    multiple, value = np.array(points).T
     plt = pyplot()
     figure, (top, low, last) = plt.subplots(
         3, 1, figsize=(9.5, 7), sharex=True, layout="constrained"
@@ -151,7 +151,7 @@ def _response(model: AdaptiveModel, path: Path) -> None:
     style_axes(low)
     together = value + HALF * (section.longest - np.log2(multiple))
     last.plot(lux, together, "o-", color=GREEN, markersize=3.5, linewidth=0.9)
-    style_axes(last, "light on the sensor, lux", "frames put together, DN")
+    style_axes(last, "light on the sensor, lux", "joined values, DN")
     save_figure(figure, path)
 
 
@@ -196,8 +196,8 @@ def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
 
 
 def _signals(model: AdaptiveModel, axes: Any) -> None:
-    """Signals of the first rows of a frame, from a trace of a sensor of its own, exposed for 40
-    us."""
+    """Draws the signals of the first rows of a frame, from a trace of a separate sensor with an
+    exposure of 40 us."""
     imager = AdaptiveExposure(AdaptivePixels((SMALL, SMALL)), Timing.of(SMALL, SMALL, 1000.0))
     imager.write("adaptive_automatic", 0)
     imager.write("adaptive_user", 40)

@@ -36,11 +36,11 @@ __all__ = ["adaptive_rows"]
 _SETTING = CmosSetting()
 _TABLE = (("128-255", 255, 1), ("64-127", 64, 2), ("32-63", 32, 4), ("16-31", 16, 8),
           ("8-15", 8, 16), ("4-7", 4, 32), ("2-3", 2, 64), ("1", 1, 128))  # fmt: skip
-"""Table 1, whose print is lost but for its text: values, one of them, the factor."""
+"""Table 1, of which only the text survives: (range of values, one of them, factor)."""
 
 
 def adaptive_rows() -> list[Row]:
-    """Every number in order."""
+    """The rows of `viform paper`, in the order of the document."""
     return [*_light(), *_decision(), *_searches(), *_registers(), *_sequence(), *_response()]
 
 
@@ -84,8 +84,8 @@ def _decision() -> list[Row]:
 
 
 def _dim() -> int:
-    """Decisions until the largest value is half scale or more, from a largest value of 0: light
-    that gives 1/4 LSB and 1/256 LSB at the first exposure; the most."""
+    """Largest number of decisions until the value reaches half scale, from a value of 0: for light
+    that gives 1/2 to 1/256 LSB at the first exposure."""
     unit, most = shortest_exposure(), 0
     for part in (2, 4, 64, 256):
         lux = _SETTING.lsb / part / _SETTING.volts(1.0, unit) * (1 + 1e-6)
@@ -94,8 +94,8 @@ def _dim() -> int:
             value, over = _SETTING.value(lux, multiplier * unit)
             if over or value >= HALF_SCALE:
                 break
-            made = decide(multiplier, 0, value, threshold=0, search=Search.PART)
-            multiplier, frames = made.multiplier, frames + 1
+            decision = decide(multiplier, 0, value, threshold=0, search=Search.PART)
+            multiplier, frames = decision.multiplier, frames + 1
         most = max(most, frames)
     return most
 
@@ -115,8 +115,8 @@ def _searches() -> list[Row]:
 
 
 def _registers() -> list[Row]:
-    least = next(r for r in DESIGN.own if r.name == "adaptive_minimum")
-    register = next(r for r in DESIGN.own if r.name == "adaptive_user")
+    least = next(r for r in DESIGN.specific if r.name == "adaptive_minimum")
+    register = next(r for r in DESIGN.specific if r.name == "adaptive_user")
     needed = max(search_path(Search.HALF)).bit_length()
     seconds = (1 << 24) * shortest_exposure()
     return [
@@ -139,12 +139,12 @@ def _sequence() -> list[Row]:
     """Sections 4, 4.1 and 5 on a small array at 100 frames/s."""
     timing = Timing.of(4, 4)
     steps = {changed_bits(ring(n, timing.rows), ring(n + 1, timing.rows)) for n in range(64)}
-    made = frames_of(timing, [2000, 40_000, 20, 150_000, 2000, 2000])
-    whole = {f.period - f.hold - f.exposure for f in made}
+    frames = frames_of(timing, [2000, 40_000, 20, 150_000, 2000, 2000])
+    whole = {f.period - f.hold - f.exposure for f in frames}
     most = _latest(timing)
     long = round(longest_exposure() * CLOCK_HZ)
     rate = CLOCK_HZ / timing.period(long)
-    both = {f.counter for f in made}
+    both = {f.counter for f in frames}
     return [
         listed("001 §4", "bits that a step of a counter changes", [1], sorted(steps), "bit"),
         number("001 §4.2", "reset counters in turn", "2", len(both)),
@@ -160,16 +160,16 @@ def _sequence() -> list[Row]:
 
 
 def _latest(timing: Timing) -> int:
-    """Most frames between the last that saw the old light and the first with another exposure, of
-    light that falls by 2 to 256 at twelve instants of a frame."""
+    """Largest number of frames from the last with the old light to the first with a new exposure,
+    for light that falls by 2.2 to 200 at twelve instants of a frame."""
     frame, most = PS // FRAME_RATE, 0
     for exponent in (3, 12, 13):
         for phase in range(12):
             before = light_for(1 << exponent)
             change = 6 * frame + phase * frame // 12
             after = before / (2.2, 20.0, 200.0)[phase % 3]
-            seen = latency(timing, change, before, after, multiplier=1 << exponent)
-            most = max(most, seen.recorded - seen.changed)
+            measured = latency(timing, change, before, after, multiplier=1 << exponent)
+            most = max(most, measured.recorded - measured.changed)
     return most
 
 

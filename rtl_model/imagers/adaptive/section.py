@@ -13,7 +13,7 @@ __all__ = ["AdaptiveSection"]
 
 
 class AdaptiveSection(ImagerSection):
-    """The adaptive-exposure CMOS sensor: rolling shutter, 8 bits, one exposure a frame."""
+    """The adaptive-exposure CMOS sensor: rolling shutter, 8 bits, one exposure per frame."""
 
     kind: Literal["adaptive-exposure"]
     rows: Annotated[int, Field(ge=2, le=2048, multiple_of=2)] = Field(

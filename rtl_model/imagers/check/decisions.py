@@ -1,14 +1,15 @@
-"""Whether what a plan leaves out changes a decision of the imager's controller.
+"""Whether the effects that a plan omits change a decision of the imager's controller.
 
-The paired check (`paired`) converts the exposures of a run in both ways, so it measures what
-leaving out does to values, but not to the exposures that follow from them. Here every frame's
-decision is examined: how far can the omission move the statistic that the decision is based on, and
-does that reach a threshold of the decision? The shift is measured on strips of the frame, converted
-with every effect and as planned, with the same random numbers (`judge`). Where a threshold is
-within reach, the whole frame is converted with every effect and the decision is made anew. As all
-decisions before were alike, the result is the decision of full physics. From the first decision
-that differs on, the two runs have different exposures: the change of the pixel values that this
-decision makes is the run's error, if it is the larger one, and later frames are not examined.
+The paired check (`paired`) converts the exposures of a run in two ways: with every effect, and as
+planned. It measures how the omission changes pixel values, but not how it changes the exposures
+that follow from them. This module examines the decision on every frame: how far can the omission
+move the statistic of the decision, and does this reach a decision threshold? The shift is measured
+on strips of the frame, converted in both ways with the same random numbers (`interface.judge`). If
+a threshold is within reach, the whole frame is converted with every effect and the decision is
+repeated. All earlier decisions agreed, so the result is the decision of full physics. At the first
+decision that differs, the exposures of the two runs diverge. The resulting change of the pixel
+values is then the error of the run, if it exceeds the paired error, and later frames are not
+examined.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ class DecisionCheck:
     """The decisions of a run's controller, compared with those of full physics.
 
     Attributes:
-        examined: frames whose decision was examined.
-        close: those of them with a threshold within reach of what is left out.
+        examined: number of frames whose decision was examined.
+        close: number of those with a threshold within reach of the omission.
         differs_at: number of the first frame on which full physics decides otherwise; None if none.
-        change: relative change of the mean pixel value that this decision makes; 0 if none.
+        change: relative change of the mean pixel value caused by that decision; 0 if none.
     """
 
     examined: int
@@ -58,9 +59,9 @@ class Decisions:
     """Examines the decisions of one run, frame by frame.
 
     Args:
-        judge: of the imager's controller; None if there is nothing to examine.
-        full: all effects.
-        seed: of the temporal noise.
+        judge: judge of the imager's controller; None if there is nothing to examine.
+        full: names of all effects.
+        seed: seed of the temporal noise.
     """
 
     def __init__(self, judge: Judge | None, full: frozenset[str], seed: int) -> None:
@@ -71,13 +72,13 @@ class Decisions:
         self._differs_at: int | None = None
         self._change = 0.0
 
-    def see(self, rows: Exposed, pixels: PixelModel) -> None:
-        """Takes note of rows that have been converted; the decision on their frame comes next."""
+    def add(self, rows: Exposed, pixels: PixelModel) -> None:
+        """Stores the rows that were converted last; the decision on their frame follows."""
         if self._judge is not None:
             self._converted = rows, pixels
 
     def frame(self, frame: Frame) -> None:
-        """Examines the decision on the frame that these rows have become."""
+        """Examines the decision on the frame of the stored rows."""
         if self._judge is None or self._converted is None or self._differs_at is not None:
             return
         (rows, pixels), judge = self._converted, self._judge
@@ -94,8 +95,12 @@ class Decisions:
             self._change = self._between(rows, pixels, planned / now, full / now)
 
     def _between(self, rows: Exposed, pixels: PixelModel, planned: float, full: float) -> float:
-        """Largest relative change of a strip's mean pixel value between two exposures, given as
-        multiples of the frame's, under its light, with every effect."""
+        """Largest relative change of the mean pixel value of a strip between two exposures, under
+        the light of the frame, with every effect.
+
+        Args:
+            planned, full: the exposures, relative to that of the frame.
+        """
         worst = 0.0
         for at in strips(rows):
             cut = cut_rows(rows, at)

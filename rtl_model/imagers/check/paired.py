@@ -1,12 +1,13 @@
-"""The error of a plan: patches of a run's exposures are converted repeatedly, with every effect and
-as planned, with the same random numbers.
+"""The error of a plan: patches of the exposures of a run are converted repeatedly in two ways, with
+every effect and as planned, with the same random numbers.
 
 The repeats give the mean and the temporal variance of every pixel in both ways. The error of a
-patch is the larger of two: the RMS over its pixels of the mean's change, relative to the patch's
-mean (at least one DN), and the change of its temporal noise, relative to that noise (at least the
-noise of rounding to one DN). The noise of R repeats is subtracted from the mean's change d:
-E[(mean of d)^2] is the squared shift plus var(d)/R. Limits hold at 99.9 % for all patches together;
-squares of pixels are taken as samples of one distribution.
+patch is the larger of two figures. The first is the RMS change of the pixel means, relative to the
+mean of the patch (at least one DN). The second is the change of the temporal noise, relative to
+that noise (at least the noise of rounding to one DN). With d the difference of a repeat and R
+repeats, E[(mean of d)^2] is the squared shift plus var(d)/R; the second term is subtracted. The
+limits hold at 99.9 % for all patches together. The squares of the pixels are treated as samples of
+one distribution.
 """
 
 from __future__ import annotations
@@ -28,18 +29,20 @@ __all__ = [
 ]  # fmt: skip
 
 WATCHED: Final = 4
-"""Frames, evenly spaced, whose exposures the plan is checked on."""
+"""Number of frames, evenly spaced, on whose exposures the plan is checked."""
 
 REPEATS: Final = (32, 256)
-"""Conversions of each patch in each way, least and most: `VALUES` of a strip between."""
+"""Least and largest number of conversions of a strip in each way."""
 VALUES: Final = 1 << 16
+"""Number of values, pixels times repeats, that are aimed at for a strip in each way."""
 STRIP: Final = 8
-"""Rows of a patch."""
+"""Rows of a strip."""
 ACROSS: Final = 4
-"""Patches side by side in a strip, at most: none of fewer than `LEAST` pixels."""
+"""Largest number of patches side by side in a strip."""
 LEAST: Final = 512
-FRESH: Final = 1 << 24
-"""Frame numbers of the repeats begin here, beyond any that a run reaches."""
+"""Least number of pixels of a patch where a strip is divided."""
+FIRST_REPEAT: Final = 1 << 24
+"""Frame number of the first repeat, beyond the frame numbers of any run."""
 ROUNDING: Final = 1 / np.sqrt(12.0)
 """Standard deviation of rounding to whole DN."""
 _PLAN: Final = "the plan"
@@ -51,8 +54,8 @@ class PairedError:
     """The error of a patch.
 
     Attributes:
-        mean, noise: relative change of its mean and of its temporal noise.
-        low, high: limits of the larger of the two.
+        mean, noise: relative change of the mean and of the temporal noise.
+        low, high: confidence limits of the larger of the two.
     """
 
     mean: float
@@ -91,12 +94,12 @@ def paired_error(planned: Values, full: Values, many: int) -> PairedError:
 
 
 def watched_frames(frames: int) -> list[int]:
-    """Numbers of the frames to check, evenly spaced within a run of so many."""
+    """Numbers of the frames to check, evenly spaced in a run of `frames` frames."""
     return sorted({int((n + 0.5) * frames / WATCHED) for n in range(WATCHED)})
 
 
 def strips(rows: Exposed) -> list[slice]:
-    """Strips of rows that represent a frame: near its top, in its middle, near its bottom."""
+    """Strips of rows that represent a frame: near the top, in the middle, near the bottom."""
     # A frame transfer exposes all rows together and may read a window of them.
     window = getattr(rows, "read", None) or (0, rows.lux_seconds.shape[0])
     begin, end = window[0], sum(window)
@@ -115,15 +118,15 @@ def cut_rows(rows: Exposed, at: slice) -> Exposed:
 
 
 class Patches:
-    """Compares ways of converting chosen exposures of a run.
+    """Compares sets of effects on chosen exposures of a run.
 
     Attributes:
-        count: patches that have been compared.
+        count: number of patches compared.
 
     Args:
-        full: all effects.
-        ways: sets of effects that are kept, by name; each is compared with `full`.
-        seed: of the temporal noise.
+        full: names of all effects.
+        ways: name -> set of effects that are kept; each is compared with `full`.
+        seed: seed of the temporal noise.
         frames: numbers of the frames to compare.
     """
 
@@ -137,7 +140,7 @@ class Patches:
         self.count = 0
 
     def __call__(self, rows: Exposed, pixels: PixelModel) -> None:
-        """Compares rows that have just been converted, if their frame is one of the chosen."""
+        """Compares the rows that were converted last, if their frame is one of the chosen ones."""
         if rows.frame not in self._frames or not self._ways:
             return
         for at in strips(rows):
@@ -151,13 +154,12 @@ class Patches:
 
         def repeats(kept: frozenset[str]) -> list[Values]:
             """(repeats, pixels) of each patch of the strip."""
-            made = [
-                pixels.convert(
-                    replace(cut, frame=FRESH + rows.frame * REPEATS[1] + n), self._seed, kept
-                ).astype(np.float64)
+            first = FIRST_REPEAT + rows.frame * REPEATS[1]
+            values = [
+                pixels.convert(replace(cut, frame=first + n), self._seed, kept).astype(np.float64)
                 for n in range(many)
             ]
-            parts = np.array_split(np.stack(made), across, axis=2)
+            parts = np.array_split(np.stack(values), across, axis=2)
             return [part.reshape(many, -1) for part in parts if part.size]
 
         full = repeats(self._full)
@@ -166,8 +168,8 @@ class Patches:
             self._pairs[name] += zip(repeats(kept), full, strict=True)
 
     def of(self, name: str) -> PairedError | None:
-        """The worst patch of one way, with the largest upper limit of all patches; None if there
-        was none."""
+        """The error of the worst patch for one set of effects, with the largest upper limit of all
+        patches; None if no patch was compared."""
         pairs = self._pairs.get(name, [])
         errors = [paired_error(planned, full, len(pairs)) for planned, full in pairs]
         if not errors:
@@ -177,7 +179,14 @@ class Patches:
 
 
 class PlanPatches(Patches):
-    """Patches of a plan as a whole, and of leaving out each of its effects alone."""
+    """Patches that check a plan as a whole, and the omission of each effect alone.
+
+    Args:
+        effects: names of all effects.
+        out: names of the effects that the plan omits.
+        seed: seed of the temporal noise.
+        frames: numbers of the frames to compare.
+    """
 
     def __init__(
         self, effects: Sequence[str], out: Sequence[str], seed: int, frames: Sequence[int]
@@ -190,9 +199,9 @@ class PlanPatches(Patches):
         self._out = list(out)
 
     def planned(self) -> PairedError | None:
-        """Of the plan; None if no frame was compared."""
+        """The error of the plan; None if no frame was compared."""
         return self.of(_PLAN) if self._out else PairedError(0.0, 0.0, 0.0, 0.0)
 
     def measured(self, effect: str) -> PairedError | None:
-        """Of leaving out one effect alone."""
+        """The error of omitting one effect alone; None if no frame was compared."""
         return self.of(effect if len(self._out) > 1 else _PLAN)

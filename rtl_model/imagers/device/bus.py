@@ -1,8 +1,8 @@
-"""The bus of an imager: its registers at their addresses, behind the spike board's own bridge.
+"""The register bus of an imager, behind the same bridge as the bus of the spike camera's board.
 
-`line_of(target)` gives what `rtl_model.host` speaks to: LiteX's uartbone at byte level, clock by
-clock of the imager's sequencer. A bus access is strobed at an edge: a write changes what later
-edges see, a read returns what stands there.
+`line_of(target)` returns the device side of `rtl_model.host`: LiteX's uartbone at byte level, in
+clocks of the imager's sequencer. A bus access takes place at a clock edge. A write is visible at
+later edges; a read returns the value at its edge.
 """
 
 from __future__ import annotations
@@ -21,27 +21,28 @@ _WORD = 0xFFFFFFFF
 
 
 class BusTarget(Protocol):
-    """A sequencer with registers, in clocks from power-on.
+    """A sequencer with registers. Clocks count from power-on.
 
-    registers: its own; the bus adds what the head's need.
+    Attributes:
+        registers: all registers; the bus connects those of the common head.
     """
 
     @property
     def registers(self) -> RegisterFile: ...
 
     def advance(self, clock: int) -> None:
-        """Runs all edges before `clock`; does nothing where that has passed."""
+        """Runs all edges before `clock`; does nothing if that clock has passed."""
 
     def reset(self, clock: int) -> None:
-        """Starts anew at edge `clock`; the registers have been reset."""
+        """Restarts at edge `clock`; the registers have been reset before."""
 
 
 class ImagerBus:
-    """An imager's registers as `rtl_model.cycle.Bridge` reads and writes them.
+    """The registers of an imager as `rtl_model.cycle.Bridge` reads and writes them.
 
     Args:
-        target: the imager's sequencer with its registers.
-        geometry: clock and baud of the line; those of the design if None.
+        target: sequencer with registers.
+        geometry: clock and baud rate of the line; None for those of the design.
     """
 
     def __init__(self, target: BusTarget, geometry: Geometry | None = None) -> None:
@@ -58,22 +59,22 @@ class ImagerBus:
 
     @property
     def geometry(self) -> Geometry:
-        """Clock and baud are what the bridge takes of it."""
+        """Geometry from which the bridge takes clock and baud rate."""
         return self._geometry
 
     @property
     def clock(self) -> int:
-        """Edges passed since power-on."""
+        """Clock edges since power-on."""
         return self._clock
 
     def advance(self, stop: int) -> None:
-        """Runs up to clock `stop`; does nothing where that has passed."""
+        """Runs up to clock `stop`; does nothing if that clock has passed."""
         if stop > self._clock:
             self.target.advance(stop)
             self._clock = stop
 
     def write(self, address: int, value: int) -> None:
-        """Writes 32 bits at a byte address at this clock; takes one."""
+        """Writes 32 bits at a byte address at this clock; takes one clock."""
         address, value = address & ~3, value & _WORD
         name = self._names.get(address)
         self.advance(self._clock + 1)
@@ -87,7 +88,7 @@ class ImagerBus:
             self._errors += 1
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address as they stand at this clock; takes two."""
+        """Returns the 32 bits at a byte address at this clock; takes two clocks."""
         value = self._value(address & ~3)
         self.advance(self._clock + 2)
         return value
@@ -107,7 +108,7 @@ class ImagerBus:
         return self._identifier[place] if 0 <= place < len(self._identifier) else None
 
     def _attach(self, registers: RegisterFile) -> None:
-        """Gives the head's registers their insides."""
+        """Connects the registers of the common head."""
         registers.on_read |= {
             "ctrl_bus_errors": lambda: self._errors,
             "ctrl_uptime": lambda: self._clock,
@@ -121,5 +122,5 @@ class ImagerBus:
 
 
 def line_of(target: BusTarget, byte_clocks: int | None = None) -> Bridge:
-    """Returns the serial line of an imager at byte level. byte_clocks: as `cycle.Bridge` has it."""
+    """Returns the serial line of an imager at byte level; byte_clocks as in `cycle.Bridge`."""
     return Bridge(system=ImagerBus(target), byte_clocks=byte_clocks)

@@ -1,16 +1,15 @@
-"""Registers of an imager as they work: what was written, what is at work, and when the one becomes
-the other.
+"""The registers of an imager: written and active values, and when a write takes effect.
 
-A register reads what was last written to it, so that a host can hold a write against it; what the
-sequencer works with is `at_work`, and follows at the instant that the register's `Taking` names.
-All that wait for one instant are taken together.
+A register reads the value last written, so a host can verify its write. The sequencer uses the
+active value, which follows at the instant that the register's `Update` names. All registers that
+wait for the same instant are updated together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from rtl_model.imagers.device.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.registers import reset_value
 
 __all__ = ["RegisterFile"]
@@ -19,9 +18,12 @@ __all__ = ["RegisterFile"]
 class RegisterFile:
     """Values of a design's registers by name.
 
-    on_write: called with the value when a register is written (after it is held), for those whose
-    writing does something. on_read: gives the value of a register that is only read, at that
-    moment; where reading has an effect, it has it here.
+    Attributes:
+        design: the register table.
+        table: register by name.
+        on_write: name -> function that is called with the value after the register was written.
+        on_read: name -> function that returns the value of a read-only register; a side effect of
+            reading takes place in it.
     """
 
     def __init__(self, design: Design) -> None:
@@ -32,52 +34,53 @@ class RegisterFile:
         self.reset()
 
     def reset(self) -> None:
-        """All values as after reset, none waiting."""
+        """Sets all written and active values to their reset values."""
         values = self.design.values
-        self._held = {name: reset_value(entry, values) for name, entry in self.table.items()}
-        self._work = dict(self._held)
+        self._written = {name: reset_value(entry, values) for name, entry in self.table.items()}
+        self._active = dict(self._written)
 
     def write(self, name: str, value: int) -> None:
-        """Writes as the bus does: bits beyond the width are dropped, a register that is only read
-        is left alone. KeyError for no such register."""
+        """Writes as the bus does: bits beyond the width are dropped, and a read-only register does
+        not change. Raises KeyError for an unknown register."""
         entry = self.table[name]
         if entry.mode == "ro":
             return
         value &= (1 << entry.width) - 1
         if entry.mode == "rw":
-            self._held[name] = value
-        if self.taking(name) == "now":
-            self._work[name] = value
+            self._written[name] = value
+        if self.update_of(name) == "now":
+            self._active[name] = value
         if name in self.on_write:
             self.on_write[name](value)
 
     def read(self, name: str) -> int:
-        """Reads as the bus does; 0 of a register that is only written. KeyError for none such."""
+        """Reads as the bus does: a write-only register reads 0. Raises KeyError for an unknown
+        register."""
         entry = self.table[name]
         if entry.mode == "wo":
             return 0
         reader = self.on_read.get(name)
-        value = self._held[name] if reader is None else reader()
+        value = self._written[name] if reader is None else reader()
         return value & ((1 << entry.width) - 1)
 
-    def taking(self, name: str) -> Taking:
-        """When a written value is taken to work."""
-        return self.design.taking.get(name, "now")
+    def update_of(self, name: str) -> Update:
+        """When a written value takes effect."""
+        return self.design.updates.get(name, "now")
 
-    def take(self, when: Taking) -> bool:
-        """Takes to work, together, all that waits for this instant; whether anything changed."""
+    def update(self, when: Update) -> bool:
+        """Activates all values that wait for this instant. Returns whether any value changed."""
         changed = False
-        for name, value in self._held.items():
-            if self.taking(name) == when and self._work[name] != value:
-                self._work[name] = value
+        for name, value in self._written.items():
+            if self.update_of(name) == when and self._active[name] != value:
+                self._active[name] = value
                 changed = True
         return changed
 
-    def at_work(self, name: str) -> int:
-        """The value that the sequencer works with."""
-        return self._work[name]
+    def active(self, name: str) -> int:
+        """The value that the sequencer uses."""
+        return self._active[name]
 
-    def put(self, name: str, value: int) -> None:
-        """The machine itself sets what a register reads and works with."""
+    def set(self, name: str, value: int) -> None:
+        """Sets the written and the active value; for the imager itself, not for the bus."""
         value &= (1 << self.table[name].width) - 1
-        self._held[name] = self._work[name] = value
+        self._written[name] = self._active[name] = value

@@ -1,9 +1,9 @@
-"""An imager as its serial line shows it: one table of registers, of which the bus, `csr.csv` and
-docs/imager-registers.md are made.
+"""The register map of an imager: one table for the bus, `csr.csv` and docs/imager-registers.md.
 
-The head (magic, scratch, version, geometry, clock, reset, counters of the line, identifier) stands
-at the addresses that it has on the spike chip's board, so that one host reads both; `ctrl_imager`
-says which imager it is. An imager's own registers begin at `OWN`.
+The common head (magic, scratch, version, geometry, clock, reset, line counters, identifier) has the
+same addresses as on the board of the spike camera, so one host program reads both. The register
+`ctrl_imager` identifies the imager. The registers of one kind of imager begin at
+`SPECIFIC_ADDRESS`.
 """
 
 from __future__ import annotations
@@ -19,41 +19,41 @@ from rtl_model.registers import MEMORIES, REGISTERS, Memory, Register, csr_text
 from rtl_model.registers.document import register_tables
 
 __all__ = [
-    "CONSTANT", "HEAD", "IDENTIFIER", "IMAGER_MAGIC", "IMAGER_VERSION", "OWN", "Design", "Taking",
-    "head",
+    "CONSTANT", "HEAD", "IDENTIFIER", "IMAGER_MAGIC", "IMAGER_VERSION", "SPECIFIC_ADDRESS",
+    "Design", "Update", "head",
 ]  # fmt: skip
 
 IMAGER_MAGIC = 0x56494D47
-"""ASCII "VIMG": the first word of every conventional imager of ours."""
+"""ASCII "VIMG": the first word of every conventional imager."""
 IMAGER_VERSION = 0x0001_0000
-"""Of the imagers' register maps: major in the upper half, minor in the lower."""
-OWN = 0x300
-"""Byte address from which an imager's own registers stand."""
+"""Version of the register maps of the imagers: major in the upper half, minor in the lower."""
+SPECIFIC_ADDRESS = 0x300
+"""Lowest byte address of the registers of one kind of imager."""
 CONSTANT = "config_viform_imager"
-"""Constant of the csr.csv that names the imager."""
+"""Constant in csr.csv that names the imager."""
 
-Taking = Literal["now", "frame", "cycle"]
-"""When a written register is taken to work: at once, at the next frame, at the next cycle."""
+Update = Literal["now", "frame", "cycle"]
+"""When a written value takes effect: at once, at the next frame, at the next cycle."""
 
 IDENTIFIER: Memory = next(memory for memory in MEMORIES if memory.name == "identifier_mem")
 
 
 def head() -> tuple[Register, ...]:
-    """Returns the registers that every imager has, made from the board's own table."""
+    """Returns the registers that every imager has, derived from the table of the board."""
     changed = {
         "ctrl_magic": {"reset": IMAGER_MAGIC, "text": 'ASCII "VIMG"'},
         "ctrl_version": {"reset": IMAGER_VERSION},
         "ctrl_build": {"text": "CRC-32 of the register table"},
         "ctrl_clock_hz": {"text": "clock that all clocks here are counted in, Hz"},
     }
-    kept = [
+    common = [
         entry._replace(**changed.get(entry.name, {}))  # type: ignore[arg-type]
         for entry in REGISTERS
         if entry.name.split("_")[0] in ("ctrl", "uart") and entry.name != "ctrl_lanes"
     ]
     number = Register("ctrl_imager", 0x028, "ro", "IMAGER", 8, "which imager it is")
-    last = max(n for n, entry in enumerate(kept) if entry.name.startswith("ctrl_"))
-    return (*kept[: last + 1], number, *kept[last + 1 :])
+    last = max(n for n, entry in enumerate(common) if entry.name.startswith("ctrl_"))
+    return (*common[: last + 1], number, *common[last + 1 :])
 
 
 HEAD = head()
@@ -63,10 +63,15 @@ HEAD = head()
 class Design:
     """One kind of imager behind a serial line.
 
-    name: of the kind, as scenarios have it. number: what `ctrl_imager` reads. title: a few words.
-    shape: (rows, columns) of the pixels that are read. clock_hz: of the sequencer, in which all
-    registers count. own: its registers, from `OWN` on. taking: when a written one is taken to work,
-    by name; at once where not named. baud: of the line.
+    Attributes:
+        name: `imager.kind` in a scenario.
+        number: value of the register `ctrl_imager`.
+        title: a few words for headings.
+        shape: (rows, columns) of the pixels that are read.
+        clock_hz: clock of the sequencer, Hz; all registers count in its cycles.
+        specific: registers of this kind, at `SPECIFIC_ADDRESS` and above.
+        updates: register name -> when a written value takes effect; at once if not listed.
+        baud: baud rate of the line.
     """
 
     name: str
@@ -74,48 +79,48 @@ class Design:
     title: str
     shape: tuple[int, int]
     clock_hz: int
-    own: Sequence[Register]
-    taking: Mapping[str, Taking] = field(default_factory=dict)
+    specific: Sequence[Register]
+    updates: Mapping[str, Update] = field(default_factory=dict)
     baud: int = 115_200
 
     def __post_init__(self) -> None:
-        names = {entry.name: entry for entry in self.own}
-        for name in self.taking:
+        names = {entry.name: entry for entry in self.specific}
+        for name in self.updates:
             if name not in names or names[name].mode == "ro":
                 raise ValueError(f"{name} is no register of {self.name} that can be written")
-        low = [entry.name for entry in self.own if entry.address < OWN]
+        low = [entry.name for entry in self.specific if entry.address < SPECIFIC_ADDRESS]
         if low:
-            raise ValueError(f"{', '.join(low)} must stand at {OWN:#x} or above")
+            raise ValueError(f"{', '.join(low)} must stand at {SPECIFIC_ADDRESS:#x} or above")
 
     @property
     def registers(self) -> tuple[Register, ...]:
-        """The whole table: head and own."""
-        return (*HEAD, *self.own)
+        """The whole table: the common head and the specific registers."""
+        return (*HEAD, *self.specific)
 
     @property
     def memories(self) -> tuple[Memory, ...]:
-        """Regions of words: the identifier alone."""
+        """Memory regions: the identifier only."""
         return (IDENTIFIER,)
 
     @property
     def identifier(self) -> str:
-        """What the imager says it is."""
+        """Text of the identifier memory."""
         return f"Viform {self.name} {self.shape[0]}x{self.shape[1]}"
 
     @property
     def geometry(self) -> Geometry:
-        """Size, clock and baud, as the bridge of the serial line takes them."""
+        """Size, clock and baud rate for the bridge of the serial line."""
         rows, columns = self.shape
         return Geometry(rows, columns, clock_hz=self.clock_hz, baud=self.baud)
 
     @cached_property
     def values(self) -> dict[str, int]:
-        """The parameters that the table names."""
-        told = repr((self.name, self.shape, self.clock_hz, self.baud, self.registers))
+        """Values of the parameters that the table names."""
+        table = repr((self.name, self.shape, self.clock_hz, self.baud, self.registers))
         return {
             "GEOMETRY": self.shape[0] << 16 | self.shape[1],
             "CLOCK_HZ": self.clock_hz,
-            "BUILD": zlib.crc32(told.encode()),
+            "BUILD": zlib.crc32(table.encode()),
             "BIT_CLOCKS": self.geometry.bit_clocks,
             "IMAGER": self.number,
             "IDENTIFIER_BYTES": 4 * (len(self.identifier) + 1),
@@ -128,11 +133,15 @@ class Design:
         )
 
     def document(self, heading: str = "##") -> str:
-        """Returns the imager's own registers as Markdown."""
-        told = {"now": "at once", "frame": "with the next frame", "cycle": "with the next cycle"}
+        """Returns the specific registers as Markdown."""
+        instants = {
+            "now": "at once",
+            "frame": "with the next frame",
+            "cycle": "with the next cycle",
+        }
         registers = []
-        for entry in self.own:
-            when = told[self.taking.get(entry.name, "now")]
-            text = entry.text if entry.mode != "rw" else f"{entry.text}; taken {when}"
+        for entry in self.specific:
+            when = instants[self.updates.get(entry.name, "now")]
+            text = entry.text if entry.mode != "rw" else f"{entry.text}; takes effect {when}"
             registers.append(entry._replace(text=text))
         return "\n".join(register_tables(registers, heading))

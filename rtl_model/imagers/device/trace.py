@@ -1,7 +1,7 @@
-"""Waveforms of an imager's signals: records (ps, signal, value) to .vcd or .fst, by the ending.
+"""Waveforms of an imager: records (ps, signal, value) are written as .vcd or .fst.
 
-VCD is IEEE 1364-2005 §18, time in picoseconds, written here. FST is written by the library that
-Verilator brings (gtkwave's fstapi), compiled once: `InputError` where Verilator is missing.
+VCD follows IEEE 1364-2005 §18, with time in picoseconds. FST is written by the library that comes
+with Verilator (gtkwave's fstapi), which is compiled once; without Verilator it raises `InputError`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,13 @@ __all__ = ["Record", "Signal", "trace_ending", "write_trace"]
 
 
 class Signal(NamedTuple):
-    """A signal of a trace: name, bits, value before the first record. A name with dots stands in
-    scopes of its own."""
+    """A signal of a trace.
+
+    Attributes:
+        name: dots separate scopes.
+        width: bits.
+        before: value before the first record.
+    """
 
     name: str
     width: int = 1
@@ -28,7 +33,13 @@ class Signal(NamedTuple):
 
 
 class Record(NamedTuple):
-    """A signal takes a value (0 to 2^width - 1) at an instant, ps."""
+    """A change of a signal.
+
+    Attributes:
+        ps: instant, ps.
+        signal: name.
+        value: new value, 0 to 2^width - 1.
+    """
 
     ps: int
     signal: str
@@ -36,7 +47,7 @@ class Record(NamedTuple):
 
 
 def trace_ending(path: Path) -> str:
-    """Returns ".vcd" or ".fst"; InputError for another ending."""
+    """Returns ".vcd" or ".fst"; raises InputError for another ending."""
     ending = path.suffix.lower()
     if ending not in (".vcd", ".fst"):
         raise InputError(
@@ -53,11 +64,19 @@ def write_trace(
     top: str = "imager",
     end: int | None = None,
 ) -> int:
-    """Writes a trace and returns the number of changes in it; a record that changes nothing is
-    left out. Nothing stands under `path` before all is written.
+    """Writes a trace; the file appears under its name when it is complete.
 
-    records: in order of time, from 0. end: ps that the trace lasts; its last record when None.
-    Raises ValueError for a record that goes back in time, or names no signal, or does not fit it.
+    Args:
+        path: file, .vcd or .fst.
+        signals: all signals.
+        records: (ps, signal, value) in order of time, from 0.
+        top: name of the outermost scope.
+        end: duration of the trace, ps; None ends it at the last record.
+
+    Returns:
+        the number of changes; a record that changes nothing is omitted.
+
+    Raises ValueError for a record that goes back in time, names no signal, or does not fit it.
     """
     ending = trace_ending(path)
     with whole(path) as part:
@@ -109,7 +128,7 @@ def _pour(
 
 
 def _scopes(signals: Sequence[Signal], top: str) -> list[tuple[list[str], str]]:
-    """Scopes and last name of each signal."""
+    """Scopes and local name of each signal."""
     return [([top, *signal.name.split(".")[:-1]], signal.name.split(".")[-1]) for signal in signals]
 
 
@@ -143,7 +162,7 @@ class _Vcd:
 
 
 def _turn(before: list[str], after: list[str]) -> list[str]:
-    """Lines that leave the scopes of one signal and enter those of the next."""
+    """VCD lines that leave the scopes of one signal and enter those of the next."""
     same = 0
     while same < min(len(before), len(after)) and before[same] == after[same]:
         same += 1
@@ -169,27 +188,27 @@ class _Fst:
     def __init__(self, path: Path, signals: Sequence[Signal], top: str) -> None:
         self._library = _load()
         self._widths = [signal.width for signal in signals]
-        made = self._library.fstWriterCreate(str(path).encode(), 1)
-        if not made:
+        writer = self._library.fstWriterCreate(str(path).encode(), 1)
+        if not writer:
             raise InputError(
                 f"{path}", "a file that can be written", "refused", "choose another name"
             )
-        self._file: int | None = made
-        self._library.fstWriterSetTimescaleFromString(made, b"1ps")
+        self._file: int | None = writer
+        self._library.fstWriterSetTimescaleFromString(writer, b"1ps")
         self._handles = []
         open_now: list[str] = []
         for n, (scopes, name) in enumerate(_scopes(signals, top)):
             for line in _turn(open_now, scopes):
                 if line.startswith("$scope"):
                     scope = line.split()[2].encode()
-                    self._library.fstWriterSetScope(made, _MODULE, scope, None)
+                    self._library.fstWriterSetScope(writer, _MODULE, scope, None)
                 else:
-                    self._library.fstWriterSetUpscope(made)
+                    self._library.fstWriterSetUpscope(writer)
             open_now = scopes
             width = self._widths[n]
             full = f"{name} [{width - 1}:0]" if width > 1 else name
             self._handles.append(
-                self._library.fstWriterCreateVar(made, _WIRE, 0, width, full.encode(), 0)
+                self._library.fstWriterCreateVar(writer, _WIRE, 0, width, full.encode(), 0)
             )
 
     def time(self, ps: int) -> None:

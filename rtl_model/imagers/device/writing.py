@@ -1,8 +1,7 @@
-"""One rule for writes to an imager's registers from Python or a scenario: what is refused, in which
-words, whatever the imager's rule of taking what was written.
+"""Checks of register writes from Python or from a scenario, the same for every imager.
 
-The bus cannot refuse (`RegisterFile.write`): there bits beyond a register's width are dropped and a
-register that is only read is left alone, as in hardware.
+The bus cannot refuse a write (`RegisterFile.write`): as in hardware, it drops bits beyond the width
+of a register and ignores a write to a read-only register.
 """
 
 from __future__ import annotations
@@ -15,20 +14,27 @@ __all__ = ["register_of", "write_instant"]
 
 
 def register_of(registers: RegisterFile, register: str) -> Register:
-    """The entry of a register by its name, which may leave out the imager's own group ("exposure"
-    for "emccd_exposure"). InputError for none such."""
-    own = [entry.name for entry in registers.design.own]
-    group = own[0].split("_", 1)[0]
+    """The entry of a register by its name. The group of the imager may be omitted ("exposure" for
+    "emccd_exposure"). Raises InputError for an unknown register."""
+    names = [entry.name for entry in registers.design.specific]
+    group = names[0].split("_", 1)[0]
     for name in (register, f"{group}_{register}"):
         if name in registers.table:
             return registers.table[name]
-    raise InputError("register", f"one of {', '.join(own)}", register, "look at the table")
+    raise InputError("register", f"one of {', '.join(names)}", register, "look at the table")
 
 
 def write_instant(entry: Register, register: str, value: int, at: int | None, now: int) -> int:
-    """When the write is made, ps: `at`, or `now` for None. register: as whoever writes named it.
+    """Returns the instant of a write, ps: `at`, or `now` if `at` is None.
 
-    InputError for a register that is only read, a value that does not fit, a time that has passed.
+    Args:
+        entry: the register.
+        register: its name as the caller wrote it, for messages.
+        value: to be written.
+        at: instant of the write, ps.
+        now: present instant, ps.
+
+    Raises InputError for a read-only register, a value that does not fit, an instant in the past.
     """
     if entry.mode == "ro":
         raise InputError(

@@ -45,7 +45,7 @@ def ebaps_rows() -> list[Row]:
 
 
 def _reset(name: str) -> int:
-    return int(next(r.reset for r in DESIGN.own if r.name == f"ebaps_{name}"))
+    return int(next(r.reset for r in DESIGN.specific if r.name == f"ebaps_{name}"))
 
 
 def _chip() -> list[Row]:

@@ -48,7 +48,7 @@ def _exposure() -> list[Row]:
     least, most, step = exposure_range(timing)
     counted = Cycle(0, 0, timing, Settings(1).within(timing))
     own = (counted.exposure_end - counted.exposure_begin) / timing.clock_hz * 1e6
-    register = next(r for r in DESIGN.own if r.name == "emccd_exposure")
+    register = next(r for r in DESIGN.specific if r.name == "emccd_exposure")
     beyond = Settings((1 << register.width) - 1).within(timing).steps
     return [
         number("003 §0", "shortest exposure", "10", own, "us",

@@ -1,4 +1,4 @@
-"""The side of an imager in `viform compare`, which films one scene with every camera."""
+"""The part of an imager in `viform compare`, which films one scene with every camera."""
 
 from __future__ import annotations
 
@@ -18,17 +18,22 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Setting:
-    """Pixels in one setting and an exposure time, s."""
+    """Pixels in one setting, and an exposure time.
+
+    Attributes:
+        pixels: the pixel model in that setting.
+        seconds: exposure time, s.
+    """
 
     pixels: Any
     seconds: float
 
 
 class Comparison(ABC):
-    """How an imager is set for the light of a scene, and how its frames are read.
+    """How an imager is set for the light of a scene, and how its frames are interpreted.
 
     Attributes:
-        title: of its row.
+        title: title of its row.
         note: what the picture does not show.
     """
 
@@ -36,40 +41,47 @@ class Comparison(ABC):
     note: ClassVar[str] = ""
 
     def keys(self, shape: tuple[int, int]) -> dict[str, Any]:
-        """Keys of its section for a scene of so many rows and columns; the user's go before."""
+        """Keys of its section for a scene of shape (rows, columns); keys of the user override."""
         return {"rows": shape[0], "columns": shape[1]}
 
     def adjust(self, section: Any, white: float, mean: float, given: frozenset[str]) -> Any:
-        """The section with what the imager does not set by itself, set for the light.
+        """The section, with the settings that the imager does not control itself chosen for the
+        light.
 
         Args:
-            section: as the user has set it.
-            white, mean: illuminance of white and the mean one on the plane, lux.
-            given: keys that the user has set, which stay.
+            section: settings of the user.
+            white, mean: illuminance of white, and mean illuminance, on the plane, lux.
+            given: keys that the user has set and that must not change.
         """
         return section
 
     @abstractmethod
     def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
-        """The least and the most sensitive setting that all controls of the imager reach."""
+        """The least and the most sensitive setting within the range of all controls."""
 
     @abstractmethod
     def sent(self, section: Any) -> int:
-        """Pixels of a frame that leave the imager."""
+        """Number of pixels of a frame that leave the imager."""
 
     @abstractmethod
     def setting(self, section: Any, pixels: Any) -> str:
-        """The setting in words, after frame rate and exposure."""
+        """The setting in words; it is printed after frame rate and exposure."""
 
     def first_row(self, frame: Frame) -> int:
         """Row of the plane at which a frame begins."""
         return 0
 
     def pedestal(self, section: Any) -> float | None:
-        """DN of black in frames from which dark frames are subtracted; None if they are not."""
+        """Value of black, DN, in frames from which dark frames are subtracted; None for frames
+        without such a subtraction."""
         return None
 
     def without_smear(self, signal: Values, imager: Any, seconds: float) -> Values | None:
-        """A frame's signal above black (DN), exposed for so long, without the smear of frame
-        transfer; None for an imager that has none."""
+        """Removes the smear of frame transfer from a frame; None for an imager without smear.
+
+        Args:
+            signal: (H, W) values above black, DN.
+            imager: that took the frame.
+            seconds: exposure time, s.
+        """
         return None

@@ -1,4 +1,4 @@
-"""The interface of an imager: registers are written, frames come out."""
+"""The interface of an imager: registers in, frames out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-if TYPE_CHECKING:  # at run time a host that only reads registers needs none of it
+if TYPE_CHECKING:  # a host that only reads registers must not load the physics
     from cosim.frames import Frame
     from sensor.imagers import PixelModel, Scenery
 
@@ -17,10 +17,8 @@ class Imager(Protocol):
     """A whole imager. Time is integer picoseconds from power-on.
 
     Attributes:
-        name: of its kind.
-        pixels: its physics.
-
-    Registers are those of its table (`registers`), at the byte addresses there.
+        name: name of its kind in the catalogue.
+        pixels: the physics of its pixels.
     """
 
     name: str
@@ -29,26 +27,25 @@ class Imager(Protocol):
     def pixels(self) -> PixelModel: ...
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """Writes a register at an instant (ps, not in the past; None for now). The value takes
-        effect when the imager's own rule says so."""
+        """Writes a register at an instant, ps; None for now. When the value takes effect depends on
+        the register (`Design.updates`). Raises InputError, see `write_instant`."""
         ...
 
     def read(self, register: str) -> int:
-        """Returns the value of a register now."""
+        """Returns the present value of a register."""
         ...
 
     def film(
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
         trace: Path | None = None,
     ) -> Iterator[Frame]:  # fmt: skip
-        """Films frame by frame from now to the instant `until`, ps. A frame that is not ready by
-        then is not returned.
+        """Yields the frames that are ready from now to the instant `until`.
 
         Args:
             scene: light on the plane.
             until: end, ps.
-            seed: of the temporal noise.
+            seed: seed of the temporal noise.
             kept: names of the effects that are computed.
-            trace: file for the sequencer's signals during the first frames, .fst or .vcd.
+            trace: file for the signals of the sequencer during the first frames, .fst or .vcd.
         """
         ...

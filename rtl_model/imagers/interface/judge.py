@@ -1,5 +1,5 @@
-"""The judge of an imager's controller: what it decided on a frame, whether what is left out could
-reach a threshold of the decision, and what full physics decides."""
+"""The judge of an imager's controller: its decision on a frame, whether the omitted effects could
+change that decision, and the decision under full physics."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["Judge", "JudgeBase", "deviations"]
 
 
 class Judge(Protocol):
-    """Knows the decisions of one imager's controller; it is asked after each frame."""
+    """Judges the decisions of one imager's controller, frame by frame."""
 
     def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        """Whether an exposure depends on this frame. It is called for every frame."""
+        """Whether a later exposure depends on this frame. Called for every frame."""
         ...
 
     def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        """Whether what is left out could reach a threshold of the decision."""
+        """Whether the omitted effects could move the statistic across a decision threshold."""
         ...
 
     def chosen(self, frame: Frame) -> int:
@@ -39,17 +39,17 @@ class Judge(Protocol):
 
 
 def deviations(among: int) -> float:
-    """Standard deviations that none of so many normal numbers exceeds, at 99.9 %."""
+    """Number of standard deviations that none of `among` normal variates exceeds, at 99.9 %."""
     return -float(ndtri((1 - CONFIDENCE) / 2 / max(among, 1)))
 
 
 class JudgeBase:
-    """What a judge knows.
+    """Base of the judges.
 
     Args:
         imager: that films.
-        full, kept: all effects, and those that the run keeps.
-        seed: of the temporal noise.
+        full, kept: names of all effects, and of those that the run keeps.
+        seed: seed of the temporal noise.
     """
 
     def __init__(self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int) -> None:

@@ -1,4 +1,4 @@
-"""What the folder of an imager provides, in one object that the catalogue lists."""
+"""What one kind of imager provides; the catalogue lists one object for each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from cosim import InputError
 from rtl_model.imagers.interface.section import ImagerSection
 
-if TYPE_CHECKING:  # the schema, and a host that reads registers, need none of the physics
+if TYPE_CHECKING:  # the schema and a host that reads registers must not load the physics
     from cosim.run.printed import Row
     from rtl_model.imagers.device.bus import BusTarget
     from rtl_model.imagers.device.registers import Design
@@ -20,13 +20,14 @@ __all__ = ["ImagerKind"]
 
 
 class ImagerKind(ABC):
-    """One kind of imager. What a method needs it imports itself: physics takes seconds to load.
+    """One kind of imager. Each method imports the modules that it needs, because the physics takes
+    seconds to load.
 
     Attributes:
-        name: as `imager.kind` has it.
+        name: `imager.kind` in a scenario.
         title: a few words for headings.
         section: class of its [imager] section.
-        number: what its register `ctrl_imager` reads; None for an imager without registers.
+        number: value of its register `ctrl_imager`; None for an imager without registers.
         document: number and title of its source document; None if `viform paper` has none.
     """
 
@@ -38,7 +39,7 @@ class ImagerKind(ABC):
 
     @abstractmethod
     def model(self, section: Any, seconds: float) -> ImagerModel:
-        """The imager as a scenario sets it.
+        """The imager with the settings of a scenario.
 
         Args:
             section: an instance of `section`.
@@ -46,29 +47,29 @@ class ImagerKind(ABC):
         """
 
     def design(self) -> Design:
-        """Its registers as they are by default. Raises InputError for an imager without any."""
+        """Its registers at default settings. Raises InputError for an imager without registers."""
         raise self._no_registers()
 
     def bus_target(self) -> BusTarget:
-        """Its sequencer after power-on, with registers and steady light, but no pixels. Raises
-        InputError for an imager without registers."""
+        """Its sequencer after power-on, with registers, under constant light, without pixels.
+        Raises InputError for an imager without registers."""
         raise self._no_registers()
 
     def comparison(self) -> Comparison | None:
-        """Its side of `viform compare`; None for an imager that is not compared."""
+        """Its part of `viform compare`; None for an imager that is not compared."""
         return None
 
     def sections(self, model: Any, run: ImagerRun) -> str:
-        """HTML of its own sections of the report; their figures are written.
+        """Writes the figures of its sections of the report and returns their HTML.
 
         Args:
-            model: the imager as the scenario sets it.
-            run: what was filmed.
+            model: the imager with the settings of the scenario.
+            run: the finished run.
         """
         return ""
 
     def printed(self) -> list[Row]:
-        """Every number that its document prints, beside that of the simulation."""
+        """Each number that its document prints, with that of the simulation."""
         return []
 
     def _no_registers(self) -> InputError:

@@ -1,4 +1,4 @@
-"""An imager as a scenario sets it: how it is built, what it may meet, what its frames say."""
+"""An imager with the settings of a scenario: construction, foreseen exposures, metrics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["ExposureRange", "FrameFigures", "ImagerModel", "measure_frame", "sat
 
 @dataclass(frozen=True)
 class ExposureRange:
-    """What a run may meet, known before it.
+    """Limits of the exposures of a run, known before it starts.
 
     Attributes:
         lux_seconds: least and largest exposure of a pixel, lx s.
@@ -37,17 +37,17 @@ class ExposureRange:
 
 @dataclass(frozen=True, eq=False)
 class FrameFigures:
-    """What stays in memory of a frame that is on disk.
+    """The figures of a frame that stay in memory; its values are on disk.
 
     Attributes:
-        number: of the frame.
+        number: frame number.
         ready: end of the last row's readout, ps.
         begin, end: of the first row's exposure, ps.
-        mean, spread: of all values, DN.
+        mean, spread: mean and standard deviation of all values, DN.
         full: share of pixels at full scale.
-        least, most: values, DN.
+        least, most: smallest and largest value, DN.
         shape: rows and columns of values.
-        state: figures of the imager's controllers.
+        state: figures of the controllers, by name.
     """
 
     number: int
@@ -64,7 +64,7 @@ class FrameFigures:
 
     @property
     def seconds(self) -> float:
-        """Exposure time of the first row."""
+        """Exposure time of the first row, s."""
         return (self.end - self.begin) * 1e-12
 
 
@@ -79,8 +79,8 @@ def measure_frame(frame: Frame) -> FrameFigures:
 
 
 def saturation(frames: Sequence[FrameFigures]) -> dict[str, Metric]:
-    """Share of a frame's pixels at the largest value: of the last frame, and of the frame that has
-    most."""
+    """Share of pixels at the largest value: in the last frame, and in the frame with the largest
+    share."""
     return {
         "saturated": Metric(frames[-1].full, "1"),
         "saturated_most": Metric(max(frame.full for frame in frames), "1"),
@@ -100,33 +100,33 @@ class ImagerModel(ABC):
 
     @abstractmethod
     def make(self) -> Imager:
-        """An imager that has just been switched on, the scenario's register writes on their way.
-        Raises InputError for a register that it does not have."""
+        """The imager at power-on, with the register writes of the scenario scheduled. Raises
+        InputError for a write that it refuses."""
 
     @abstractmethod
     def exposures(self, view: View, stop: int) -> ExposureRange:
-        """What the run may meet until `stop`, ps."""
+        """Limits of the exposures until `stop`, ps."""
 
     def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
-        """The pixels in every setting of the run; an effect that one of them needs is kept."""
+        """The pixels in every setting of the run. An effect is kept if one setting needs it."""
         return [pixels]
 
     def metrics(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> dict[str, Metric]:
-        """Figures of the run. imager: as it stands after the run."""
+        """Metrics of the run; `imager` has the state at its end."""
         return {}
 
     def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
-        """Delays in the simulated imager."""
+        """Latencies within the simulated imager."""
         return []
 
     def judge(
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int
     ) -> Judge | None:
-        """The judge of the controller's decisions; None if no frame decides anything.
+        """The judge of the controller's decisions; None if no frame affects a later exposure.
 
         Args:
             imager: that films.
-            full, kept: all effects, and those that the run keeps.
-            seed: of the temporal noise.
+            full, kept: names of all effects, and of those that the run keeps.
+            seed: seed of the temporal noise.
         """
         return None

@@ -1,4 +1,4 @@
-"""What the [imager] sections of a scenario share; each kind of imager has a class of its own."""
+"""Base of the [imager] sections of a scenario; each kind of imager derives its section."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Writes = Annotated[
         examples=[[["5 ms", "exposure", 100]]],
     ),
 ]
-"""When the write has arrived, which register of the imager, and its value."""
+"""(instant at which the write has arrived, register name, value) of each write."""
 
 
 class ImagerLens(Section):
-    """The lens in front of an imager, which focuses points to points."""
+    """The ideal lens in front of an imager."""
 
     f_number: Annotated[float, Field(ge=0.5, le=1000)]
     transmission: Annotated[float, Field(gt=0, le=1)] = 0.9
@@ -34,7 +34,7 @@ class ImagerLens(Section):
 
 
 class ImagerSection(Section):
-    """The [imager] section of any kind.
+    """The [imager] section of every kind of imager.
 
     Attributes:
         kind: name of the imager in the catalogue.

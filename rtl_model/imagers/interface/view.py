@@ -1,4 +1,4 @@
-"""The light on an imager's plane during a run."""
+"""The light on the plane of an imager during a run."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A scene as an imager's plane receives it.
+    """A scene as the plane of an imager receives it.
 
     Attributes:
         scenery: the light.
-        gain: lux on the plane for one lux of exitance.
-        least, most: (H, W) limits of the illuminance on the plane during the run, lux.
+        gain: illuminance on the plane for an exitance of 1 lux, lux.
+        least, most: (H, W) limits of the illuminance on the plane during the run, lux, float64.
         certain: whether these limits are proven.
-        chart: (H, W) reflectance of a scene that stands still; None for one that moves.
-        notes: what the user must know of the scene.
+        chart: (H, W) reflectance of a static scene, float64; None for a moving one.
+        notes: notes about the scene for the user.
         degraded: reasons for which the run does not show the scene as asked.
-        chart_name: name of a drawn chart, "" for any other scene.
+        chart_name: name of a computed chart; "" for any other scene.
     """
 
     scenery: Scenery

@@ -11,15 +11,15 @@ __all__ = ["write_all"]
 
 
 def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
-    """Schedules all writes, before the imager films.
+    """Schedules all writes before the imager films.
 
     Args:
-        imager: that has just been switched on.
-        writes: (instant in s, register, value).
+        imager: at power-on.
+        writes: (instant in s, register name, value) of each write.
 
-    Raises InputError that names `imager.writes` for a write that the imager refuses: an unknown
-    register, a read-only one, a value that does not fit. (Over a serial line such a write would be
-    lost or truncated silently, as the hardware cannot refuse.)
+    Raises InputError that names `imager.writes` for a write that the imager refuses: an unknown or
+    read-only register, or a value that does not fit. (A serial line would drop or truncate such a
+    write silently, because the hardware cannot refuse it.)
     """
     for n, (seconds, register, value) in enumerate(writes):
         try:

@@ -1,1 +1,1 @@
-"""The report of an imager's run, and what figures of imagers share."""
+"""The report of an imager's run, and tools for its figures."""

@@ -1,4 +1,4 @@
-"""What figures of imagers share: saving, axes, and waveforms of a sequencer from its trace."""
+"""Tools for the figures of imagers: axes, saving, and waveforms of a sequencer from its trace."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ __all__ = [
 
 BLUE, GREEN, VIOLET = "#1c7ed6", "#2b8a3e", "#9c36b5"
 Changes = list[tuple[int, int]]
-"""(ps, value) of one signal, in order."""
+"""(instant in ps, value) of each change of a signal, in order of time."""
 
 
 def style_axes(axes: Any, x: str = "", y: str = "") -> None:
-    """Labels, a light grid, no box."""
+    """Sets labels and a light grid, and removes the box."""
     axes.set_xlabel(x, color=INK, fontsize=9)
     axes.set_ylabel(y, color=INK, fontsize=9)
     axes.tick_params(labelsize=8)
@@ -38,7 +38,7 @@ def style_axes(axes: Any, x: str = "", y: str = "") -> None:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Writes a figure, whole or not at all."""
+    """Writes a figure as PNG; the file appears under its name when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
         figure.savefig(part, dpi=110, format="png")
@@ -46,14 +46,14 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def stretch(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:
-    """Values from low to high as 0 to 1."""
+    """Maps values from [low, high] to [0, 1], clipped."""
     return np.clip((values.astype(np.float64) - low) / max(high - low, 1e-12), 0, 1)
 
 
 def read_vcd(path: Path) -> dict[str, Changes]:
-    """Changes of every signal of a VCD that this project wrote, by its last name."""
+    """Changes of every signal of a VCD written by `device.trace`, by its local name."""
     names: dict[str, str] = {}
-    made: dict[str, Changes] = {}
+    changes: dict[str, Changes] = {}
     now = 0
     with path.open(encoding="ascii") as file:
         for line in file:
@@ -62,14 +62,14 @@ def read_vcd(path: Path) -> dict[str, Changes]:
                 continue
             if words[0] == "$var":
                 names[words[3]] = words[4]
-                made[words[4]] = []
+                changes[words[4]] = []
             elif line[0] == "#":
                 now = int(line[1:])
             elif line[0] in "01":
-                made[names[words[0][1:]]].append((now, int(line[0])))
+                changes[names[words[0][1:]]].append((now, int(line[0])))
             elif line[0] == "b":
-                made[names[words[1]]].append((now, int(words[0][1:], 2)))
-    return made
+                changes[names[words[1]]].append((now, int(words[0][1:], 2)))
+    return changes
 
 
 def waveforms(
@@ -79,8 +79,15 @@ def waveforms(
     span: tuple[int, int],
     unit: float = 1e9,
 ) -> None:
-    """Signals below one another over a span of ps. unit: ps of the axis' unit. One that has more
-    edges than can be told apart is a filled band."""
+    """Draws signals below one another. A signal with too many edges to resolve becomes a band.
+
+    Args:
+        axes: of matplotlib.
+        signals: changes by name.
+        names: signals to draw, from the top.
+        span: first and last instant, ps.
+        unit: unit of the time axis, ps.
+    """
     for row, name in enumerate(names):
         base = len(names) - 1 - row
         changes = signals.get(name, [])
@@ -105,15 +112,15 @@ def waveforms(
 
 
 def _thinned(x: Any, y: Any) -> tuple[Any, Any]:
-    """Steps at most as dense as a figure can show: of each bin its least and its largest value."""
+    """Reduces steps to the resolution of a figure: the smallest and largest value of each bin."""
     edges = np.linspace(x[0], x[-1], 1200)
     at = np.clip(np.searchsorted(edges, x) - 1, 0, 1198)
     high, low = np.zeros(1199), np.ones(1199)
     np.maximum.at(high, at, y)
     np.minimum.at(low, at, y)
-    seen = np.bincount(at, minlength=1199) > 0
+    filled = np.bincount(at, minlength=1199) > 0
     last = np.zeros(1199)
     last[at] = y
-    carried = last[np.maximum.accumulate(np.where(seen, np.arange(1199), 0))]
-    high, low = np.where(seen, high, carried), np.where(seen, low, carried)
+    carried = last[np.maximum.accumulate(np.where(filled, np.arange(1199), 0))]
+    high, low = np.where(filled, high, carried), np.where(filled, low, carried)
     return np.repeat(edges[:-1], 2), np.stack([low, high], axis=1).reshape(-1)

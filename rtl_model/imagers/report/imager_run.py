@@ -1,4 +1,4 @@
-"""A run of an imager as the pages of its report read it."""
+"""A finished run of an imager, for the pages of its report."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class ImagerRun:
     """A finished run.
 
     Attributes:
-        run: as every machine's report has it.
-        chain: what has filmed, with its check.
+        run: the run as in the report of every machine.
+        chain: the chain that has filmed, with the check of its plan.
         pictures: numbers of the frames in images/, in order.
     """
 
@@ -46,14 +46,14 @@ class ImagerRun:
 
     @property
     def imager(self) -> Any:
-        """As it stands after the run."""
+        """The imager in its state after the run."""
         return self.chain.imager
 
     @property
     def reinstated(self) -> set[str]:
-        """Effects that the check has put back."""
+        """Effects that the check has reinstated."""
         return {finding.effect for finding in self.run.reinstated}
 
     def frame(self, n: int) -> npt.NDArray[np.uint16]:
-        """Values of the n-th frame, (rows, W)."""
+        """Values of the n-th frame, (rows, W), DN."""
         return read_frame(self.folder / FRAMES, n)

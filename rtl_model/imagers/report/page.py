@@ -1,4 +1,4 @@
-"""The page of an imager's run: its frames, what they show, what was kept and left out."""
+"""The page of an imager's run: its frames, its metrics, and the effects kept and left out."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def _cards(run: ImagerRun) -> str:
     spent = time.perf_counter() - run.run.began
     out = [row["effect"] for row in result.left_out]
     rows = [
-        ("first", value, f"error of a pixel's mean or noise against everything kept{high}; "
-         f"{result.tolerance:g} asked for"),
+        ("first", value, f"error of a pixel's mean or noise against full physics{high}; "
+         f"tolerance {result.tolerance:g}"),
         ("first", f"{spent:.1f} s", f"run time, for {amount(result.simulated_s, 's', 4)} of light"),
         ("first", str(len(out)), f"effects left out{': ' if out else ''}{', '.join(out)}"),
         ("", f"{len(run.frames)}", "frames"),
@@ -33,11 +33,11 @@ def _cards(run: ImagerRun) -> str:
 
 
 _SHARES = {
-    "saturated": "of the last frame's pixels read the largest value there is",
-    "saturated_most": "of the pixels do so in the frame that has most",
-    "settled_share": "of the live frames say that the exposure loop rests",
+    "saturated": "of the pixels of the last frame have the largest value",
+    "saturated_most": "of the pixels, in the frame with the largest share",
+    "settled_share": "of the live frames have a settled exposure loop",
 }
-_ANSWERS = {"settled": "whether the last live frame says that the exposure loop rests"}
+_ANSWERS = {"settled": "whether the exposure loop is settled in the last live frame"}
 _COUNTS = {
     "frames": "frames", "dark_frames": "frames", "pulses_lost": "pulses of external sync",
     "resets_disturbed": "resets within another row's sampling", "saturated_pixels": "pixels of the "
@@ -46,8 +46,8 @@ _COUNTS = {
 
 
 def metric_text(name: str, metric: Metric) -> tuple[str, str]:
-    """A metric's value and its unit for a reader: a share in per cent, an answer as yes or no, a
-    plain number with what it counts."""
+    """Value and unit of a metric as text: a share in per cent, an answer as yes or no, a count with
+    the name of what is counted."""
     value, unit = metric.value, "" if metric.unit == "1" else metric.unit
     if value is None:
         return "unknown", unit
@@ -75,21 +75,22 @@ def _metrics(run: ImagerRun) -> str:
 
 
 def _frames(run: ImagerRun) -> str:
-    """Chosen frames as they are, full scale white, through the display's curve."""
+    """Chosen frames, with full scale as white, in sRGB."""
     full = (1 << run.planned.pixels.bits) - 1
-    shown = []
+    figures = []
     for n in run.pictures:
         frame = run.frames[n]
         caption = (
             f"frame {frame.number}, read at {frame.ready * 1e-9:.1f} ms, exposed for "
             f"{frame.seconds * 1e3:.4g} ms, mean {frame.mean:.4g} DN"
         )
-        shown.append(figure(for_display(run.frame(n) / full), caption))
+        figures.append(figure(for_display(run.frame(n) / full), caption))
     return (
-        "<h2>Frames</h2><p>Evenly spaced over the run; full scale is white, shown through the sRGB "
-        f"curve. All frames, (n, rows, columns) uint16, are <code>zarr.open('{FRAMES}', mode='r')"
-        "['values']</code>, linear pictures of these are in <code>images/</code>.</p>"
-        f'<div class="grid by4">{"".join(shown)}</div>'
+        "<h2>Frames</h2><p>These frames are evenly spaced over the run. They are shown in sRGB, "
+        "with full scale as white. All frames, (n, rows, columns) uint16, are in "
+        f"<code>zarr.open('{FRAMES}', mode='r')['values']</code>. Linear pictures of these frames "
+        "are in <code>images/</code>.</p>"
+        f'<div class="grid by4">{"".join(figures)}</div>'
     )
 
 
@@ -103,48 +104,49 @@ def _kept(run: ImagerRun) -> str:
         check = ""
         if row.effect in out:
             state, measured = "left out", patches.measured(row.effect)
-            check = "not seen" if measured is None else f"at most {measured.high:.2g}"
+            check = "not measured" if measured is None else f"at most {measured.high:.2g}"
         about = "about" if row.kind == "estimate" else "at most"
         cost = f"{row.cost_ns:.3g} ns"
         rows.append(
             [row.effect, state, f"{about} {row.bound:.2g}", cost, check, sources[row.effect]]
         )
-    head = ["effect", "", "leaving it out changes", "cost a pixel-frame", "the check", "source"]
+    head = ["effect", "", "change if left out", "cost per pixel and frame", "measured", "source"]
     exposures, decisions = run.planned.exposures, run.chain.decisions
     text = ""
     if out and decisions is not None:
         text = (
-            f"<p>Decisions: {decisions.text()}. Of each frame it is asked how far what was left "
-            "out can move the statistic that the controller goes by; where that reaches a limit of "
-            "the decision, the frame is converted with everything and decided on anew.</p>"
+            f"<p>Decisions: {decisions.text()}. For each frame, the check determines how far the "
+            "omitted effects can move the statistic of the controller. If this reaches a decision "
+            "threshold, the frame is converted with every effect and the decision is repeated.</p>"
         )
     return (
-        "<h2>What was kept and what was left out</h2><p>Changes are of a pixel value's mean, "
-        "relative to it (at least one DN), or of its noise, relative to that (at least what "
-        "rounding makes), whichever is more, over all light and exposures that were foreseen: "
+        "<h2>What was kept and what was left out</h2><p>A change is the larger of two: that of the "
+        "mean of a pixel value, relative to the mean (at least one DN), and that of its noise, "
+        "relative to the noise (at least that of rounding). It is the largest one over all light "
+        "and exposures foreseen: "
         f"{exposures.seconds[0] * 1e3:.3g} to {exposures.seconds[1] * 1e3:.3g} ms, "
-        f"{summary.darkest:.3g} to {summary.brightest:.3g} photoelectrons. An "
-        "estimate is given twice its size. The check converts "
-        f"{patches.count} patches of the run's own exposures again and again with everything and "
-        "without, with the same random numbers, and tells the upper 99.9 % limit. A plan may add "
-        f"up to {0.5 * run.run.result.tolerance:g}.</p>" + text + table(head, rows)
+        f"{summary.darkest:.3g} to {summary.brightest:.3g} photoelectrons. Estimates are doubled. "
+        f"The check converts {patches.count} patches of the exposures of this run repeatedly, with "
+        "and without the effect and with the same random numbers; the table gives the upper limit "
+        "at 99.9 %. The bounds of a plan add up to at most "
+        f"{0.5 * run.run.result.tolerance:g}.</p>" + text + table(head, rows)
     )
 
 
 def imager_page(kind: ImagerKind, run: ImagerRun) -> Page:
-    """Writes the figures; the page that shows them."""
+    """Writes the figures and returns the page."""
     folder = run.folder / "figures"
     for old in folder.glob("*.png"):
         old.unlink()
     spec, (rows, columns) = run.planned.spec, run.planned.model.shape
-    own, frames = "", ""
+    specific, frames = "", ""
     if run.frames:
-        own, frames = kind.sections(run.planned.model, run), _frames(run)
+        specific, frames = kind.sections(run.planned.model, run), _frames(run)
     return Page(
         title=spec.title,
         subtitle=f"{kind.title}, {columns} x {rows} pixels",
         cards=_cards(run),
-        sections=[own, frames, _metrics(run), _kept(run)],
-        commands_do="<p>The same bits, however often the run is interrupted.</p>",
+        sections=[specific, frames, _metrics(run), _kept(run)],
+        commands_do="<p>The bits are the same however often the run is interrupted.</p>",
         files=sorted(f"figures/{path.name}" for path in folder.glob("*.png")),
     )

@@ -1,6 +1,6 @@
-"""An imager films frame by frame into a run's folder, its plan checked on the way.
+"""The chain of an imager: it films frame by frame into the folder of the run and checks the plan.
 
-The tape of what the pixels gave (`tape`) is the checkpoint.
+The tape of the converted pixel values (`tape`) is the checkpoint.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = ["FrameChain"]
 
 
 class _Clock:
-    """Seconds that calls of one function take."""
+    """Calls a function and adds up the time of the calls, s."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function, self.seconds = function, 0.0
@@ -44,7 +44,7 @@ class _Clock:
 
 
 class _TimedScenery:
-    """A scenery that knows how long it took."""
+    """A scenery whose computing time is measured."""
 
     def __init__(self, scenery: Any) -> None:
         self.shape = scenery.shape
@@ -55,10 +55,11 @@ class FrameChain:
     """See `cosim.run.machine.Chain`.
 
     Attributes:
-        planned: the run.
-        frames: figures of every frame, in order, once it has run.
-        patches, decisions: the check of the plan; decisions is None if nothing was decided.
-        imager: as it stands after the run.
+        planned: the checked and planned run.
+        frames: figures of every frame, in order, after the run.
+        patches, decisions: the check of the plan; decisions is None if no frame affects a later
+            exposure.
+        imager: the imager in its state after the run.
     """
 
     def __init__(self, planned: PlannedRun, folder: Path, trace: Path | None = None) -> None:
@@ -79,7 +80,8 @@ class FrameChain:
 
     @property
     def error(self) -> PairedError | None:
-        """Of the plan: of the patches, and of a decision that full physics makes otherwise."""
+        """The error of the plan: the larger of the error of the patches and the effect of a
+        decision that full physics makes otherwise."""
         error, check = self.patches.planned(), self.decisions
         if error is None or check is None or check.differs_at is None:
             return error
@@ -87,12 +89,13 @@ class FrameChain:
         return replace(error, mean=change, high=max(error.high, check.change))
 
     def load(self) -> None:
-        """Raises InputError for the tape of another run."""
+        """Checks the tape. Raises InputError for that of another run."""
         Tape(self.checkpoint, self._identity(), True).close()
         self._resume = True
 
     def run(self, progress: Progress) -> dict[str, float]:
-        """Films the scenario's duration; seconds of each stage. Raises Interrupted, InputError."""
+        """Films for the duration of the scenario. Returns the wall time of each stage, s. Raises
+        Interrupted, InputError."""
         planned, spec = self.planned, self.planned.spec
         full = frozenset(planned.pixels.effects)
         tape = Tape(self.checkpoint, self._identity(), self._resume)
@@ -108,7 +111,7 @@ class FrameChain:
 
         def converted(rows: Exposed, pixels: PixelModel) -> None:
             self.patches(rows, pixels)
-            decisions.see(rows, pixels)
+            decisions.add(rows, pixels)
 
         watch = _Clock(converted)
         imager.pixels = Taped(imager.pixels, tape, watch)
@@ -152,7 +155,7 @@ class FrameChain:
         return frames
 
     def _identity(self) -> str:
-        """Text that depends on the scenario, what is kept of it, and the program's version."""
+        """Text that depends on the scenario, the kept effects, and the version of the program."""
         kept = " ".join(sorted(self.planned.kept))
         return f"{viform_version()}\n{kept}\n{sealed(self.planned.spec.toml)}"
 

@@ -1,4 +1,5 @@
-"""What `viform plan` says of an imager: its plan, and its time by the effects' table of costs."""
+"""The forecast of `viform plan` for an imager: its plan, and the run time predicted from the cost
+table of the effects."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Error against run time of an imager: its plans at a ladder of tolerances, on one scenario.
+"""Error against run time of an imager, for its plans at a ladder of tolerances, on one scenario.
 
-The imager films the scenario once with every effect, which is the reference. On patches of chosen
-frames every distinct plan converts the same exposures with the same random numbers; its time is
-that of converting one whole frame, the least of a few calls. What a controller would decide on a
-plan's frames is not compared: the check of a run does that (`check.decisions`).
+The imager films the scenario once with every effect; this is the reference. On patches of chosen
+frames, every distinct plan converts the same exposures with the same random numbers. The time of a
+plan is the shortest of a few conversions of one whole frame. The decisions of the controller are
+not compared; the check of a run does that (`check.decisions`).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ __all__ = ["measure_ladder"]
 
 REFERENCE: Final = "reference"
 CALLS: Final = 4
-"""Conversions of each plan that are timed, after one that is not."""
+"""Timed conversions of each plan, after one that is not timed."""
 
 
 class _TimedPatches(Patches):
-    """Patches that also time every plan on the largest exposure of the chosen frames."""
+    """Patches that also measure the time of every plan, on the largest of the chosen frames."""
 
     def __init__(
         self, full: frozenset[str], ways: dict[str, frozenset[str]], seed: int, frames: list[int]
@@ -47,8 +47,9 @@ class _TimedPatches(Patches):
 def _times(
     pixels: PixelModel, rows: Exposed, seed: int, ways: Mapping[str, frozenset[str]]
 ) -> dict[str, float]:
-    """Nanoseconds a pixel-frame of each way: the least of rounds in which all take turns, so that
-    other work of the processor falls on all alike; the first round does not count."""
+    """Time of each set of effects, ns per pixel and frame: the shortest of several rounds. The sets
+    take turns, so that other load of the processor affects all alike. The first round is not
+    timed."""
     spent: dict[str, list[float]] = {name: [] for name in ways}
     for turn in range(CALLS + 1):
         for name, kept in ways.items():

@@ -18,15 +18,15 @@ __all__ = ["PlannedRun", "RunSpec", "plan_effects", "plan_run"]
 
 @dataclass(frozen=True)
 class RunSpec:
-    """What a scenario asks of a run.
+    """The requirements of a scenario for a run.
 
     Attributes:
         name: short name of the scenario.
-        title: of the scenario.
+        title: title of the scenario.
         kind: name of the imager in the catalogue.
         seconds: duration, s.
-        tolerance: of the error, relative.
-        seed: of all temporal noise.
+        tolerance: largest relative error.
+        seed: seed of all temporal noise.
         toml: the resolved scenario.
     """
 
@@ -49,13 +49,13 @@ class PlannedRun:
     """A run that has been checked and planned.
 
     Attributes:
-        spec: what the scenario asks for.
-        model: the imager.
+        spec: requirements of the scenario.
+        model: the imager with its settings.
         view: the light on its plane.
-        exposures: what the run may meet.
-        summary: what the effects' bounds have read.
-        plan: what is kept.
-        pixels: physics of the imager when it is switched on.
+        exposures: limits of the exposures.
+        summary: light and exposures as the bounds of the effects read them.
+        plan: the effects that are kept and omitted.
+        pixels: physics of the imager at power-on.
     """
 
     spec: RunSpec
@@ -83,20 +83,19 @@ def plan_effects(
     settings: Sequence[PixelModel], exposures: ExposureRange, tolerance: float, certain: bool,
     forced: Sequence[str] = (),
 ) -> tuple[Plan, ImagerSummary]:  # fmt: skip
-    """The plan of a run whose pixels work in several settings, over the whole plane and run: what
-    one setting needs is kept in all. The bound of an effect is that of the setting in which it is
-    largest.
+    """The plan for the whole plane and run. An effect that one setting of the pixels needs is kept
+    in all settings. The bound of an effect is its largest bound in any setting.
 
     Args:
-        settings: the pixels in every setting.
-        exposures: what the run may meet.
-        tolerance: of the error.
+        settings: the pixels in every setting of the run.
+        exposures: limits of the exposures.
+        tolerance: largest relative error.
         certain: whether the limits of the light are proven.
         forced: effects that are kept in any case.
     """
     need = set(forced)
     plans: list[tuple[Plan, ImagerSummary]] = []
-    for _ in range(2):  # what the others need is known the second time
+    for _ in range(2):  # the second pass knows the effects that the other settings need
         plans = []
         for pixels in settings:
             summary = pixels.summary(exposures.lux_seconds, exposures.seconds, exposures.frames)
@@ -115,8 +114,8 @@ def plan_effects(
 
 
 def plan_run(spec: RunSpec, model: ImagerModel, view: View) -> PlannedRun:
-    """Raises InputError for a run that cannot be made."""
-    pixels = model.make().pixels  # refuses what the imager cannot do, before anything is foreseen
+    """Checks and plans a run. Raises InputError for a run that is not possible."""
+    pixels = model.make().pixels  # first, because it refuses impossible settings
     exposures = model.exposures(view, spec.stop)
     plan, summary = plan_effects(model.settings(pixels), exposures, spec.tolerance, view.certain)
     return PlannedRun(spec, model, view, exposures, summary, plan, pixels)

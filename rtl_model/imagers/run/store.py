@@ -1,8 +1,9 @@
-"""Frames on disk: `frames.zarr`, one chunk a frame.
+"""The frames of a run on disk: the Zarr group `frames.zarr`, with one chunk per frame.
 
-values (n, H, W) uint16, padded below where a window made frames smaller; rows (n,) that are filled;
-begin, end (n, H) int64 and ready (n,) int64 in picoseconds; attributes tell the bits and, once the
-run is finished, `state`: the figures of the controllers, a list for each name.
+Arrays: `values` (n, H, W) uint16, DN, padded with zeros below and to the right of smaller frames;
+`rows` (n,) int64, filled rows; `begin`, `end` (n, H) int64, exposure of each row, ps; `ready` (n,)
+int64, end of readout, ps. Attributes: `bits`; `time`, the unit; and `state`, the figures of the
+controllers as one list for each name. All but `values` are written at the end of the run.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ __all__ = ["FRAMES", "FrameStore", "read_frame"]
 
 FRAMES = "frames.zarr"
 _TOGETHER = 1 << 26
-"""Bytes of frames that are written at once."""
+"""Bytes of frames that are collected before they are written."""
 
 
 class FrameStore:
-    """Writes frames in order, a few at a time: of a run that is interrupted, the rest is on its
-    tape. An existing store is replaced."""
+    """Writes frames in order, several at once. An existing store is replaced. The frames of an
+    interrupted run are recovered from its tape."""
 
     def __init__(self, path: Path, bits: int) -> None:
         self._path, self._bits = path, bits
@@ -54,13 +55,13 @@ class FrameStore:
         values = self._group["values"]
         values.resize((count, rows, width))
         block = np.zeros((len(self._waiting), rows, width), np.uint16)
-        for into, given in zip(block, self._waiting, strict=True):
-            into[: given.shape[0], : given.shape[1]] = given
+        for target, frame in zip(block, self._waiting, strict=True):
+            target[: frame.shape[0], : frame.shape[1]] = frame
         values[count - len(block) :] = block
         self._waiting = []
 
     def finish(self) -> None:
-        """Writes the remaining frames, the times and the controllers' figures."""
+        """Writes the remaining frames, the times and the figures of the controllers."""
         if not self._state:
             return
         if self._waiting or self._group is None:
@@ -80,6 +81,6 @@ class FrameStore:
 
 
 def read_frame(path: Path, n: int) -> npt.NDArray[np.uint16]:
-    """Values of the n-th frame of a store, (rows, W)."""
+    """Values of the n-th frame of a store, (rows, W), DN."""
     group: Any = zarr.open_group(path, mode="r")
     return np.asarray(group["values"][n, : int(group["rows"][n])])

@@ -1,8 +1,8 @@
-"""A tape: the values of all converted rows, on disk as they come, from which a run resumes.
+"""The tape: a file of all converted pixel values, from which an interrupted run resumes.
 
-A run that is resumed runs from its start: the sequencer and its controllers run as before, and as
-far as the tape reaches, values are read from it instead of computed. As all random numbers are
-counter based, the rest of the run gives the same bits as without the interruption.
+A resumed run starts at its beginning. The sequencer and its controllers run again, and the pixel
+values are read from the tape, as far as it reaches, instead of being computed. All random numbers
+are counter based, so the rest of the run gives the same bits as an uninterrupted run.
 """
 
 from __future__ import annotations
@@ -32,29 +32,30 @@ class Tape:
     """The file of a tape.
 
     Attributes:
-        found: records that are left to be played.
+        remaining: number of records that have not been played.
 
     Args:
-        path: of the file.
+        path: file.
         identity: text that depends on all inputs of the run; the tape of another run is refused.
-        resume: whether a tape that exists is continued; otherwise it is replaced.
+        resume: whether an existing tape is continued; otherwise it is replaced.
     """
 
     def __init__(self, path: Path, identity: str, resume: bool) -> None:
         self._path = path
         head = _MAGIC + hashlib.sha256(identity.encode()).digest()
-        self.found = 0
+        self.remaining = 0
         if resume and path.exists():
-            whole = self._check(head)
+            size = self._check(head)
             self._file = path.open("r+b")
-            self._file.truncate(whole)
+            self._file.truncate(size)
             self._file.seek(len(head))
         else:
             self._file = path.open("w+b")
             self._file.write(head)
 
     def _check(self, head: bytes) -> int:
-        """Size of all whole records, bytes. Raises InputError for the tape of another run."""
+        """Size of the head and all complete records, bytes. Raises InputError for the tape of
+        another run."""
         size = self._path.stat().st_size
         with self._path.open("rb") as file:
             if file.read(len(head)) != head:
@@ -69,14 +70,14 @@ class Tape:
                 next_one = at + _HEAD.size + 2 * rows * columns
                 if rows < 0 or columns < 0 or next_one > size:
                     break
-                at, self.found = next_one, self.found + 1
+                at, self.remaining = next_one, self.remaining + 1
         return at
 
     def play(self, rows: Exposed) -> npt.NDArray[np.uint16] | None:
-        """The values of the next record; None at the tape's end."""
-        if not self.found:
+        """The values of the next record, (rows, columns); None at the end of the tape."""
+        if not self.remaining:
             return None
-        self.found -= 1
+        self.remaining -= 1
         frame, first, high, wide = _HEAD.unpack(self._file.read(_HEAD.size))
         if (frame, first) != (rows.frame, rows.first):
             raise InputError(
@@ -92,7 +93,7 @@ class Tape:
         self._file.write(np.ascontiguousarray(values, "<u2").data)
 
     def sync(self) -> None:
-        """Writes what has been recorded to the disk."""
+        """Writes all records to the disk."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -101,7 +102,7 @@ class Tape:
 
 
 class NoTape:
-    """Plays and records nothing."""
+    """A tape that plays and records nothing."""
 
     def play(self, rows: Exposed) -> None:
         return None
@@ -110,12 +111,12 @@ class NoTape:
 
 
 class Taped:
-    """Pixels whose values are read from a tape as far as it reaches, and are recorded after that.
+    """Pixels whose values are read from a tape as far as it reaches, and recorded after that.
 
     Args:
-        pixels: that compute values; all other attributes are theirs.
-        tape: to read and record.
-        watch: called with every exposure and the pixels, once the rows are converted.
+        pixels: pixels that compute values; all other attributes are those of the pixels.
+        tape: tape that is played, then recorded.
+        watch: function that is called with each exposure and the pixels after the conversion.
     """
 
     def __init__(self, pixels: PixelModel, tape: Tape | NoTape, watch: Any) -> None:
@@ -139,8 +140,8 @@ class Taped:
     def digitise(
         self, rows: Exposed, seed: int, kept: frozenset[str]
     ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
-        """Values, and the output of the comparator beside an 8-bit converter, which is the top bit
-        on the tape."""
+        """Values, and the output of the saturation comparator, which is stored in the top bit of
+        the records."""
         packed = self.tape.play(rows)
         if packed is None:
             values, over = self.pixels.digitise(rows, seed, kept)
@@ -151,5 +152,5 @@ class Taped:
         return packed & mask, (packed >> _OVER).astype(bool)
 
     def at(self, **changed: Any) -> Taped:
-        """The same device in another setting, on the same tape."""
+        """The same device with changed settings, on the same tape."""
         return Taped(self.pixels.at(**changed), self.tape, self.watch)

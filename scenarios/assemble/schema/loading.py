@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import tomllib
 from importlib.resources import files
@@ -11,6 +12,7 @@ from typing import Any
 
 from cosim import InputError
 from cosim.config.toml import to_toml
+from cosim.errors import quote, shorten
 from cosim.run.inputs import PATHS
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.schema.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
@@ -20,6 +22,11 @@ __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs when none is named."""
+
+
+_PARTS = 20
+"""Parts of a dotted key, at most; the schema's longest has four."""
+_DEEP = re.compile(rf"""(?:^|[\[{{,])\s*(?:[\w"'-]+\s*\.\s*){{{_PARTS}}}""", re.MULTILINE)
 
 
 def shipped() -> dict[str, str]:
@@ -48,11 +55,14 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
         raise InputError(
             "the scenario",
             f"one of {', '.join(known)} or a TOML file",
-            repr(name),
+            quote(name),
             "see `viform list`",
         )
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if _DEEP.search(text):  # tomllib takes seconds for a key of thousands of parts
+            raise ValueError(f"a key of more than {_PARTS} parts")
+        data = tomllib.loads(text)
     except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
         if isinstance(exc, UnicodeDecodeError) and path.suffix.lower() != ".toml":
             raise InputError(
@@ -60,7 +70,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
                 f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
             ) from exc  # fmt: skip
         raise InputError(
-            "the scenario", "a TOML file", f"{path} ({exc})", "mend that place"
+            "the scenario", "a TOML file", f"{path} ({shorten(str(exc))})", "mend that place"
         ) from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
     return stem or "scenario", data, path.parent
@@ -82,7 +92,7 @@ def assign(data: dict[str, Any], assignment: str) -> None:
     names = key.strip().split(".")
     if not equals or not all(names):
         raise InputError(
-            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", repr(assignment), "add it"
+            "--set", "KEY=VALUE such as sensor.clock='20 kHz'", quote(assignment), "add it"
         )
     node = data
     for i, name in enumerate(names[:-1]):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import difflib
 import re
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
+from cosim.errors import quote, shorten
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
@@ -128,31 +129,22 @@ _MUST = {
 }
 """What a key must be, by pydantic's type of error; the braces are filled from its context."""
 
-_LONGEST = 80
-"""Characters of a wrong value that a message repeats."""
-
-
-def _shown(value: object) -> str:
-    """A wrong value as a message repeats it."""
-    try:
-        text = repr(value)
-    except ValueError:  # Python refuses to print integers of thousands of digits
-        return "a number of thousands of digits"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+KEYS: Final = 200
+"""Characters of a list of keys that a message names, at most."""
 
 
 def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
     """The first error of a validation as what must be, what was given, how to mend it."""
     place = _place(error["loc"], whole)
-    given, kind = _shown(error["input"]), error["type"]
+    given, kind = quote(error["input"]), error["type"]
     if kind == "extra_forbidden":
         key = place.name.rsplit(".", 1)[-1]
         near = difflib.get_close_matches(key, place.keys, 1)
         section = place.name.rpartition(".")[0]
         mend = f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
         # A section's keys are listed only where none of them looks like what was meant.
-        must = "a key that is known" if near else f"one of {', '.join(place.keys)}"
-        return InputError(place.name, must, "an unknown key", mend)
+        must = "a key that is known" if near else shorten(f"one of {', '.join(place.keys)}", KEYS)
+        return InputError(shorten(place.name), must, "an unknown key", mend)
     if kind in ("missing", "union_tag_not_found"):
         name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
         return InputError(name, "given", "absent", _example(name))
@@ -161,7 +153,7 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         must = _own_example(text.removeprefix("must be "), place.name)
         return InputError(place.name, must, given, _example(place.name))
     if kind == "union_tag_invalid":
-        wanted, tag = error["ctx"]["expected_tags"], _shown(error["ctx"]["tag"])
+        wanted, tag = error["ctx"]["expected_tags"], quote(error["ctx"]["tag"])
         return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
     must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
     if kind == "tuple_type" and place.name == "display.beside":

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.connection import Csr
 from scenarios.cli.output import Json, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.host.log_events import LogEvent
 
 __all__ = ["board_replay"]
 
@@ -52,10 +54,7 @@ def board_replay(
             raise typer.Exit(1)
         return
     names = {entry.address: name for name, entry in (known or default_map()).registers.items()}
-    rows = [
-        _row(json_module.loads(line), names)
-        for line in log.read_text(encoding="ascii").splitlines()
-    ]
+    rows = [{**event.model_dump(), "text": _text(event, names)} for event in port.events]
     faults = sum(row.get("fault") is not None for row in rows)
     if json:
         print_document({"ok": True, "events": rows, "faults": faults})
@@ -63,30 +62,27 @@ def board_replay(
     begun = rows[0]["monotonic"]
     for row in rows:
         print(f"{row['monotonic'] - begun:10.6f} s  {row['text']}")
-    print(f"{len(rows)} events, {faults} answers with a fault")
+    end = ", the last line is cut off" if port.cut else ""
+    print(f"{len(rows)} events, {faults} answers with a fault{end}")
 
 
-def _row(event: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
-    """The event with a line of what it says."""
-    kind = event["event"]
-    if kind == "write":
-        address = int(event["address"], 0)
-        name = names.get(address, event["address"])
-        words = event["words"]
-        data = bytes.fromhex(event["hex"])[6:]
-        reads = event["command"].startswith("read")
-        access = f"reads {name}" if reads else f"writes {name} = {_words(data)}"
-        text = access + (f", {words} words" if words > 1 else "")
-    elif kind == "read":
-        text = f"  answer {_words(bytes.fromhex(event['hex']))}"
-        text += f", FAULT {event['fault']}" if event["fault"] else ""
-    elif kind == "stray":
-        text = f"  unasked {event['hex']}"
-    elif kind == "open":
-        text = f"{event['port']} at {event['baud']} baud, {event['wall']}"
-    else:
-        text = f"{kind} {event['value']}"
-    return {**event, "text": text}
+def _text(event: LogEvent, names: dict[int, str]) -> str:
+    """The event in a line."""
+    from rtl_model.host.log_events import Answer, Opened, Request, Stray
+
+    if isinstance(event, Request):
+        name = names.get(int(event.address, 0), event.address)
+        written = f" = {_words(bytes.fromhex(event.hex)[6:])}"
+        access = f"reads {name}" if event.command.startswith("read") else f"writes {name}{written}"
+        return access + (f", {event.words} words" if event.words > 1 else "")
+    if isinstance(event, Answer):
+        fault = f", FAULT {event.fault}" if event.fault else ""
+        return f"  answer {_words(bytes.fromhex(event.hex))}{fault}"
+    if isinstance(event, Stray):
+        return f"  unasked {event.hex}"
+    if isinstance(event, Opened):
+        return f"{event.port} at {event.baud} baud, {event.wall}"
+    return f"{event.event} {event.value}"
 
 
 def _words(data: bytes) -> str:

@@ -22,8 +22,8 @@ from sensor.latched.fast.units import (
     NOISE,
     RESET,
     Units,
+    current_thresholds,
     first_charge,
-    running,
     units_of,
 )
 from sensor.latched.pixel.fixed_point import LARGEST
@@ -174,7 +174,7 @@ class PixelArray:
         threshold = np.ones(charge.shape)
         drawn = (flags & NOISE) != 0
         if drawn.any():
-            threshold[drawn] = running(self.model, spikes[drawn], self.numbers[drawn])
+            threshold[drawn] = current_thresholds(self.model, spikes[drawn], self.numbers[drawn])
         threshold = np.maximum(threshold, 1 / self.units.one)
         stored = 1 - (charge + 1.0) / (threshold * self.units.one)
         # After saturation the deficit is relative to the mean threshold.

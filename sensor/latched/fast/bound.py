@@ -1,21 +1,24 @@
-"""How far the fast tier's rate can be from the exact tier's: a proof where charge is carried.
+"""Bound of the difference between the rates of the fast and the exact tier; proven for `residual`.
 
-Let G run linearly from k to k + 1 between the charges at which spikes k and k + 1 fall: spikes plus
-the stored share of the running interval. Its slope is one over a threshold. So where all of these
-charges, and the charge gathered, are right to E, G is right to E / (shortest threshold). E grows by
+Let G be the number of spikes plus the stored share of the current interval. As a function of the
+accumulated charge, G rises linearly from k to k + 1 between the charges of spikes k and k + 1, with
+a slope of 1 / threshold. If all these charges, and the accumulated charge, have an error of at most
+E, then G has an error of at most E / (shortest threshold). E grows with
 
-    a cycle   half a unit (the increment's rounding) and the float32 roundings of its light,
-    a spike   the threshold's error, and with dead time that of the light lost. A spike that falls
-              on a cycle's edge in one tier and beyond it in the other loses another cycle's light;
+    each cycle   by half a unit (rounding of the increment) and the float32 rounding of its light,
+    each spike   by the error of the threshold, and with dead time by that of the lost light. If a
+                 spike falls on the edge of a cycle in one tier and beyond it in the other, the
+                 light of another cycle is lost.
 
-and the fraction itself is read with a unit and a threshold's error. This holds while a cycle cannot
-hold two spikes, its light being less than the shortest threshold. Light that reaches the longest
-fires in every cycle in both tiers, whose rates then differ by the two fractions alone. In between
-the number of spikes that share a cycle hangs on the last bit, and nothing is promised.
+Reading the fraction adds a unit and the error of a threshold. The bound holds while a cycle cannot
+contain two spikes, because its light is below the shortest threshold. Light above the longest
+threshold fires in every cycle in both tiers, and the rates then differ only by the two fractions.
+In between, the number of spikes in a cycle depends on the last bit, and there is no bound.
 
-Under `subtract` the same holds while no charge piles up. Under `hard` errors end with the interval,
-but a spike that falls on a cycle's edge in one tier and beyond it in the other loses another
-cycle's light, so that the rate is not smooth in the charge: how often that happens is an estimate.
+Under `subtract` the same holds while no charge accumulates beyond a threshold. Under `hard` errors
+end with the interval. However, a spike that falls on the edge of a cycle in one tier and beyond it
+in the other loses the light of another cycle, so the rate is not smooth in the charge. The number
+of such spikes is estimated.
 """
 
 from __future__ import annotations
@@ -31,8 +34,9 @@ from sensor.latched.pixel.model import ExactModel
 __all__ = ["charge_error", "rate_bound"]
 
 _ROUNDINGS: Final = 10 * 2.0**-24
-"""Of a cycle's light in float32, relative to the brightest level: gain, dark charge, their product
-and sum, difference of levels, weight, product, sum, units, the half that is added."""
+"""Rounding of a cycle's light in float32, relative to the brightest level: gain, dark charge, their
+product and sum, difference of levels, weight, product, sum, conversion to units, and the half that
+is added."""
 
 
 def rate_bound(
@@ -43,15 +47,21 @@ def rate_bound(
     floor: float = 0.0,
     cycles: int | None = None,
 ) -> Bound:
-    """Largest difference of a pixel's rate between this tier and the exact one, with the same
+    """Largest difference between a pixel's rates in this tier and in the exact tier, with the same
     draws, relative to max(rate, floor).
 
-    dimmest, brightest: light of a cycle in electrons, dark current in it, of the levels between
-    which light runs in the whole run. window: cycles over which the rate is taken (spikes plus the
-    change of stored charge over the running interval's own threshold). floor: spikes a cycle.
-    cycles: of the run up to the window's end, the window alone unless given.
+    A rate counts spikes plus the change of stored charge over the threshold of its interval.
 
-    The value is infinite where nothing can be promised.
+    Args:
+        model: rules of the pixel.
+        dimmest, brightest: limits of the light in the whole run, electrons a cycle, including dark
+            current.
+        window: cycles over which the rate is taken.
+        floor: spikes a cycle.
+        cycles: cycles of the run up to the end of the window, by default the window.
+
+    Returns:
+        The bound; infinite where there is none.
     """
     units = units_of(model)
     unit = 2.0**-units.bits
@@ -64,11 +74,11 @@ def rate_bound(
     top = units.top * 2.0**-units.bits
     if dead == 0 and low >= top and model.reset != "subtract":
         return Bound(2 / scale, "proof")
-    # No rounding of a transfer is bounded here.
+    # The rounding of transfers has no bound here.
     if model.transfers or scale == 0 or (high >= shortest and model.reset != "hard"):
         return Bound(math.inf, "proof")
     run = window if cycles is None else cycles
-    # The exact tier rounds too: a slope for as many cycles, and the light that dead time costs.
+    # The exact tier rounds as well: the slope in every cycle, and the light lost in dead time.
     a_cycle = unit / 2 + _ROUNDINGS * high + run / (ONE * model.mean)
     lost = unit + _ROUNDINGS * high + 2.0**-24 / model.mean
     a_spike = error + dead * (lost + high - low)
@@ -87,11 +97,12 @@ def rate_bound(
 
 
 def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) -> float:
-    """RMS number of spikes of a run that fall into another cycle under a hard reset: those whose
-    threshold lies within `charge` of what is gathered at some edge. The densities of a threshold at
-    points at least `low` apart sum to its peak and 1 / low at most. All in nominal thresholds.
+    """RMS number of spikes of a run that fall into another cycle under a hard reset.
 
-    Infinite without noise: all spikes of a pixel may then be ties.
+    These are the spikes whose threshold lies within `charge` of the accumulated charge at some
+    edge. The densities of a threshold at points at least `low` apart sum to at most its peak plus 1
+    / low. Charges are in nominal thresholds. Without noise the result is infinite, because all
+    spikes of a pixel may then be ties.
     """
     shot = model.threshold if model.shot else 0.0
     spread = math.sqrt(shot + model.threshold_noise**2) / model.mean
@@ -103,9 +114,14 @@ def _moved(model: ExactModel, charge: float, low: float, high: float, run: int) 
 
 
 def charge_error(model: ExactModel, brightest: float, cycles: int) -> float:
-    """By how much a charge that has been gathered for so many cycles without a reset to zero, with
-    the threshold that it is held against, may differ from the exact tier's, in nominal thresholds:
-    an estimate, since roundings go either way. brightest: light of a cycle in electrons, at most.
+    """Difference of accumulated charge and threshold from the exact tier's, in nominal thresholds.
+
+    It is an estimate, because rounding errors have either sign.
+
+    Args:
+        model: rules of the pixel.
+        brightest: most light of a cycle, electrons.
+        cycles: cycles of accumulation without a reset to 0.
     """
     units = units_of(model)
     unit, high = 2.0**-units.bits, brightest / model.mean

@@ -1,12 +1,11 @@
-"""The course of light over a call as few planes and weights, of which a kernel makes the charge of
-every cycle by itself.
+"""The course of light over a call: a few planes and weights, from which kernels compute each cycle.
 
-The light of a cycle is base + sum of weight x (plane - base): for a cycle within a piece, base is
-its first plane and the weight of its last is how far the cycle's middle lies in it; for a cycle in
-which pieces meet, each plane counts by the share of the cycle that it has (the integral of linear
-pieces). Weights are those of the cycle on the clock and of the row, never of the call: however a
-run is split, every cycle gets the same numbers. Where nothing changes all planes are equal and the
-sum is the base to the last bit, so what lies outside the changed boxes needs no weights.
+The light of a cycle is base + sum of weight x (plane - base). For a cycle within a piece, the base
+is the first plane of the piece, and the weight of its last plane is the position of the middle of
+the cycle in the piece. For a cycle in which pieces meet, the weights are the integrals of the
+linear pieces over the cycle. Weights depend on the cycle and the row only, so every cycle gets the
+same numbers however a run is split. Where the light is constant all planes are equal, and the sum
+is the base to the last bit; so pixels outside the changed boxes need no weights.
 """
 
 from __future__ import annotations
@@ -24,15 +23,22 @@ from cosim.light.light import Box, Light, Piece, Plane
 __all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
 
 MOST_PLANES: Final = 16
-"""Planes of a segment, its base among them, and of a launch of a kernel."""
+"""Most planes of a segment, including its base, and of a launch of a kernel."""
 
 Weights = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Cycles `first` to `first + cycles` of a call that share planes. weights: (cycles, rows of the
-    box or 1, planes) float32."""
+    """Cycles of a call that share planes.
+
+    Attributes:
+        first: first cycle, within the call.
+        cycles: number of cycles.
+        base: (H, W) float32, light of weight 0.
+        planes: (H, W) float32 each.
+        weights: (cycles, rows of the box or 1, planes) float32.
+    """
 
     first: int
     cycles: int
@@ -43,8 +49,14 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Light of a call: `steady` outside the box (all of the plane where that is None), the segments
-    within. pieces: all that the call meets, whose levels must be looked at."""
+    """Light of a call.
+
+    Attributes:
+        steady: (H, W) light outside the box.
+        box: rows and columns in which the light changes, None if it is constant everywhere.
+        segments: light inside the box.
+        pieces: all pieces of the call, whose planes must be checked.
+    """
 
     steady: Plane
     box: Box | None
@@ -53,7 +65,8 @@ class Course:
 
 
 def _box(met: tuple[Piece, ...]) -> Box | None:
-    """What changes from the start of the first of these pieces on."""
+    """The box of all changes from the start of the first of these pieces, None if there are
+    none."""
     height, width = met[0].first.shape
     boxes = []
     for n, piece in enumerate(met):
@@ -67,19 +80,20 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
 
 
 def _within(
-    piece: Piece, clock: Clock, c: int, cycles: int, late: npt.NDArray[np.int64]
+    piece: Piece, clock: Clock, c: int, cycles: int, offsets: npt.NDArray[np.int64]
 ) -> Weights:
-    """How far into its piece the middle of each cycle from c on lies, (cycles, rows)."""
+    """Position in a piece, 0 to 1, of the middle of each cycle from c on, (cycles, rows)."""
     origin = clock.cycle_at(piece.start)
-    unit = PS * clock.den  # of clock.num, so that whole numbers are divided once
-    begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + late / float(PS * clock.period)
+    unit = PS * clock.den  # a cycle is unit / clock.num ps; integers are divided only once
+    phase = offsets / float(PS * clock.period)
+    begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + phase
     length = (piece.stop - piece.start) * clock.num / unit
     elapsed = np.arange(c - origin, c - origin + cycles, dtype=np.float64)
     return ((begun + elapsed[:, None]) / length).astype(np.float32)
 
 
 def _meeting(
-    met: list[Piece], start: int, stop: int, late: npt.NDArray[np.int64]
+    met: list[Piece], start: int, stop: int, offsets: npt.NDArray[np.int64]
 ) -> tuple[tuple[Plane, ...], Weights]:
     """Planes of the pieces that meet between two edges, and their weights, (rows, planes)."""
     planes: list[Plane] = []
@@ -94,32 +108,36 @@ def _meeting(
         weights.append(weight)
 
     for piece in met:
-        a, b = np.maximum(start + late, piece.start), np.minimum(stop + late, piece.stop)
+        a = np.maximum(start + offsets, piece.start)
+        b = np.minimum(stop + offsets, piece.stop)
         share = np.maximum(b - a, 0) / (stop - start)
         if piece.constant:
             add(piece.first, share)
             continue
-        # Halfway through the piece's part in the cycle; its length may be near 2^62.
+        # Middle of the piece's part of the cycle. Halves, because its length may be near 2^62.
         part = ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
         add(piece.first, (1 - part) * share)
         add(piece.last, part * share)
-    kept = [n for n, plane in enumerate(planes) if plane is not met[0].first]
-    shape = (late.size, len(kept))
-    made = np.stack([weights[n] for n in kept], axis=1) if kept else np.zeros(shape)
-    return tuple(planes[n] for n in kept), made.astype(np.float32)
+    others = [n for n, plane in enumerate(planes) if plane is not met[0].first]
+    columns = [weights[n] for n in others]
+    stacked = np.stack(columns, axis=1) if columns else np.zeros((offsets.size, 0))
+    return tuple(planes[n] for n in others), stacked.astype(np.float32)
 
 
 def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, most: Any) -> Plane:
-    """A cycle in which more pieces meet than a segment can have, as one plane of its own."""
+    """The light of a cycle in which more planes meet than a segment can have, as one plane.
+
+    most: upper limit of the light, one or (H, W).
+    """
     y0, y1, x0, x1 = box
-    held = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
-    first = np.minimum(base[y0:y1, x0:x1], held)
+    limit = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
+    first = np.minimum(base[y0:y1, x0:x1], limit)
     change = np.zeros(first.shape)
     for n, plane in enumerate(planes):
-        change += (np.minimum(plane[y0:y1, x0:x1], held) - first) * weights[:, n : n + 1]
-    made = base.copy()
-    made[y0:y1, x0:x1] = np.where(change == 0, base[y0:y1, x0:x1], np.maximum(first + change, 0))
-    return made
+        change += (np.minimum(plane[y0:y1, x0:x1], limit) - first) * weights[:, n : n + 1]
+    plane = base.copy()
+    plane[y0:y1, x0:x1] = np.where(change == 0, base[y0:y1, x0:x1], np.maximum(first + change, 0))
+    return plane
 
 
 def course_of(
@@ -130,10 +148,18 @@ def course_of(
     cycles: int,
     most: Any = np.inf,
 ) -> Course:
-    """The course of cycles `start` to `start + cycles`. offsets: (H,) or (1,) int64 ps from an edge
-    to the instant at which a row is sampled. most: level at which light is held, one or (H, W).
+    """The course of light over cycles `start` to `start + cycles` of a clock.
 
-    Raises ValueError when the light does not cover them.
+    Args:
+        light: light on the pixels.
+        clock: of the latches.
+        offsets: (H,) or (1,) int64, ps from an edge to the sampling instant of a row.
+        start: first cycle.
+        cycles: number of cycles.
+        most: upper limit of the light, one or (H, W).
+
+    Raises:
+        ValueError: the light does not cover the cycles.
     """
     earliest, latest = int(offsets.min()), int(offsets.max())
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
@@ -146,9 +172,9 @@ def course_of(
     box = _box(met)
     if box is None:
         return Course(met[0].first, None, [], met)
-    late = offsets if offsets.size == 1 else offsets[box[0] : box[1]]
+    rows = offsets if offsets.size == 1 else offsets[box[0] : box[1]]
     if earliest == latest:
-        late = late[:1]
+        rows = rows[:1]
     stops = [p.stop for p in met]
     segments: list[Segment] = []
     c, stop = start, start + cycles
@@ -159,14 +185,14 @@ def course_of(
         if begin >= piece.start and end <= piece.stop:
             until = min(clock.cycle_at(piece.stop - latest), stop)
             planes: tuple[Plane, ...] = () if piece.constant else (piece.last,)
-            weights = _within(piece, clock, c, until - c, late)[:, :, None]
+            weights = _within(piece, clock, c, until - c, rows)[:, :, None]
             segments.append(
                 Segment(c - start, until - c, piece.first, planes, weights[:, :, : len(planes)])
             )
             c = until
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]
-        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), late)
+        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), rows)
         base = meet[0].first
         if len(planes) >= MOST_PLANES:
             base, planes = _merged(base, planes, weights, box, most), ()

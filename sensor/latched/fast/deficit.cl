@@ -1,10 +1,10 @@
-// Groups with noise or dead time: state is the deficit, threshold - charge - 1, in int32; its sign is
-// the spike. Between spikes only light is taken off, so a pixel goes from spike to spike.
-//   NOISE      each spike draws its threshold (draws.cl); else it is the nominal one, `one`
-//   DEAD_TIME  each spike costs `dead` of its cycle's light
-//   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual: one threshold a cycle
-// `top` is the longest threshold. Light that reaches it in one cycle fires whatever the deficit: such
-// cycles take thresholds off at their mean, all at once. At most CAP of light counts in a cycle.
+// Groups with noise or dead time. The state is the deficit, threshold - charge - 1, in int32, whose
+// sign is the spike. Light is subtracted between spikes, so a pixel can skip from spike to spike.
+//   NOISE      the threshold of each spike is drawn (draws.cl); otherwise it is `one`
+//   DEAD_TIME  each spike loses the share `dead` of its cycle's light
+//   RESET_HARD, RESET_SUBTRACT   reset rules other than `residual`: at most one threshold a cycle
+// `top` is the longest threshold. A cycle whose light reaches it fires at any deficit, and whole
+// thresholds are then subtracted at their mean, all at once. The light of a cycle is clipped to CAP.
 
 #define SCALE ((float)one)
 #define LIMIT ((float)CAP / (float)one)
@@ -38,7 +38,7 @@ inline int16 units_of(const float16 rate, const int one)
     return convert_int16(held(rate, LIMIT) * SCALE + 0.5f);
 }
 
-// Largest multiple of `part` that is not above `whole`, both >= 0 and below 2^31, part > 0.
+// Largest m with m x part <= whole; both are >= 0 and below 2^31, part > 0.
 inline int16 multiple(const int16 whole, const int16 part)
 {
     int16 m = convert_int16(convert_float16(whole) / convert_float16(part));
@@ -47,13 +47,13 @@ inline int16 multiple(const int16 whole, const int16 part)
     return m;
 }
 
-// n cycles of lanes that fire in every one, and whose deficit is below their light: thresholds come
-// off at the mean `whole`, until what is left is 0 to whole - 1. Adds their number to *count.
+// Runs n cycles of lanes that fire in every cycle and whose deficit is below their light: subtracts
+// thresholds of the mean `whole` until 0 to whole - 1 is left. Adds their number to *count.
 inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16 whole,
                       uint16 *count, const int16 lanes)
 {
     const int16 each = multiple(add, whole), part = add - each * whole;
-    // Products wrap; the difference of the two is small.
+    // The products overflow, but their difference is small.
     const float16 guess = (convert_float16(n) * convert_float16(part) - convert_float16(d)) /
                           convert_float16(whole);
     int16 m = convert_int16(guess);
@@ -69,7 +69,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 }
 
 #ifdef NOISE
-// The next four thresholds of each lane, t0 the first; EMPTY where they are used up.
+// The next four thresholds of each lane, t0 first; EMPTY if used.
 #define QUEUE int16 t0 = EMPTY, t1 = EMPTY, t2 = EMPTY, t3 = EMPTY;
 #define REFILL                                                                                    \
     {                                                                                             \
@@ -93,12 +93,12 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 #if defined(RESET_HARD)
 #define START(r, f, threshold) select(r, (threshold) - 1, f)
 #elif defined(RESET_SUBTRACT)
-// Charge piles up to DEEPEST beyond a threshold.
+// Charge accumulates up to DEEPEST beyond a threshold.
 #define START(r, f, threshold) max((r) + ((f) & (threshold)), (int16)(DEEPEST))
 #endif
 
 #ifdef START
-// At most one spike a cycle, whatever the light.
+// At most one spike a cycle, for any light.
 #define ANY_CYCLE(add, lost)                                                                      \
     {                                                                                             \
         const int16 rest = d - (add), f = rest < 0;                                               \
@@ -111,7 +111,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
     }
 #define CYCLE(add, lost) ANY_CYCLE(add, lost)
 #else
-// Everything that can happen in a cycle: several thresholds, or more than any.
+// A cycle in the general case: several thresholds, or light beyond the longest threshold.
 #define ANY_CYCLE(add, lost)                                                                      \
     {                                                                                             \
         const int16 certain = ((add) >= top + (lost)) & BELOW(d, add);                            \
@@ -137,7 +137,7 @@ inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16
 #define RENEW(lanes)
 #endif
 
-// A cycle: the usual one has at most one spike, whose next threshold is at hand.
+// A cycle. The common case has at most one spike, and the next threshold is in the queue.
 #define CYCLE(add, lost)                                                                          \
     {                                                                                             \
         const int16 rest = d - (add), f = rest < 0, next = rest + (f & (t0 + (lost)));            \
@@ -164,9 +164,8 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 }
 
 #ifdef NOISE
-// The threshold of interval k of each lane. Lanes that fire together use up the words of a counter
-// together, so each further counter serves four spikes; `fresh` begins anew where they have come out
-// of step.
+// The threshold of interval k of each lane. Lanes that fire together use the words of a counter
+// together, so each further counter serves four spikes. `fresh` restarts at lanes out of step.
 inline __attribute__((always_inline)) int16 next_threshold(uint16 *drawn, uint *i, int *fresh, uint16 *slot, ulong16 *block,
                             const ulong16 k, const uint16 pixel, __global const int *table,
                             const uint seed)
@@ -199,9 +198,9 @@ inline __attribute__((always_inline)) int16 next_threshold(uint16 *drawn, uint *
 #define DRAW (int16)(one)
 #endif
 
-// Light that is the same in every cycle: from spike to spike, all lanes in step. The number of cycles
-// to the next spike is estimated in float and corrected in integers, so that no rounding shows. A
-// lane that did not fire is at its window's end and draws no more.
+// Constant light: from spike to spike, all lanes in step. The number of cycles to the next spike is
+// estimated in float and corrected in integers, so the result has no rounding error. A lane that did
+// not fire has reached the end of its window and draws no more.
 __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
@@ -215,7 +214,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 #endif
     const int any_sure = some(sure);
     const float16 light = convert_float16(add), reciprocal = 1.0f / (light + 0.5f);
-    // No spike at all, with room for the roundings of float.
+    // No spike at all, with a margin for rounding.
     if (!some(as_int16(convert_float16(d) - light * ((float)cycles * 1.0001f)))) {
         d -= add * (int)cycles;
         for (uint w = 0; w < (cycles + 31) / 32; w++)
@@ -234,7 +233,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
             const float16 most = convert_float16(left), root = convert_float16(d) * reciprocal;
             int16 n = convert_int16(root < most ? root : most);
 #ifdef RESET_SUBTRACT
-            n = max(n, 0); // charge may be left over
+            n = max(n, 0); // charge may have accumulated
 #endif
             int16 rest = d - n * add;
             const int16 over = (rest >> 31) & (n > 0);

@@ -1,7 +1,7 @@
-// Thresholds of spikes in 32 bits: the exact tier's words (shot_noise.py), and a polynomial for each
-// octave of probability (units.py).
+// Thresholds of spikes in 32 bits: the random words of the exact tier, and a polynomial for each octave
+// of probability (units.py).
 
-// The four words of a counter of each lane: those of spikes 4 block to 4 block + 3.
+// The four words of a counter of each lane: for spikes 4 block to 4 block + 3.
 inline void block_words(uint16 *words, const ulong16 block, const uint16 pixel, const uint seed)
 {
     ulong16 c0 = convert_ulong16(pixel), c1 = block >> 32, c2 = block, c3 = 0;
@@ -12,7 +12,7 @@ inline void block_words(uint16 *words, const ulong16 block, const uint16 pixel, 
     words[3] = convert_uint16(c3);
 }
 
-// Word i of words that begin with the counter of a spike whose two lowest bits are `slot`.
+// Word i, counted from the spike whose index modulo 4 is `slot`, whose counter comes first.
 inline __attribute__((always_inline)) uint16 nth_word(const uint16 *words, const uint i, const uint16 slot)
 {
     const int16 odd = (slot & 1) != 0, late = (slot & 2) != 0;
@@ -43,8 +43,8 @@ inline __attribute__((always_inline)) int16 entry(__global const int *numbers, c
 #endif
 #define TERM(n) as_float16(entry(table + 64 * n, octave, upper))
 
-// Threshold of a random word: the word's distance from the nearer end of its range as a float, whose
-// exponent is the octave and whose mantissa is the place in it.
+// Threshold of a random word. The distance of the word from the nearer end of its range is converted
+// to float: its exponent is the octave, and its mantissa the position in it.
 inline __attribute__((always_inline)) int16 quantile(const uint16 word, __global const int *table)
 {
     const int16 upper = as_int16(word) >> 31;

@@ -1,8 +1,8 @@
-// Light of a group of sixteen neighbours in a row, in thresholds a cycle, and where its words go.
-// float32 with one rounding an operation: the same numbers as plain numpy on every device.
+// Light of a group of sixteen neighbours in a row, in thresholds a cycle, and the output of its words.
+// float32 with one rounding an operation, so every device gives the same numbers as numpy.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Without this word the compiler takes sixteen lanes apart into two vectors of eight.
+// Without this attribute the compiler splits sixteen lanes into two vectors of eight.
 #if __has_attribute(min_vector_width)
 #define WIDE __attribute__((min_vector_width(512)))
 #else
@@ -16,7 +16,7 @@
 #ifdef PATTERN
 #define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
 #define GAINS(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-// A leak may be more than the light.
+// A leak may exceed the light.
 #define LEVEL(plane) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
 #else
 #define GAIN_PARAMETERS , const float gain
@@ -24,7 +24,7 @@
 #define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
 #endif
 
-// A map of the light of a cycle, after its level; a fragment defines `transfer`.
+// Maps of the light of a cycle; a fragment defines `transfer`.
 #ifdef TRANSFER
 #define TRANSFERRED(rate) held(lit(transfer(rate)), brightest)
 #define LINEAR 0
@@ -43,7 +43,7 @@ inline float16 held(const float16 rate, const float most)
     return rate < most ? rate : (float16)(most);
 }
 
-// Light on the group; lanes beyond the row's end get none.
+// Light on the group; 0 in lanes beyond the end of the row.
 inline float16 seen(__global const float *plane, const uint row, const uint x, const uint width)
 {
     __global const float *at = plane + (size_t)row * width + x;
@@ -83,7 +83,7 @@ inline void store_word(const uint16 word, __global uint *words, const uint row, 
 // Whether any lane is negative; any() tests the lanes one by one on PoCL.
 #if defined(__AVX512DQ__) && __has_builtin(__builtin_ia32_cvtd2mask512)
 typedef int plain16 __attribute__((vector_size(64)));
-typedef union { int16 v; plain16 p; } either16; // the builtins take the compiler's own vectors
+typedef union { int16 v; plain16 p; } either16; // builtins take the vector types of the compiler
 inline int some(const int16 v)
 {
     const either16 lanes = {v};
@@ -98,8 +98,8 @@ inline int some(const int16 v)
 }
 #endif
 
-// A segment of the course of light (course.py): its first cycle of the call, cycles, where its
-// weights begin, base plane, number of other planes, and these.
+// A segment of the course of light (course.py): first cycle within the call, number of cycles, index
+// of its first weight, base plane, number of other planes, and these planes.
 #define SEGMENT (5 + PLANES)
 #define PLANE_PARAMETERS                                                                          \
     __global const float *a0, __global const float *a1, __global const float *a2,                 \
@@ -109,9 +109,9 @@ inline int some(const int16 v)
         __global const float *a12, __global const float *a13, __global const float *a14,          \
         __global const float *a15
 
-// Walks the segments. EASY is done with a cycle whose light stays below LIMIT thresholds and comes of
-// two planes at most: `units` is that light times SCALE. ANY is done with any other: `rate` is its
-// light in thresholds. Both add spikes to `bits` at `bit`.
+// Runs the segments. EASY is executed for a cycle whose light is below LIMIT thresholds and comes from
+// at most two planes; `units` is its light times SCALE. ANY is executed for all other cycles; `rate` is
+// the light in thresholds. Both add spikes to `bits` at `bit`.
 #define WALK(EASY, ANY)                                                                           \
     uint c = segments[0];                                                                         \
     uint16 bits = 0;                                                                              \
@@ -161,7 +161,7 @@ inline int some(const int16 v)
     __global const float *plane, __global uint *words, const uint stride, const uint width,       \
         const uint groups, const float brightest, __global const uint *list, const uint y0,       \
         const uint y1, const uint g0, const uint g1, const uint cycles GAIN_PARAMETERS
-// The group of this work-item, unless it lies in the changed box or only fills up the list.
+// The group of this work-item. Returns if it lies in the changed box or is padding of the list.
 #define STEADY_GROUP                                                                              \
     const uint g = list[get_global_id(0)], row = ROW_OF(g), x = X_OF(g);                          \
     if (g == 0xFFFFFFFF)                                                                          \
@@ -175,7 +175,7 @@ inline int some(const int16 v)
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
         const uint g0, const uint g1, const uint n_planes GAIN_PARAMETERS
-// The group of this work-item, a place in the changed box, unless its flags are others.
+// The group of this work-item in the changed box. Returns if it has other flags.
 #define MOVING_GROUP                                                                              \
     const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
     const uint g = row * groups + x / 16;                                                         \
@@ -184,6 +184,6 @@ inline int some(const int16 v)
     GAINS(g)                                                                                      \
     __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
                                             a8, a9, a10, a11, a12, a13, a14, a15};                \
-    float16 levels[PLANES]; /* all fetched at once, since each comes from afar */                 \
+    float16 levels[PLANES]; /* loaded at once, to overlap memory latency */                       \
     for (uint p = 0; p < n_planes; p++)                                                           \
         levels[p] = LEVEL(planes[p]);

@@ -1,10 +1,10 @@
-// Groups without noise and dead time: charge is a phase of 2^32, whose carry is the spike. Whole
-// thresholds in a cycle only say that it fires.
+// Groups without noise and dead time. Charge is a phase in 2^-32 of a threshold, whose carry is the
+// spike. Whole thresholds of a cycle make it fire and leave the phase unchanged.
 
 #define SCALE 0x1p32f
 #define LIMIT 1.0f
 
-// Phase that a cycle adds. Truncation is the one rounding that PoCL has an instruction for.
+// Phase that a cycle adds. It is truncated, as PoCL maps only truncation to an instruction.
 inline uint16 phase_of(const float16 rate, uint16 *always)
 {
     const float16 whole = convert_float16(convert_int16(rate));

@@ -1,4 +1,4 @@
-"""What the fast tier's own arithmetic may change over a scene."""
+"""Error of the fast tier's arithmetic over a scene."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ __all__ = ["fast_bound"]
 
 
 def fast_bound(setting: CameraSetting, scene: Summary) -> float:
-    """Relative error of the fast tier's own arithmetic against the exact tier's in the worst tile:
-    twice the lesser of its proof for the nominal pixel, in which every rounding of the run goes the
-    same way, and of an estimate.
+    """Relative error of the fast tier's arithmetic against the exact tier's, in the worst tile.
 
-    Estimated: a rounding of float32 and half a unit a cycle, and the quantile's error a spike, move
-    the rate; what they add up to over the run shifts the spikes against their draws.
+    It is twice the smaller of two values. The proof holds for the nominal pixel and assumes that
+    all rounding errors of the run have the same sign. The estimate takes the rounding errors of a
+    cycle (float32, and half a unit) and the quantile's error a spike as an error of the rate, and
+    their sum over the run as a shift of the spikes against their draws.
     """
-    if setting.reset != "residual":  # not smooth in its charge
+    if setting.reset != "residual":  # the rate is not smooth in the charge
         return ESTIMATE_WEIGHT * _fast_proof(setting, scene)
     units, q = units_of(setting.model), setting.model.mean
     unit = 2.0**-units.bits
     spikes = np.asarray(scene.brightest, np.float64) / q
-    roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a map has about four more
+    roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
     cycle = unit / 2 + roundings * spikes + units.error * unit * spikes
-    guess = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
-    twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, guess)
+    estimate = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
+    twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, estimate)
     return min(ESTIMATE_WEIGHT * _fast_proof(setting, scene), float(np.max(twice)))
 
 
 def _fast_proof(setting: CameraSetting, scene: Summary) -> float:
-    """Infinite where nothing is promised. Tiles under the shortest threshold are one case, those
-    beyond the longest another; one in between has no promise."""
+    """The proven bound of all tiles, infinite if there is none. It exists for tiles below the
+    shortest threshold and for tiles above the longest, but not for those in between."""
     model = setting.model
     low, high = np.broadcast_arrays(scene.darkest, scene.brightest)
 

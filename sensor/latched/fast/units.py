@@ -1,9 +1,9 @@
-"""Charge in 32 bits: thresholds and light in units of threshold / 2^bits; the interval's law.
+"""Charge in 32 bits, and the distribution of thresholds in these units.
 
-Two forms. A group of pixels whose threshold is always the same (no noise, no dead time) holds its
-charge as a phase of 2^32, whose carry is the spike. All others hold the deficit, threshold - charge
-- 1, in units of which 2^bits are the nominal threshold: 28 bits, fewer where the law of the
-interval has a tail that is long beside its mean (24 at one electron).
+There are two forms. A group of pixels with constant threshold and no dead time stores its charge as
+a phase in 2^-32 of a threshold, whose carry is the spike. All other groups store the deficit,
+threshold - charge - 1, in units of 2^-bits of the nominal threshold. There are 28 bits, and fewer
+if the distribution of intervals has a long tail (24 at one electron).
 """
 
 from __future__ import annotations
@@ -31,50 +31,51 @@ __all__ = [
     "NOISE",
     "RESET",
     "Units",
-    "drawn",
+    "current_thresholds",
+    "draw_thresholds",
     "first_charge",
     "quantile",
-    "running",
     "units_of",
 ]
 
 Array = npt.NDArray[np.float64]
 
 NOISE: Final = 1
-"""Flag of a group: each spike draws its threshold."""
+"""Flag of a group: the threshold of each spike is drawn."""
 DEAD_TIME: Final = 2
-"""Flag of a group: each spike costs light."""
+"""Flag of a group: light is lost at each spike."""
 RESET: Final = 4
-"""Flag of every group under another reset rule than carrying the residual: its state is the
-deficit."""
+"""Flag of every group under a reset rule other than `residual`: its state is the deficit."""
 
 BITS: Final = 28
+"""Most bits of the nominal threshold."""
 _PILED_BITS: Final = 24
-"""The same under `subtract`, where charge beyond the threshold piles up."""
+"""The same under `subtract`, where charge accumulates beyond the threshold."""
 _LONGEST: Final = 29
-"""Thresholds stay below 2^29 units, so that no sum of a few leaves 32 bits."""
+"""Thresholds stay below 2^29 units, so that sums of a few fit in 32 bits."""
 CAP: Final = 1 << 30
-"""Most light of a cycle, in units: two of the longest thresholds."""
+"""Upper limit of the light of a cycle, in units: two of the longest thresholds."""
 DEEPEST: Final = -(1 << 30)
-"""Least deficit under `subtract`: 64 thresholds beyond one, or 2^21 electrons as in the exact tier
-where that is less."""
+"""Lowest deficit under `subtract`: 64 thresholds, or 2^21 electrons as in the exact tier if that is
+less."""
 EMPTY: Final = -(1 << 30)
-"""Stands for a threshold that has not been drawn: nothing added to it is positive."""
+"""In place of a threshold that is not drawn yet: sums with it are negative."""
 
 OCTAVES: Final = 32
-"""Octaves of probability on each side of the median: one of y = 0, and those of 2^0 to 2^30."""
+"""Octaves of probability on each side of the median: one for y = 0, and those of 2^0 to 2^30."""
 DEGREE: Final = 5
+"""Degree of the polynomial of each octave."""
 _KNOTS: Final = 128
-"""Knots of the exact tier's table in an octave."""
+"""Knots an octave in the table of the exact tier."""
 _PIECE: Final = 16384
-"""Pixels whose first charge is drawn at a time: so many that all that it takes stays in a cache."""
+"""Pixels whose initial charge is computed at a time, so that temporary arrays fit in the cache."""
 
 
 def _octave(exact: npt.NDArray[np.int64], octave: int) -> tuple[Array, Array]:
-    """Places in an octave, -1/2 to 1/2, and the exact tier's quantiles there."""
+    """Positions in an octave, -1/2 to 1/2, and the exact tier's quantiles there."""
     if octave == 0:
         return np.zeros(1), exact[:1].astype(np.float64)
-    if octave <= 7:  # fewer whole words than knots; the last is the next octave's first
+    if octave <= 7:  # fewer integers than knots; the last is the first of the next octave
         y = np.arange(1 << (octave - 1), (1 << octave) + 1)
         return y / (1 << (octave - 1)) - 1.5, exact[y].astype(np.float64)
     begin = (octave - 7) * _KNOTS
@@ -85,21 +86,22 @@ def _octave(exact: npt.NDArray[np.int64], octave: int) -> tuple[Array, Array]:
 
 
 def _fitted(knots: npt.NDArray[np.int64], scale: float) -> tuple[npt.NDArray[np.int32], float]:
-    """Polynomials of every octave, in units, and their largest error there.
+    """Polynomials of all octaves, and their largest error, both in units.
 
-    (DEGREE + 1, 2, OCTAVES) int32: the constants as integers, the others as the bits of float32.
+    The table is (DEGREE + 1, 2, OCTAVES) int32: constants as integers, other coefficients as the
+    bits of float32.
     """
     table = np.zeros((DEGREE + 1, 2, OCTAVES), np.float64)
     worst = 0.0
     for side, octave in np.ndindex(2, OCTAVES):
         s, value = _octave(knots.reshape(2, KNOTS)[side], octave)
         degree = min(DEGREE, s.size - 1)
-        # Weighted like Chebyshev's points, so that the error is spread evenly.
+        # Weights of Chebyshev points, which spread the error evenly.
         weight = np.maximum(1 - 4 * s * s, 1e-3) ** -0.25
         fit = chebyshev.chebfit(2 * s, value * scale, degree, w=weight)
         there = chebyshev.chebval(2 * s, fit)
         bow = np.abs(np.diff(there, 2)).max() if octave > 7 else 0.0
-        # At the knots, and halfway between them, where the exact tier runs straight.
+        # Error at the knots, and between them, where the exact tier interpolates linearly.
         worst = max(worst, float(np.abs(there - value * scale).max() + bow / 6))
         power = chebyshev.cheb2poly(fit) * 2.0 ** np.arange(fit.size)
         table[: power.size, side, octave] = power
@@ -109,9 +111,14 @@ def _fitted(knots: npt.NDArray[np.int64], scale: float) -> tuple[npt.NDArray[np.
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """bits: 2^bits units are the nominal threshold. table: polynomials of the quantiles, (DEGREE +
-    1, 2, OCTAVES) int32. top: the longest threshold, shortest: that can be drawn. error: largest
-    difference from the exact tier's. All three in units."""
+    """Units of charge, and the distribution of thresholds in them.
+
+    Attributes:
+        bits: 2^bits units are the nominal threshold.
+        table: (DEGREE + 1, 2, OCTAVES) int32, polynomials of the quantiles.
+        top, shortest: longest and shortest threshold that can be drawn, in units.
+        error: largest difference of a threshold from the exact tier's, in units.
+    """
 
     bits: int
     table: npt.NDArray[np.int32]
@@ -126,11 +133,12 @@ class Units:
 
 
 def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
+    """Quantiles of the first threshold of a run, as in `ExactModel.first_thresholds`."""
     return model.first_table() if model.random_start else model.table()
 
 
 def units_of(model: ExactModel) -> Units:
-    """Units and table for a model's thresholds."""
+    """Units and table for the thresholds of a model."""
     most = _PILED_BITS if model.reset == "subtract" else BITS
     if not model.noisy:
         one = 1 << most
@@ -140,7 +148,7 @@ def units_of(model: ExactModel) -> Units:
     bits = min(most, floor(_LONGEST - log2(longest / model.q)))
     scale = 2.0**bits / model.q
     table, error = _fitted(knots, scale)
-    # Rounded thrice: the constant, the polynomial in float32, its integer.
+    # Three roundings: the constant, the polynomial in float32, and its integer.
     float_error = 8 * 2.0**-24 * float(np.abs(table[1:].view(np.float32)).max())
     error += 1.5 + float_error
     top = ceil(longest * scale + error) + 1
@@ -149,10 +157,11 @@ def units_of(model: ExactModel) -> Units:
 
 
 def quantile(table: npt.NDArray[np.int32], word: npt.NDArray[np.uint32]) -> npt.NDArray[np.int32]:
-    """Threshold in units for each random word: the numpy form of the kernel's `quantile`.
+    """Threshold in units of each random word, (n,) int32: the numpy form of the kernel's
+    `quantile`.
 
-    The distance y from the nearer end of (0, 1) as a float is an octave (its exponent) and a place
-    in it (its mantissa), at which a polynomial is taken.
+    The distance y from the nearer end of (0, 1) is converted to float32. Its exponent selects the
+    polynomial of an octave, and its mantissa is the argument.
     """
     word = np.asarray(word, np.uint32)
     upper = (word >> np.uint32(31)).astype(np.intp)
@@ -169,10 +178,10 @@ def quantile(table: npt.NDArray[np.int32], word: npt.NDArray[np.uint32]) -> npt.
     return np.maximum(threshold, 1)
 
 
-def drawn(
+def draw_thresholds(
     units: Units, k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32], seed: int
 ) -> npt.NDArray[np.int32]:
-    """Threshold of spike k of each pixel: the word of the exact tier, looked up in units."""
+    """Threshold of spike k of each pixel in units, (n,), from the random word of the exact tier."""
     block = k >> np.uint64(2)
     high, low = block >> np.uint64(32), block & np.uint64(0xFFFFFFFF)
     words = philox4x32((pixels, high, low, 0), (seed, Stream.SHOT_NOISE))
@@ -182,12 +191,12 @@ def drawn(
 def first_charge(
     model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32], flags: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.int32]:
-    """State before the first cycle: the exact tier's, rounded, for pixels with these flags."""
+    """State before the first cycle, (n,): the exact tier's, rounded. flags: (n,) of each pixel."""
     charge = np.empty(pixels.shape, np.int32)
     for begin in range(0, pixels.size, _PIECE):
         part = slice(begin, begin + _PIECE)
         noisy = (flags[part] & NOISE) != 0
-        if noisy.any():  # most planes have one kind of pixel alone
+        if noisy.any():  # in most planes all pixels have the same flags
             charge[part][noisy] = _noisy(model, units, pixels[part][noisy])
         if not noisy.all():
             still = flags[part][~noisy]
@@ -198,6 +207,7 @@ def first_charge(
 def _noisy(
     model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32]
 ) -> npt.NDArray[np.int32]:
+    """Initial deficit of pixels with noise, in units."""
     deficit = model.initial(pixels).deficit * (2.0**units.bits / model.q)
     return np.rint(deficit).astype(np.int32)
 
@@ -205,7 +215,7 @@ def _noisy(
 def _steady(
     model: ExactModel, units: Units, pixels: npt.NDArray[np.uint32], flags: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.int32]:
-    """Without noise; a phase where there are no flags at all."""
+    """Initial state of pixels without noise: the phase for flags 0, else the deficit."""
     effects = tuple(e for e in model.effects if e.stream is not Stream.SHOT_NOISE)
     deficit = replace(model, effects=effects, threshold_noise=0.0).initial(pixels).deficit + 1
     phase = np.floor((1 - deficit / model.q) * 2.0**32).astype(np.int64).astype(np.uint32)
@@ -213,10 +223,10 @@ def _steady(
     return np.where(flags == 0, phase.view(np.int32), quiet.astype(np.int32))
 
 
-def running(
+def current_thresholds(
     model: ExactModel, k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32]
 ) -> npt.NDArray[np.float64]:
-    """Threshold of the running interval k of each pixel, in nominal thresholds."""
+    """Threshold of the current interval k of each pixel, (n,), in nominal thresholds."""
     table: Any = model.table()
     later = thresholds(table, k, pixels, model.seed)
     first = thresholds(_first_table(model), k, pixels, model.seed)

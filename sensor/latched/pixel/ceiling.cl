@@ -1,6 +1,5 @@
-// The least work that makes a spike bit of a charge: one 32-bit addition, whose carry is the spike,
-// and the packing of that bit. What a device does of it in a second is the ceiling that benchmarks
-// of the pixel are held against.
+// The least work that turns charge into a spike bit: one 32-bit addition, whose carry is the spike, and
+// the packing of that bit. Its throughput on a device is the upper limit in benchmarks of the pixel.
 __kernel void ceiling(__global uint *phase_, __global const uint *add_, __global uint *words,
                       const uint n)
 {

@@ -1,14 +1,14 @@
 // The exact pixel: charge in Q24.40, sixteen pixels a work-item, one word a pixel for 32 cycles.
 //
-// State is the deficit: threshold - charge - 1, so that its sign bit is the spike (charge >=
-// threshold: a tie fires). The program is the fragments of its effects, then this text. Hooks:
+// The state is the deficit, threshold - charge - 1, whose sign bit is the spike (charge >= threshold:
+// a tie fires). The program consists of the fragments of the effects and this text. Hooks:
 //   SHOT_NOISE   a fragment defines draw_batch, batch_word, threshold, next_threshold
 //   RAMP         increments change by `slope` a cycle
-//   RESET_HARD, RESET_SUBTRACT   other reset rules than carrying the residual
-//   TRANSFER     a fragment defines transfer, a map of the charge that a cycle brings
-//   DEAD_TIME    each spike costs `dead` / 2^16 of a cycle's light
-// Two kernels: `expose` for light that keeps its course for many cycles, `walk` for light that changes
-// at every one or few.
+//   RESET_HARD, RESET_SUBTRACT   reset rules other than `residual`
+//   TRANSFER     a fragment defines transfer, a map of the charge of a cycle
+//   DEAD_TIME    each spike loses `dead` / 2^16 of a cycle's light
+// There are two kernels: `expose` for light that is linear over many cycles, and `walk` for light whose
+// course changes every few cycles.
 // JUMP and DEEPEST come from the host (model.py). Words are laid out (word, pixel). A launch covers
 // cycles first .. first + n - 1 of its words.
 
@@ -26,7 +26,7 @@
 #define NOISE_ARGUMENTS
 #endif
 
-// Charge that dead time costs at a spike, where the light of its cycle is `add`.
+// Charge that is lost in the dead time of a spike; `add` is the light of its cycle.
 #ifdef DEAD_TIME
 #define LOST(add) (((add) >> 16) * dead)
 #define DEAD_PARAMETER , const long16 add, const long dead
@@ -37,7 +37,7 @@
 #define DEAD_ARGUMENTS(add)
 #endif
 
-// Starts the next interval where `fired` is set; `d` is the deficit after the cycle's light.
+// Starts the next interval in lanes with `fired`; `d` is the deficit after the light of the cycle.
 #ifdef RESET_HARD
 #define START(d, fired, threshold, add) select(d, (threshold) - 1 + LOST(add), fired)
 #else
@@ -57,9 +57,9 @@ inline int some(const long16 x)
     return (c.x | c.y) < 0;
 }
 
-// More than one threshold crossed in a cycle: the charge beyond each is kept (residual rule) and
-// the latch sees one flag. Where more than ROOM thresholds are due (`room` = ROOM q, held at the
-// largest long), all but JUMP or so come off at once, at the mean.
+// More than one threshold crossed in a cycle: the charge beyond each stays (residual rule), and the
+// latch has one flag. If more than ROOM thresholds are due (`room` = ROOM q, clipped to long), all but
+// about JUMP are subtracted at once, at their mean.
 inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long room DEAD_PARAMETER
                    NOISE_PARAMETERS)
 {
@@ -86,8 +86,8 @@ inline void settle(long16 *deficit, ulong16 *spikes, const long q, const long ro
 }
 
 #ifdef SHOT_NOISE
-// From spike to spike: `begin` to `stop` (at most 64) of one pair of words. The number of cycles
-// to the next spike is estimated in float and corrected in integers, so that no rounding shows.
+// From spike to spike: `begin` to `stop` (at most 64) of one pair of words. The number of cycles to the
+// next spike is estimated in float and corrected in integers, so the result has no rounding error.
 inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add, const long16 slope,
                              const long begin, const long stop, const long q, const long room,
                              const long dead NOISE_PARAMETERS)
@@ -152,7 +152,7 @@ inline ulong16 expose_window(long16 *deficit, ulong16 *spikes, const long16 add,
             slot = convert_uint16(k) & 3;
             used = 0;
         }
-        // A lane that did not fire is at its end and draws no more: the others keep in step.
+        // A lane that did not fire has reached its end and draws no more; the others stay in step.
         d = START(d, fired, threshold(batch_word(words, used++, slot), table), last);
 #if defined(RESET_SUBTRACT)
         d = max(d, (long16)(DEEPEST));
@@ -210,15 +210,15 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
 #else
     ulong16 k = 0;
 #ifdef WHOLE_FIRST
-    // Constant, noiseless, residual carried: whole thresholds in an increment only say "fires in
-    // every cycle".
+    // Constant light, no noise, `residual`: whole thresholds of an increment make the pixel fire in
+    // every cycle and leave the deficit unchanged.
     const long16 whole = add / q;
     const uint16 always = convert_uint16(as_ulong16(whole > 0));
     add -= whole * q;
 #endif
     for (uint c = first; c < end;) {
         const uint w = c >> 5, begin = c & 31, stop = min(32u, end - (w << 5));
-        // Gathered in 64-bit lanes, as the charge is, and narrowed once a word.
+        // Bits are collected in 64-bit lanes, like the charge, and converted once a word.
         ulong16 bits = begin ? convert_ulong16(vload16(w * stride + g, words)) : (ulong16)(0);
         for (uint b = begin; b < stop; b++) {
             d -= add;
@@ -249,7 +249,7 @@ __kernel void expose(__global long *deficit, __global uint *spikes_low, __global
 // Whether any lane of sixteen is negative.
 #if defined(__AVX512DQ__) && __has_builtin(__builtin_ia32_cvtd2mask512)
 typedef int plain16 __attribute__((vector_size(64)));
-typedef union { int16 v; plain16 p; } either16; // the builtins take the compiler's own vectors
+typedef union { int16 v; plain16 p; } either16; // builtins take the vector types of the compiler
 inline int some_int(const int16 v)
 {
     const either16 lanes = {v};
@@ -264,7 +264,7 @@ inline int some_int(const int16 v)
 }
 #endif
 
-// Without this word the compiler takes sixteen lanes apart into vectors of half the width.
+// Without this attribute the compiler splits sixteen lanes into vectors of half the width.
 #if __has_attribute(min_vector_width)
 #define WIDE __attribute__((min_vector_width(512)))
 #else
@@ -277,7 +277,7 @@ inline int some_int(const int16 v)
 
 #ifdef SHOT_NOISE
 #define WORDS (BATCH + 4)
-// Word `at`, 0 to 11, of each lane: light that changes at once for all makes lanes fire out of step.
+// Word `at`, 0 to 11, of each lane; lanes fire out of step if the light of all changes at once.
 inline uint16 picked(const uint16 *words, const uint16 at)
 {
     const int16 one = (at & 1) != 0, two = (at & 2) != 0, four = (at & 4) != 0;
@@ -291,7 +291,7 @@ inline uint16 picked(const uint16 *words, const uint16 at)
 }
 #endif
 
-// Entries of `spans`: first cycle, cycles, place of the charge, of the slope (-1: none), elapsed
+// Entries of `spans`: first cycle, cycles, index of the charge, index of the slope (-1: none), elapsed
 // cycles. Spans follow each other without gaps.
 #define ENTRY 5
 __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
@@ -312,7 +312,7 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
 #ifdef SHOT_NOISE
     const uint16 pixel = vload16(g, pixels);
     k = convert_ulong16(vload16(g, spikes_low)) | (convert_ulong16(vload16(g, spikes_high)) << 32);
-    uint16 drawn[WORDS], slot = WORDS, at = WORDS; // k + at - slot is the interval that runs
+    uint16 drawn[WORDS], slot = WORDS, at = WORDS; // k + at - slot is the current interval
 #endif
     uint c = spans[0];
     uint16 bits = c & 31 ? vload16((c >> 5) * stride + g, words) : (uint16)(0);

@@ -1,9 +1,9 @@
 // Thresholds of spikes: Gamma(Q) quantiles of random words (interval.py has the layout).
 // `table` holds pairs: value at a knot, step to the next knot.
 
-// Random words of spikes k .. k + BATCH - 1 of each lane. Four spikes share a counter: spike k
-// takes word k mod 4 of counter k / 4. The lanes' k need not agree, so a batch spans one counter
-// more than it would if they did, and word i of the batch is `words[i + k mod 4]`.
+// Random words of spikes k .. k + BATCH - 1 of each lane. Four spikes share a counter: spike k takes
+// word k mod 4 of counter k / 4. Lanes may differ in k, so a batch has one counter more, and word i of
+// the batch is `words[i + k mod 4]`.
 #define BATCH 8
 inline void draw_batch(uint16 *words, const ulong16 k, const uint16 pixel, const uint seed)
 {
@@ -18,16 +18,16 @@ inline void draw_batch(uint16 *words, const ulong16 k, const uint16 pixel, const
     }
 }
 
-// Word i of a batch drawn at a k whose two lowest bits are `slot`.
+// Word i of a batch that starts at spike k, with slot = k mod 4.
 inline uint16 batch_word(const uint16 *words, const uint i, const uint16 slot)
 {
     const int16 odd = (slot & 1) != 0, late = (slot & 2) != 0;
     return select(select(words[i], words[i + 1], odd), select(words[i + 2], words[i + 3], odd), late);
 }
 
-// Position of the highest set bit, through the exponent of a float; -127 for 0. Clearing the bits
-// eight below each set one leaves the highest bit alone and keeps the rounding from carrying into
-// it. (clz on a uint16 is taken apart lane by lane on PoCL.)
+// Position of the highest set bit, from the exponent of a float; -127 for 0. Clearing the bits eight
+// below each set bit keeps the highest one and prevents a carry from rounding. (PoCL executes clz on a
+// uint16 lane by lane.)
 inline int16 highest_bit(const uint16 y)
 {
     return as_int16(as_uint16(convert_float16(y & ~(y >> 8))) >> 23) - 127;

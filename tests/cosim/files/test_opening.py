@@ -167,7 +167,7 @@ def test_a_file_that_may_not_be_read_is_one_line(
             "the stream must be readable, not {path} |{path} must be 1000x1000 raw words",
         ),
         ("folder.events.npz", "the stream must be readable, not {path} "),
-        ("a" * 5000, "the stream must be readable, not {path} "),
+        ("a" * 5000, "aaa (File name too long); check it"),
         ("nul\0.dat", "the stream must be a file that exists, not"),
     ],
 )

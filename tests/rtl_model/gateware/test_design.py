@@ -154,7 +154,7 @@ def test_what_fails_midway_leaves_nothing(tmp_path, monkeypatch, there, name):
     if there:
         place.mkdir()
     monkeypatch.setattr(folder.os, "replace", full)
-    with pytest.raises(InputError, match="No space left on device"):
+    with pytest.raises(OSError, match="No space left on device"):
         write_folder(design_for(ULX3S), place)
     assert place.exists() is there
     assert not there or not list(place.iterdir())

@@ -39,7 +39,7 @@ def test_every_table_is_sound(name):
     assert (made.name, made.number) == (name, IMAGERS[name].number)
     assert by_number(made.number) == name
     assert faults(made.registers, made.memories, made.values) == []
-    assert {type(entry.reset) for entry in made.own} == {int}
+    assert {type(entry.reset) for entry in made.specific} == {int}
 
 
 @pytest.mark.parametrize("name", IMAGERS)
@@ -47,7 +47,9 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
     """Every register that is only read, at random clocks; and again after a reset."""
     rng = random.Random(4)
     bus, whole = ImagerBus(bus_target(name)), None
-    own = [entry for entry in design(name).own if entry.mode == "ro" and not entry.read_effect]
+    registers = [
+        entry for entry in design(name).specific if entry.mode == "ro" and not entry.read_effect
+    ]
     hz = design(name).clock_hz
     clock, seen = 0, set()
     for part in range(24):
@@ -56,8 +58,8 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
         if part % 6 == 5:
             whole = ImagerBus(bus_target(name))
             whole.advance(clock)
-            values = [whole.target.registers.read(entry.name) for entry in own]
-            assert values == [bus.target.registers.read(entry.name) for entry in own], clock
+            values = [whole.target.registers.read(entry.name) for entry in registers]
+            assert values == [bus.target.registers.read(entry.name) for entry in registers], clock
             seen.add(tuple(values))
     assert len(seen) > 1
     reset = next(entry.address for entry in design(name).registers if entry.name == "ctrl_reset")
@@ -66,7 +68,7 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
     for step in (1, hz // 7, hz // 3):
         bus.advance(bus.clock + step)
         fresh.advance(fresh.clock + step)
-        for entry in own:
+        for entry in registers:
             if not entry.name.endswith("_clock"):  # an instant since power-on
                 assert bus.target.registers.read(entry.name) == fresh.target.registers.read(
                     entry.name

@@ -144,7 +144,7 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
     """No such register, one that is only read, one bit too many."""
-    own = design(kind).own
+    own = design(kind).specific
     read_only = next(r.name for r in own if r.mode == "ro")
     wide = next(r for r in own if r.mode == "rw" and r.width < 32)
     for register, value, says in (
@@ -352,10 +352,11 @@ def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
         metrics = model.metrics(taken, ready.view, imager)
         for name in ("saturated", "saturated_most"):
             assert metrics[name].unit == "1" and 0.9 < metrics[name].value <= 1
-        told = {name: metric_text(name, metric) for name, metric in metrics.items()}
+        texts = {name: metric_text(name, metric) for name, metric in metrics.items()}
         share = f"{100 * metrics['saturated'].value:.4g} %"
-        assert told["saturated"] == (share, "of the last frame's pixels read the largest value "
-                                     "there is")  # fmt: skip
+        assert texts["saturated"] == (
+            share, "of the pixels of the last frame have the largest value"
+        )  # fmt: skip
     assert metric_text("settled", Metric(1.0, "1"))[0] == "yes"
     assert metric_text("settled", Metric(0.0, "1"))[0] == "no"
     assert metric_text("settled", Metric(None, "1"))[0] == "unknown"

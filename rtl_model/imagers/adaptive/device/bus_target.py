@@ -1,4 +1,4 @@
-"""The sequencer with its registers under plain light, for a serial line: no pixels, no noise."""
+"""The sequencer with its registers under constant light, for a serial line; no pixels, no noise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ __all__ = ["SteadySequencer", "bus_target"]
 
 
 class SteadySequencer:
-    """lux: on every pixel, all the time. setting: of the chain."""
+    """The sequencer; see `BusTarget`.
+
+    Args:
+        timing: timing of the array.
+        lux: constant illuminance on every pixel.
+        setting: setting of the signal chain; None for the default.
+    """
 
     def __init__(self, timing: Timing, lux: float = 100.0, setting: CmosSetting | None = None):
         self._core = Controller(timing)
@@ -33,14 +39,14 @@ class SteadySequencer:
                 core.open()
             if core.frame.start + core.timing.deciding >= clock:
                 return
-            core.close(self._seen())
+            core.close(self._statistics())
 
     def reset(self, clock: int) -> None:
-        """Starts anew at a clock."""
+        """Restarts at a clock."""
         self._core.restart(clock)
         self._core.begin()
 
-    def _seen(self) -> Statistics:
+    def _statistics(self) -> Statistics:
         seconds = self._core.frame.exposure / self._core.timing.clock.hz
         value, saturated = self._setting.value(self._lux, seconds)
         opened = self._core.opened
@@ -51,5 +57,5 @@ class SteadySequencer:
 
 
 def bus_target() -> SteadySequencer:
-    """As `viform board virtual` has it: the assumed 256 x 256 at 100 frames/s under 100 lx."""
+    """The sensor of `viform board virtual`: 256 x 256 pixels (assumed) at 100 frames/s, 100 lx."""
     return SteadySequencer(Timing.of(*DEFAULT_SHAPE))

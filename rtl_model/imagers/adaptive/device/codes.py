@@ -1,8 +1,7 @@
 """Gray codes of the counters.
 
-Each step changes one bit (document 001, section 4). A Gray code that counts fewer states than its
-bits have closes on itself with one bit only when it is taken from the middle of the reflected code,
-which needs an even number of states: odd ones are refused.
+Each step changes one bit (document 001, section 4). A cyclic Gray code with fewer states than its
+bits allow is taken from the middle of the reflected code, which requires an even number of states.
 """
 
 from __future__ import annotations
@@ -16,18 +15,19 @@ def gray(number: int) -> int:
 
 
 def gray_bits(states: int) -> int:
-    """Bits of a Gray counter of so many states."""
+    """Bits of a Gray counter with this number of states. Raises ValueError for an odd number."""
     if states < 2 or states % 2:
         raise ValueError(f"states of a Gray counter must be even, not {states}")
     return (states - 1).bit_length()
 
 
 def ring(number: int, states: int) -> int:
-    """Code of a Gray counter that goes from `states` - 1 back to 0, one bit a step throughout."""
+    """Code of a cyclic Gray counter: it changes one bit in each step, also from the last state to
+    the first."""
     spare = (1 << gray_bits(states)) - states
     return gray(number % states + spare // 2)
 
 
 def changed_bits(before: int, after: int) -> int:
-    """Bits in which two codes differ."""
+    """Number of bits in which two codes differ."""
     return (before ^ after).bit_count()

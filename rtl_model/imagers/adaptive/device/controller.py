@@ -1,10 +1,13 @@
-"""`Controller`: exposure selection and sequencer over the registers, frame by frame, without
-pixels. The whole imager gives it what the statistics saw; so does a sequencer under plain light.
+"""Exposure selection and sequencer with their registers, frame by frame, without pixels.
 
-A decision is made when a frame's last pixel has left. The next frame is then exposing already, so
-the new exposure is the one after: exposure(k + 2) = decide(frame k). It is reckoned from the
-exposure that frame k had, not from the multiplier register, which frame k - 1's decision may have
-changed meanwhile: taking that one would follow one change of light twice.
+The caller provides the statistics of each frame: the whole imager, or a sequencer under constant
+light.
+
+The decision takes place when the last pixel of a frame has left. The next frame is being exposed
+then, so the new exposure applies to the frame after it: exposure(k + 2) = decide(frame k). The
+decision starts from the exposure of frame k, not from the multiplier register, which the decision
+on frame k - 1 may have changed meanwhile. Starting from the register would follow one change of
+light twice.
 """
 
 from __future__ import annotations
@@ -24,7 +27,13 @@ _WORD = 0xFFFFFFFF
 
 
 class Counting(NamedTuple):
-    """What the statistics of a frame go by, as it stood when the frame began."""
+    """Settings of the statistics of a frame, taken when the frame began.
+
+    Attributes:
+        window: pixels that count.
+        threshold: number of saturated pixels that is allowed.
+        whole_scan: whether the largest value is sought in the whole frame.
+    """
 
     window: Window
     threshold: int
@@ -32,8 +41,15 @@ class Counting(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """How a frame was judged. counting: see there. multiplier: of its exposure. user: multiple of T
-    that holds while the exposure is not automatic, else None."""
+    """Settings of the decision on a frame.
+
+    Attributes:
+        counting: settings of the statistics.
+        multiplier: exposure of the frame, in units of T.
+        search: how an exposure with too many saturated pixels is shortened.
+        longest: exponent of the largest multiplier.
+        user: exposure set by the user, in units of T; None for automatic exposure.
+    """
 
     counting: Counting
     multiplier: int
@@ -41,21 +57,30 @@ class Judged(NamedTuple):
     longest: int
     user: int | None
 
-    def decision(self, seen: Statistics) -> Decision:
-        """What the statistics of the frame lead to."""
+    def decision(self, statistics: Statistics) -> Decision:
+        """The decision of the automatic exposure."""
         return decide(
-            self.multiplier, seen.saturated, seen.largest, threshold=self.counting.threshold,
-            search=self.search, longest=self.longest,
+            self.multiplier, statistics.saturated, statistics.largest,
+            threshold=self.counting.threshold, search=self.search, longest=self.longest,
         )  # fmt: skip
 
-    def chosen(self, seen: Statistics) -> int:
-        """The multiple of T that the frame after the next is exposed with."""
-        return self.decision(seen).multiplier if self.user is None else self.user
+    def chosen(self, statistics: Statistics) -> int:
+        """The exposure of the frame after the next, in units of T."""
+        return self.decision(statistics).multiplier if self.user is None else self.user
 
 
 class Controller:
-    """frame: the next to be read out, with multiplier its multiple of T. origin: clock at which it
-    starts. Call open() at frame.start and close() at frame.start + timing.deciding."""
+    """The controller. Call open() at clock frame.start and close() at frame.start +
+    timing.deciding.
+
+    Attributes:
+        registers: register file.
+        judged: settings of the last decision; None before it.
+
+    Args:
+        timing: timing of the sequencer.
+        origin: clock at which it starts.
+    """
 
     def __init__(self, timing: Timing, origin: int = 0) -> None:
         self.timing = timing
@@ -63,79 +88,79 @@ class Controller:
         self.restart(origin)
 
     def restart(self, origin: int) -> None:
-        """Begins anew at a clock, with the registers as they stand. The first two exposures wait
-        for `begin`, so that what is written before it holds."""
+        """Restarts at a clock, with the present register values. The first two exposures are chosen
+        by `begin`, so that earlier writes apply to them."""
         self._sequencer = Sequencer(self.timing, origin)
         self._ahead: list[tuple[int, int]] = []
         self._frames: list[FrameTiming] = []
         self._multiplier = 0
         self._counting: Counting | None = None
         self.judged: Judged | None = None
-        """How the last frame was."""
 
     def begin(self) -> None:
-        """Exposes with T, or with what the user has set (document 001, section 2); nothing where
-        it has begun."""
+        """Starts the first exposures, of T or of the user's setting (document 001, section 2).
+        Does nothing if they have started."""
         if self._frames:
             return
-        first = 1 if self.registers.at_work("adaptive_automatic") else self._user
-        self.registers.put("adaptive_multiplier", first)
+        first = 1 if self.registers.active("adaptive_automatic") else self._user
+        self.registers.set("adaptive_multiplier", first)
         self._ahead = [(first * self._minimum, first)] * 2
         self._next()
 
     @property
     def frame(self) -> FrameTiming:
-        """The frame that is read out next, or is being read out."""
+        """The frame that is read out now or next."""
         return self._frames[-1]
 
     @property
     def multiplier(self) -> int:
-        """Its exposure over T when it was chosen."""
+        """Exposure of `frame`, in units of the T of its decision."""
         return self._multiplier
 
     @property
     def opened(self) -> Counting | None:
-        """What `open` gave for this frame; None before it."""
+        """Settings of the statistics of `frame`; None before `open`."""
         return self._counting
 
     def open(self) -> Counting:
-        """The frame begins: the window's registers are taken."""
-        self.registers.take("frame")
-        at = self.registers.at_work
+        """Begins the frame: the registers of the window take effect."""
+        self.registers.update("frame")
+        at = self.registers.active
         rows, columns = at("adaptive_rows"), at("adaptive_columns")
         window = Window(rows & 0xFFFF, rows >> 16, columns & 0xFFFF, columns >> 16)
         self._counting = Counting(window, at("adaptive_threshold"), bool(at("adaptive_whole_scan")))
         return self._counting
 
-    def close(self, seen: Statistics) -> dict[str, float]:
-        """The frame's last pixel has left: decides and goes on to the next frame. Returns the
-        figures of this one. RuntimeError where it was not opened."""
+    def close(self, statistics: Statistics) -> dict[str, float]:
+        """Ends the frame when its last pixel has left: decides, and goes on to the next frame.
+        Returns the figures of this frame. Raises RuntimeError for a frame that was not opened."""
         if self._counting is None:
             raise RuntimeError("a frame that was not opened cannot be closed")
-        at = self.registers.at_work
+        at = self.registers.active
         self.judged = Judged(
             self._counting, self._multiplier, Search(at("adaptive_search") or 1),
             min(at("adaptive_longest"), LONGEST),
             None if at("adaptive_automatic") else self._user,
         )  # fmt: skip
-        made, chosen = self.judged.decision(seen), self.judged.chosen(seen)
-        frame, largest = self.frame, 256 if seen.largest is None else seen.largest
+        flag = int(self.judged.decision(statistics).flag)
+        chosen = self.judged.chosen(statistics)
+        frame, largest = self.frame, 256 if statistics.largest is None else statistics.largest
         for name, value in (
             ("multiplier", chosen),
             ("last_frame", frame.number & _WORD),
-            ("last_saturated", seen.saturated),
+            ("last_saturated", statistics.saturated),
             ("last_largest", largest),
             ("last_multiplier", self._multiplier),
-            ("last_flag", int(made.flag)),
+            ("last_flag", flag),
             ("frames", (frame.number + 1) & _WORD),
         ):
-            self.registers.put(f"adaptive_{name}", value)
+            self.registers.set(f"adaptive_{name}", value)
         state = {
             "multiplier": self._multiplier,
             "exposure_clocks": frame.exposure,
-            "saturated": seen.saturated,
+            "saturated": statistics.saturated,
             "largest": largest,
-            "flag": int(made.flag),
+            "flag": flag,
             "next_multiplier": chosen,
             "hold_clocks": frame.hold,
             "period_clocks": frame.period,
@@ -148,11 +173,11 @@ class Controller:
 
     @property
     def _minimum(self) -> int:
-        return max(1, self.registers.at_work("adaptive_minimum"))
+        return max(1, self.registers.active("adaptive_minimum"))
 
     @property
     def _user(self) -> int:
-        return min(max(1, self.registers.at_work("adaptive_user")), 1 << LONGEST)
+        return min(max(1, self.registers.active("adaptive_user")), 1 << LONGEST)
 
     def _next(self) -> None:
         exposure, self._multiplier = self._ahead.pop(0)

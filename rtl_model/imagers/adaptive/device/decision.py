@@ -1,15 +1,15 @@
-"""What the exposure selection does with a frame: keep, lengthen by the table, shorten by a search.
+"""The exposure decision on a frame: keep, lengthen by the table, or shorten by a search.
 
-Document 001, sections 2 and 3.3. Exposure is a multiple of the shortest, T, and the multiple a
-power of two. Readings of the print that had to be chosen:
+Document 001, sections 2 and 3.3. The exposure is a power of two times the shortest exposure T. The
+document leaves these points open:
 
-- Its table ends at x128, for a largest value of 1. A value of 0 asks for one step more, x256:
-  that is what its "1/2 LSB in one frame, 1/256 LSB in two" needs.
-- Its multiplier register has 24 bits, its search starts at 2^24 T: that takes a 25th bit, which is
-  used (`MULTIPLIER_BITS`). With 24 bits the longest is 2^23 T.
-- "The square root of t, rounded" halves the exponent and rounds it down, since multiples are powers
-  of two (the mask keeps the highest set bit).
-- Where no pixel is unsaturated and the count is still allowed, there is nothing to go by: keep.
+- Its table ends at x128, for a largest value of 1. A value of 0 lengthens by one more step, x256,
+  as "1/2 LSB in one frame, 1/256 LSB in two" requires.
+- Its multiplier register has 24 bits, but its search starts at 2^24 T, which needs a 25th bit. The
+  model uses 25 bits (`MULTIPLIER_BITS`); with 24 bits the longest exposure would be 2^23 T.
+- "The square root of t, rounded" halves the exponent and rounds it down, because multipliers are
+  powers of two (the mask keeps the highest set bit).
+- If every pixel is saturated but the number is allowed, the exposure is kept.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ __all__ = [
 ]
 
 HALF_SCALE: Final = 128
-"""Of the 8-bit converter, DN: a largest value from here on keeps the exposure."""
+"""Half scale of the 8-bit converter, DN. A largest value from here on keeps the exposure."""
 PRINTED_MULTIPLIER_BITS: Final = 24
-"""Of the multiplier register, as printed (section 3.3)."""
+"""Bits of the multiplier register in the document (section 3.3)."""
 MULTIPLIER_BITS: Final = 25
-"""As 2^24 T, from which the print's search starts, needs them."""
+"""Bits that the multiplier 2^24 needs, from which the document's search starts."""
 LONGEST: Final = MULTIPLIER_BITS - 1
 """Exponent of the largest multiplier."""
 
 
 class Search(IntEnum):
-    """How to shorten an exposure that saturates, by the print's numbers."""
+    """How an exposure t with too many saturated pixels is shortened; numbers of the document."""
 
     PART = 1
     """t / 256."""
@@ -53,25 +53,30 @@ class Search(IntEnum):
 
 
 class Decision(NamedTuple):
-    """multiplier: of the exposure chosen. flag: too many pixels were saturated."""
+    """A decision.
+
+    Attributes:
+        multiplier: exposure chosen, in units of T.
+        flag: whether too many pixels were saturated.
+    """
 
     multiplier: int
     flag: bool
 
 
 def highest(number: int) -> int:
-    """The number's highest set bit, in place: 100 gives 64. 0 gives 0."""
+    """The value of the highest set bit: 64 for 100, and 0 for 0."""
     return 1 << (number.bit_length() - 1) if number else 0
 
 
 def lengthening(value: int) -> int:
-    """Factor that the largest unsaturated value asks for by its highest set bit: 128..255 1,
-    64..127 2, ... 1 128 (table 1), and 0 256."""
+    """Factor of the exposure for the largest unsaturated value, by its highest set bit: 1 for
+    128..255, 2 for 64..127, ... 128 for 1 (table 1), and 256 for 0."""
     return 1 << (HALF_SCALE.bit_length() - value.bit_length())
 
 
 def shortened(multiplier: int, search: Search) -> int:
-    """The next multiplier to try when one saturates; 1 stays."""
+    """The next multiplier of a search after one that saturates; at least 1."""
     if search is Search.PART:
         return max(1, highest(multiplier >> 8))
     if search is Search.ROOT:
@@ -88,11 +93,15 @@ def decide(
     search: Search,
     longest: int = LONGEST,
 ) -> Decision:
-    """The multiplier that follows from a frame which was exposed with `multiplier`.
+    """The decision on a frame.
 
-    saturated: pixels of the window that were. largest: value of those that were not, None where
-    there was no such. threshold: saturated pixels that are still allowed. longest: exponent of the
-    largest multiplier.
+    Args:
+        multiplier: exposure of the frame, in units of T.
+        saturated: number of saturated pixels of the window.
+        largest: largest unsaturated value, DN; None if every pixel is saturated.
+        threshold: number of saturated pixels that is allowed.
+        search: how to shorten.
+        longest: exponent of the largest multiplier.
     """
     if saturated > threshold:
         return Decision(min(shortened(multiplier, search), 1 << longest), True)

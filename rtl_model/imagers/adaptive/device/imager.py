@@ -1,4 +1,4 @@
-"""`AdaptiveExposure`: the whole sensor, light to frames, over its registers."""
+"""The whole adaptive-exposure sensor: light in, frames out, controlled by its registers."""
 
 from __future__ import annotations
 
@@ -25,14 +25,20 @@ from sensor.imagers.cmos import AdaptivePixels
 __all__ = ["AdaptiveExposure"]
 
 TRACED = 3
-"""Frames of a trace."""
+"""Number of frames in a trace."""
 
 
 class AdaptiveExposure:
-    """An `Imager`. pixels: its array. timing: of its sequencer, else 100 frames/s for the array.
+    """The adaptive-exposure sensor; see `Imager`.
 
-    A write of the exposure's registers counts from the next decision on, which the frame after the
-    next is exposed with; one of the window's from the next frame's beginning.
+    A write to an exposure register takes effect at the next decision, which sets the exposure of
+    the frame after the next. A write to a window register takes effect at the start of the next
+    frame.
+
+    Args:
+        pixels: pixel array; None for one of the default shape.
+        timing: timing of the sequencer; None derives it from `frame_rate`.
+        frame_rate: frame rate without `timing`, Hz.
     """
 
     name = "adaptive-exposure"
@@ -51,17 +57,16 @@ class AdaptiveExposure:
 
     @property
     def registers(self) -> tuple[Register, ...]:
-        """Its table, with the head that every imager has."""
+        """Its register table, with the common head."""
         return self.controller.registers.design.registers
 
     @property
     def now(self) -> int:
-        """Where it stands, ps."""
+        """Present instant, ps."""
         return self._now
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`; names may leave out the `adaptive_`. InputError for no such register, one
-        that is only read, a value that does not fit, a time that has passed."""
+        """See `Imager`; the prefix `adaptive_` of a name may be omitted."""
         entry = register_of(self.controller.registers, register)
         when = write_instant(entry, register, value, at, self._now)
         insort(self._waiting, (when, self._written, entry.name, value))
@@ -69,7 +74,7 @@ class AdaptiveExposure:
         self._apply(self._now)
 
     def read(self, register: str) -> int:
-        """See `Imager`. InputError for no such register."""
+        """See `Imager`. Raises InputError for an unknown register."""
         registers = self.controller.registers
         return registers.read(register_of(registers, register).name)
 
@@ -77,7 +82,7 @@ class AdaptiveExposure:
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
         trace: Path | None = None,
     ) -> Iterator[Frame]:  # fmt: skip
-        """See `Imager`. The trace holds the first frames of this call, to the clock."""
+        """See `Imager`. The trace holds the first frames of this call with clock resolution."""
         if scene.shape != self.pixels.shape:
             raise ValueError(f"scene must be {self.pixels.shape}, not {scene.shape}")
         if trace is not None:
@@ -100,9 +105,9 @@ class AdaptiveExposure:
             seconds, waiting = (end - begin) / PS, np.zeros(len(end))
             exposed = Exposed(light, seconds, waiting, 0, timing.number)
             values, saturated = self.pixels.digitise(exposed, seed, kept)
-            seen = gather(values, saturated, counting.window, whole_scan=counting.whole_scan)
+            statistics = gather(values, saturated, counting.window, whole_scan=counting.whole_scan)
             self._apply(ready)
-            state = core.close(seen)
+            state = core.close(statistics)
             self._now = ready
             if trace is not None and len(traced) < TRACED:
                 traced.append(timing)
@@ -115,8 +120,8 @@ class AdaptiveExposure:
         self._now = max(self._now, until)
 
     def _apply(self, until: int) -> None:
-        """Writes that are due by an instant are made. A frame that has begun by then takes the
-        window's registers as they stood when it began."""
+        """Executes the writes that are due until an instant. A frame that has begun by then uses
+        the window registers as they were at its start."""
         start = self.timing.clock.edge(self.controller.frame.start) if self._running else until + 1
         while self._waiting and self._waiting[0][0] <= until:
             if self.controller.opened is None and start < self._waiting[0][0]:

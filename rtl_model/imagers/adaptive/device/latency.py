@@ -1,4 +1,4 @@
-"""How long a change of light takes to be seen with its new exposure, measured on the sensor."""
+"""The latency from a step of the light to the new exposure, measured on the simulated sensor."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ __all__ = ["Latency", "latency"]
 
 
 class Latency(NamedTuple):
-    """changed: the last frame any of whose rows still saw light from before the change (N).
-    recorded: the first later frame with another exposure than before. settled: the first frame from
-    which exposure changes no more. seconds: from the change to row 0's sample of `settled`."""
+    """Frames and time after a step of the light.
+
+    Attributes:
+        changed: last frame N with a row that was exposed before the step.
+        recorded: first later frame with a new exposure.
+        settled: first frame from which the exposure does not change.
+        seconds: time from the step to the sample of row 0 of frame `settled`, s.
+    """
 
     changed: int
     recorded: int
@@ -37,10 +42,18 @@ def latency(
     search: Search = Search.PART,
     frames: int = 12,
 ) -> Latency:
-    """Light on all pixels goes from `before` to `after` lux at `change` ps; pixels without noise.
+    """Steps the light on all pixels and measures the response, without noise.
 
-    multiplier: that rests under `before`, set by the user until the sensor is automatic with its
-    first decision. frames: to look at after the change. RuntimeError where nothing changes.
+    Args:
+        timing: timing of the sensor.
+        change: instant of the step, ps.
+        before, after: illuminance before and after it, lux.
+        multiplier: settled exposure under `before`, in units of T. It is set by the user; the first
+            decision is automatic.
+        search: how a saturating exposure is shortened.
+        frames: number of frames that are filmed after the step, at least.
+
+    Raises RuntimeError if the exposure does not change.
     """
     pixels = AdaptivePixels((timing.rows, timing.columns))
     imager = AdaptiveExposure(pixels, timing)
@@ -51,11 +64,11 @@ def latency(
     plane = np.ones(pixels.shape)
     course = Course(((change, before), (change, after)))
     until = change + frames * timing.clock.edge(timing.period(multiplier * 20))
-    made = list(imager.film(Still(plane, course), until, seed=0, kept=frozenset()))
-    changed = max((f.number for f in made if f.begin[0] < change), default=0)
-    steps = [f.state["multiplier"] for f in made]
+    taken = list(imager.film(Still(plane, course), until, seed=0, kept=frozenset()))
+    changed = max((f.number for f in taken if f.begin[0] < change), default=0)
+    steps = [f.state["multiplier"] for f in taken]
     if steps[0] != multiplier or steps[-1] == steps[changed]:
         raise RuntimeError(f"the exposure does not change: {steps}")
     recorded = next(n for n in range(changed, len(steps)) if steps[n] != multiplier)
     last = max(n for n in range(1, len(steps)) if steps[n] != steps[n - 1])
-    return Latency(changed, recorded, last, (int(made[last].end[0]) - change) / PS)
+    return Latency(changed, recorded, last, (int(taken[last].end[0]) - change) / PS)

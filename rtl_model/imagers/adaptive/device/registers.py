@@ -1,23 +1,24 @@
-"""Registers of the adaptive-exposure sensor, its own, from 0x300 on.
+"""Registers of the adaptive-exposure sensor, at 0x300 and above.
 
-Document 001 prints the window and its threshold (section 3.1), the 8-bit minimum exposure and the
-24-bit multiplier (section 3.3) and an exposure of the user's own; the rest makes the loop visible.
+Document 001 states the window and its threshold (section 3.1), the 8-bit minimum exposure, the
+24-bit multiplier (section 3.3) and an exposure set by the user. The other registers show the state
+of the loop.
 """
 
 from __future__ import annotations
 
 from rtl_model.imagers.adaptive.device.decision import LONGEST, MULTIPLIER_BITS
 from rtl_model.imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS, Timing
-from rtl_model.imagers.device.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.registers.table import Field, Register
 
 __all__ = ["DEFAULT_LONGEST", "DEFAULT_SHAPE", "DESIGN", "REGISTERS", "design_of", "registers_of"]
 
 DEFAULT_LONGEST = 16
-"""Exponent of the longest exposure that the automatic takes after reset: 2^16 T is 65.536 ms, the
-print's range. Up to 24 can be set."""
+"""Exponent of the longest automatic exposure after reset: 2^16 T is 65.536 ms, the range of the
+document. Values up to 24 can be set."""
 DEFAULT_SHAPE = (256, 256)
-"""Rows and columns, assumed: the document prints none."""
+"""Rows and columns; assumed, because the document does not state them."""
 
 
 def _range(unit: str) -> tuple[Field, ...]:
@@ -28,8 +29,8 @@ def _range(unit: str) -> tuple[Field, ...]:
 
 
 def registers_of(timing: Timing) -> tuple[Register, ...]:
-    """The table for an array: all of it is the window at reset, and one pixel of 1024 (rounded
-    down) may be saturated, which is assumed."""
+    """The register table of an array. At reset, the window is the whole array, and one pixel in
+    1024 (rounded down) may be saturated (assumed)."""
     rows, columns = (timing.rows - 1) << 16, (timing.columns - 1) << 16
     allowed = timing.rows * timing.columns >> 10
     return (
@@ -72,13 +73,13 @@ _WITH_FRAME: tuple[str, ...] = (
 
 
 def design_of(timing: Timing) -> Design:
-    """What stands behind the serial line for an array."""
-    taking: dict[str, Taking] = dict.fromkeys(_WITH_FRAME, "frame")
+    """The design behind the serial line for an array."""
+    updates: dict[str, Update] = dict.fromkeys(_WITH_FRAME, "frame")
     return Design(
         "adaptive-exposure", 1, "adaptive-exposure CMOS sensor", (timing.rows, timing.columns),
-        CLOCK_HZ, registers_of(timing), taking,
+        CLOCK_HZ, registers_of(timing), updates,
     )  # fmt: skip
 
 
 DESIGN = design_of(Timing.of(*DEFAULT_SHAPE))
-REGISTERS = DESIGN.own
+REGISTERS = DESIGN.specific

@@ -1,4 +1,4 @@
-"""Light against output, as document 001 shows it in figure 6(b), and the light that it spans."""
+"""Output against light, as in figure 6(b) of document 001, and the range of light."""
 
 from __future__ import annotations
 
@@ -20,8 +20,14 @@ _SETTING = CmosSetting()
 
 
 class Point(NamedTuple):
-    """Light, lux; the exposure's exponent n of 2^n T and value at which the loop rests; combined:
-    value with 128 for every halving of the exposure."""
+    """The settled loop at one illuminance.
+
+    Attributes:
+        lux: illuminance.
+        exponent: n of the exposure 2^n T.
+        value: DN.
+        combined: value plus 128 DN for every halving of the longest exposure.
+    """
 
     lux: float
     exponent: int
@@ -30,27 +36,27 @@ class Point(NamedTuple):
 
 
 def longest_exposure(exponent: int = DEFAULT_LONGEST) -> float:
-    """Seconds: 2^16 T is 65.536 ms."""
+    """The exposure 2^n T, s: 2^16 T is 65.536 ms."""
     return (1 << exponent) * shortest_exposure()
 
 
 def brightest_lux(setting: CmosSetting = _SETTING) -> float:
-    """Light that is full scale at the shortest exposure: 1e6 lx."""
+    """Illuminance of full scale at the shortest exposure: 1e6 lx."""
     return setting.full_scale / setting.volts(1.0, shortest_exposure())
 
 
 def darkest_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
-    """Light that is one DN at the longest exposure: 0.06 lx, within the print's 1e-1."""
+    """Illuminance of one DN at the longest exposure: 0.06 lx; the document states 1e-1 lx."""
     return setting.lsb / setting.volts(1.0, longest_exposure(exponent))
 
 
 def half_scale_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
-    """Light that is half scale at the longest exposure; with less, values stay below half."""
+    """Illuminance of half scale at the longest exposure; below it, values stay below half."""
     return HALF_SCALE * darkest_lux(exponent, setting)
 
 
 def light_range_db(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
-    """20 log10 of the brightest over the darkest light."""
+    """20 log10 of the brightest over the darkest illuminance, dB."""
     return 20 * math.log10(brightest_lux(setting) / darkest_lux(exponent, setting))
 
 
@@ -59,11 +65,12 @@ def combined_response(
     search: Search = Search.HALF,
     longest: int = DEFAULT_LONGEST,
 ) -> list[Point]:
-    """Where the loop rests as light rises through these, each from where it rested before.
+    """The settled loop at increasing illuminances, each started from the state before.
 
-    The exposures are powers of two, so the values of many frames are put together to one curve by
-    adding half a scale for every halving: between two octaves of light a straight line, over all
-    close to an exponential, lux ~ 2^(combined / 128)."""
+    The exposures are powers of two. Half a scale is added for every halving, which joins the values
+    of many frames to one curve: linear within an octave of light, and close to an exponential
+    overall, lux ~ 2^(combined / 128).
+    """
     rule, points, multiplier = from_judged(search, longest), list[Point](), 1 << longest
     for light in lux:
         rest = settled(light, rule, start=multiplier)
@@ -75,9 +82,11 @@ def combined_response(
 
 
 def exponential_deviation(points: Sequence[Point]) -> float:
-    """How far light lies from the exponential of the combined output that fits it best, at the most
-    and relative; points below half scale are left out. Between octaves light is straight where the
-    exponential bends: x 2^-x over 1 <= x <= 2 gives sqrt(2/(e ln 2)) - 1 = 3.0 % either way, and
-    whole DN a little more."""
+    """Largest relative deviation of the illuminance from the best exponential of the combined
+    output, for points at half scale and above.
+
+    Within an octave the response is linear, not exponential: x 2^-x over 1 <= x <= 2 gives
+    sqrt(2/(e ln 2)) - 1 = 3.0 % either way. Rounding to whole DN adds a little.
+    """
     logs = [math.log2(p.lux) - p.combined / HALF_SCALE for p in points if p.value >= HALF_SCALE]
     return 2.0 ** ((max(logs) - min(logs)) / 2) - 1

@@ -1,9 +1,11 @@
-"""The sequencer's signals over the clock, from the frames' timings (document 001, figures 4 and 5).
+"""The signals of the sequencer, from the timing of the frames (document 001, figures 4 and 5).
 
-Vout, Hout: work phase that follows the sample of row 0, of any row. Hrst1, Hrst2: reset of the row
-that the reset counter points at; the exposure begins where it falls. sampling: the idle phase that
-ends with a row's sample, in which nothing else switches. Pout: work phases in which pixels leave
-and are scanned. select: the work cycle that decides. row, reset1, reset2: the counters' Gray codes.
+- Vout, Hout: work phase after the sample of row 0, and of any row.
+- Hrst1, Hrst2: reset of the row that the reset counter selects; its falling edge begins exposure.
+- sampling: idle phase that ends with the sample of a row, in which nothing else switches.
+- Pout: work phases in which pixels leave and are scanned.
+- select: work cycle of the exposure decision.
+- row, reset1, reset2: Gray codes of the counters.
 """
 
 from __future__ import annotations
@@ -18,11 +20,11 @@ from rtl_model.imagers.device.trace import Signal
 __all__ = ["Change", "signal_list", "signals_of"]
 
 Change = tuple[int, str, int]
-"""Clock, signal, value from then on."""
+"""(clock, signal, new value)."""
 
 
 def signal_list(timing: Timing) -> tuple[Signal, ...]:
-    """Every signal of the sequencer, with its bits and its value at power-on."""
+    """All signals of the sequencer, with width and value at power-on."""
     bits, first = gray_bits(timing.rows), ring(0, timing.rows)
     lines = ("Vout", "Hout", "Hrst1", "Hrst2", "sampling", "Pout", "select")
     codes = ("row", "reset1", "reset2")
@@ -33,7 +35,7 @@ def signal_list(timing: Timing) -> tuple[Signal, ...]:
 
 
 def signals_of(timing: Timing, frames: Sequence[FrameTiming]) -> Iterator[Change]:
-    """Every change of every signal that these frames make, in order of clocks."""
+    """All changes of the signals during these frames, in order of clocks."""
     parts = [part(timing, frame) for frame in frames for part in (_resets, _reading)]
     return merge(*parts, key=lambda change: change[0])
 

@@ -1,10 +1,10 @@
-"""What the saturation statistics and the pixel scan see of a frame.
+"""Statistics of a frame: the saturated pixels of the window, and the largest unsaturated value.
 
-A comparator tells of each pixel that enters the window whether its voltage is over full scale, and
-a counter adds them up; the scan keeps the largest value that is not saturated (document 001,
-sections 3.1 and 3.2). The print scans the whole frame for it. Lamps outside the window would then
-hold the exposure by their unsaturated rims, which is what the window is there to prevent, so the
-scan may be kept to the window; with the window that is set at reset, all pixels, both are the same.
+For each pixel of the window, a comparator tests whether its voltage exceeds full scale, and a
+counter adds these pixels up. A scan finds the largest unsaturated value (document 001, sections 3.1
+and 3.2). The document scans the whole frame. The unsaturated rims of lamps outside the window would
+then determine the exposure, which the window is meant to prevent. So the scan covers the window
+only, unless `whole_scan` is set. With the window at reset, all pixels, both are the same.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ __all__ = ["Statistics", "Window", "gather"]
 
 
 class Window(NamedTuple):
-    """Pixels that count: rows and columns, first and last, both inclusive."""
+    """Pixels that count.
+
+    Attributes:
+        top, bottom: first and last row, inclusive.
+        left, right: first and last column, inclusive.
+    """
 
     top: int
     bottom: int
@@ -27,13 +32,17 @@ class Window(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Pixels in it; 0 where a last one comes before its first."""
+        """Number of pixels; 0 if a last row or column comes before the first."""
         return max(0, self.bottom - self.top + 1) * max(0, self.right - self.left + 1)
 
 
 class Statistics(NamedTuple):
-    """saturated: pixels of the window over full scale. largest: value of the largest pixel that is
-    not saturated, None where all are."""
+    """Statistics of a frame.
+
+    Attributes:
+        saturated: number of pixels of the window over full scale.
+        largest: largest unsaturated value, DN; None if every pixel is saturated.
+    """
 
     saturated: int
     largest: int | None
@@ -46,12 +55,18 @@ def gather(
     *,
     whole_scan: bool = False,
 ) -> Statistics:
-    """Statistics of a frame, values and saturation (H, W). whole_scan: the scan goes over all
-    pixels, not over the window only."""
+    """Returns the statistics of a frame.
+
+    Args:
+        values: (H, W) DN, uint16.
+        saturated: (H, W) output of the comparator, bool.
+        window: pixels that count.
+        whole_scan: whether the largest value is sought among all pixels, not only in the window.
+    """
     inside = (slice(window.top, window.bottom + 1), slice(window.left, window.right + 1))
     count = int(np.count_nonzero(saturated[inside]))
     where = (slice(None), slice(None)) if whole_scan else inside
-    seen, over = values[where], saturated[where]
+    scanned, over = values[where], saturated[where]
     if over.all():
         return Statistics(count, None)
-    return Statistics(count, int(np.where(over, 0, seen).max()))
+    return Statistics(count, int(np.where(over, 0, scanned).max()))

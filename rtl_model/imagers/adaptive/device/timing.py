@@ -1,14 +1,14 @@
-"""`Timing`: clocks of lines and frames, and `FrameTiming`: the clocks of one frame's every edge.
+"""Clocks of lines and frames (`Timing`), and of the events of one frame (`FrameTiming`).
 
-Printed: a 20 MHz clock, a shortest exposure of 1 us by a register value of 14H, 100 frames/s, and a
-work cycle of two phases, idle and work (document 001, sections 3.3, 4 and 5). Not printed, assumed:
-the array's size, a work cycle of 20 clocks, 10 of each phase, pixels that leave at one a clock (or
-as many as it takes) in work phases.
+Document 001 (sections 3.3, 4 and 5) states a clock of 20 MHz, a shortest exposure of 1 us with a
+register value of 14H, 100 frames/s, and a work cycle of two phases, idle and work. Assumed are the
+size of the array, a work cycle of 20 clocks with 10 in each phase, and a readout of one pixel per
+clock, or more if necessary, in work phases.
 
-A frame begins (Vout) when row 0 is sampled; row r is sampled r lines later. Frame k + 1's exposure
-of a row ends at the sample and begins at the row's reset, `exposure` clocks sooner. Hence hold =
-frame time - exposure is the delay from one Vout to the release of the reset counter, and a frame
-whose exposure does not fit is longer: frame time = hold + exposure.
+A frame begins (Vout) with the sample of row 0; row r is sampled r lines later. The exposure of a
+row begins at its reset and ends at its sample, `exposure` clocks later. The reset counter is
+released hold = frame time - exposure after the preceding Vout. A frame becomes longer if its
+exposure does not fit: frame time = hold + exposure.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ __all__ = ["CLOCK_HZ", "FRAME_RATE", "MINIMUM_CLOCKS", "FrameTiming", "Timing"]
 CLOCK_HZ: Final = 20_000_000
 """Document 001, section 3.3."""
 MINIMUM_CLOCKS: Final = 0x14
-"""Minimum-exposure register (section 3.3)."""
+"""Value of the minimum-exposure register (document 001, section 3.3)."""
 FRAME_RATE: Final = 100
-"""Frames a second of its simulation (section 5)."""
+"""Frame rate in the document's simulation (section 5), Hz."""
 
 
 _CLOCK: Final = Clock(CLOCK_HZ)
@@ -33,10 +33,17 @@ _CLOCK: Final = Clock(CLOCK_HZ)
 
 @dataclass(frozen=True)
 class Timing:
-    """Clocks of the sequencer. rows, columns: of the array, both even. cycle: clocks of a work
-    cycle, half work, half idle. line, frame: clocks, whole work cycles; a frame of a long exposure
-    is longer. turn: clocks from a row's sample to the release of its next reset, at the least: the
-    sampled row's own readout. lanes: pixels that leave in a clock.
+    """Timing of the sequencer, in clocks.
+
+    Attributes:
+        rows, columns: size of the array, both even.
+        line: clocks of a line, whole work cycles.
+        frame: clocks of a frame, whole work cycles; a frame with a long exposure is longer.
+        cycle: clocks of a work cycle; half of them work, half idle.
+        turn: least number of clocks from the sample of a row to the end of its next reset, in which
+            the row is transferred to the readout.
+        lanes: pixels that leave per clock.
+        clock: clock of the sequencer.
     """
 
     rows: int
@@ -69,9 +76,16 @@ class Timing:
 
     @classmethod
     def of(cls, rows: int, columns: int, frame_rate: float = FRAME_RATE) -> Timing:
-        """For an array: lines as long as the frame allows, lanes as many as the line asks for. The
-        line is no power of two of work cycles, so that no reset meets another row's sample.
-        ValueError where the frame is too short for its rows."""
+        """The timing of an array: lines as long as the frame allows, and as many lanes as a line
+        requires. The number of work cycles of a line is not a power of two, so that no reset
+        coincides with the sample of another row.
+
+        Args:
+            rows, columns: size of the array.
+            frame_rate: Hz.
+
+        Raises ValueError for a frame that is too short for its rows.
+        """
         cycle = 20
         frame = round(CLOCK_HZ / frame_rate) // cycle
         line = (frame - 1) // max(rows, 1)
@@ -84,39 +98,47 @@ class Timing:
 
     @property
     def work(self) -> int:
-        """Clocks of a work phase, the first of its cycle."""
+        """Clocks of the work phase, the first half of a work cycle."""
         return self.cycle // 2
 
     @property
     def out_steps(self) -> int:
-        """Steps of the column counter in a row: made even, for its Gray code."""
+        """Steps of the column counter in a row; even, for its Gray code."""
         steps = -(-self.columns // self.lanes)
         return steps + steps % 2
 
     @property
     def out_cycles(self) -> int:
-        """Work cycles in which a row's pixels leave, after its own readout (`turn`)."""
+        """Work cycles in which the pixels of a row leave, after `turn`."""
         return -(-self.out_steps // self.work)
 
     @property
     def deciding(self) -> int:
-        """Clocks from Vout to the end of the exposure selection: after the last row's pixels have
-        left, one work cycle."""
+        """Clocks from Vout to the end of the exposure decision, which takes one work cycle after
+        the pixels of the last row have left."""
         return (self.rows - 1) * self.line + self.turn + (self.out_cycles + 1) * self.cycle
 
     def period(self, exposure: int) -> int:
-        """Clocks from one Vout to the next when the rows are exposed so many clocks for it."""
+        """Clocks from one Vout to the next, for a next frame with this exposure, clocks."""
         return max(self.frame, -(-(exposure + self.turn) // self.cycle) * self.cycle)
 
     @property
     def longest_within(self) -> int:
-        """Clocks of the longest exposure that does not lengthen a frame."""
+        """Longest exposure that does not lengthen a frame, clocks."""
         return self.frame - self.turn
 
 
 class FrameTiming(NamedTuple):
-    """One frame, in clocks. number: from 0. start: Vout, row 0's sample. exposure: of every row.
-    period: from the Vout before. counter: reset counter at work, 1 or 2. line: of a row."""
+    """The timing of one frame, in clocks.
+
+    Attributes:
+        number: number of the frame, from 0.
+        start: clock of Vout, the sample of row 0.
+        exposure: exposure of every row.
+        period: clocks from the preceding Vout.
+        counter: number of its reset counter, 1 or 2.
+        line: clocks of a line.
+    """
 
     number: int
     start: int
@@ -127,13 +149,13 @@ class FrameTiming(NamedTuple):
 
     @property
     def hold(self) -> int:
-        """Clocks from the Vout before to the first reset (document: hold = frame - exposure)."""
+        """Clocks from the preceding Vout to the first reset (hold = frame - exposure)."""
         return self.period - self.exposure
 
     def reset(self, row: int) -> int:
-        """Clock at which a row's reset ends: its exposure begins."""
+        """Clock at which the reset of a row ends and its exposure begins."""
         return self.start - self.exposure + row * self.line
 
     def sample(self, row: int) -> int:
-        """Clock at which a row is sampled: its exposure ends."""
+        """Clock at which a row is sampled and its exposure ends."""
         return self.start + row * self.line

@@ -171,7 +171,7 @@ class Sequencer:
         return None
 
     def _at(self, name: str) -> int:
-        return self.registers.at_work(f"ebaps_{name}")
+        return self.registers.active(f"ebaps_{name}")
 
     def _volts(self) -> int:
         return min(self._at("high_voltage"), HIGH_VOLTAGE)
@@ -179,8 +179,8 @@ class Sequencer:
     def _begin(self) -> None:
         """VSYNC falls: the period of the next frame begins."""
         if self._ahead:
-            self.registers.put("ebaps_key", 1)
-        self.registers.take("frame")
+            self.registers.set("ebaps_key", 1)
+        self.registers.update("frame")
         key = bool(self._at("key"))
         shutter = self._at("shutter")
         closed = shutter == 1 or (shutter >= 2 and key)
@@ -192,7 +192,7 @@ class Sequencer:
         if self._ahead:
             self._ahead -= 1
             if not self._ahead:
-                self.registers.put("ebaps_key", 0)
+                self.registers.set("ebaps_key", 0)
         self._waiting.append(shot)
         self._next += 1
 
@@ -219,7 +219,7 @@ class Sequencer:
         self.judged = Judged(rule, standing, shot.exposure, bool(loop & _RAW), acts)
         if acts:
             standing = self.judged.chosen(total, got.pixels)
-            self.registers.put("ebaps_exposure", standing)
+            self.registers.set("ebaps_exposure", standing)
         resting = settled or standing == shot.exposure
         if self._at("refresh") and resting and self.stale and free:
             self._ahead = DARKS

@@ -106,13 +106,13 @@ class EmccdSequencer:
 
     def _begin(self, edge: int) -> None:
         file = self.registers
-        file.take("cycle")
+        file.update("cycle")
         settings = Settings(
-            steps=file.at_work("emccd_exposure"),
-            first=file.at_work("emccd_first_row"),
-            rows=file.at_work("emccd_rows"),
-            gain_step=file.at_work("emccd_gain"),
-            external=bool(file.at_work("emccd_sync")),
+            steps=file.active("emccd_exposure"),
+            first=file.active("emccd_first_row"),
+            rows=file.active("emccd_rows"),
+            gain_step=file.active("emccd_gain"),
+            external=bool(file.active("emccd_sync")),
         ).within(self.timing)
         self.cycle = Cycle(self._cycles, edge, self.timing, settings)
         self._cycles += 1

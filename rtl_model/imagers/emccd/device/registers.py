@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rtl_model.imagers.device.registers import Design, Taking
+from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.imagers.emccd.device.timing import EXPOSURE_STEPS, Settings, Timing
 from rtl_model.registers import Field, Register
 
@@ -48,7 +48,7 @@ REGISTERS: Final[tuple[Register, ...]] = (
     Register("emccd_work_rows", 0x34C, "ro", 0, 10, "rows at work"),
 )  # fmt: skip
 
-_TAKING: Final[dict[str, Taking]] = dict.fromkeys(PARAMETERS, "cycle")
+_UPDATES: Final[dict[str, Update]] = dict.fromkeys(PARAMETERS, "cycle")
 
 
 def design(timing: Timing | None = None) -> Design:
@@ -56,7 +56,7 @@ def design(timing: Timing | None = None) -> Design:
     timing = timing or Timing()
     return Design(
         "emccd", 3, "frame-transfer EMCCD", (timing.rows, timing.columns), timing.clock_hz,
-        REGISTERS, _TAKING,
+        REGISTERS, _UPDATES,
     )  # fmt: skip
 
 

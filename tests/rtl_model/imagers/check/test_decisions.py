@@ -50,7 +50,7 @@ def filmed(imager, scene, stop, kept, seed):
     judge = {"adaptive-exposure": AdaptiveJudge, "ebaps": EbapsJudge}[imager.name]
     left_out = bool(full - kept)
     decisions = Decisions(judge(imager, full, kept, seed) if left_out else None, full, seed)
-    imager.pixels = Taped(imager.pixels, NoTape(), decisions.see)
+    imager.pixels = Taped(imager.pixels, NoTape(), decisions.add)
     exposures = []
     for frame in imager.film(scene, stop, seed=seed, kept=kept):
         decisions.frame(frame)

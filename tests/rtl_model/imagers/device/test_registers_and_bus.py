@@ -15,7 +15,7 @@ from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, Design
 from rtl_model.registers import REGISTERS, Register
 from rtl_model.registers.checks import faults
 
-OWN = (
+SPECIFIC = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),
     Register("toy_frame", 0x304, "rw", 6, 8, "taken with a frame"),
     Register("toy_cycle", 0x308, "rw", 7, 12, "taken with a cycle"),
@@ -24,7 +24,14 @@ OWN = (
     Register("toy_once", 0x314, "ro", 0, 8, "next number", read_effect=True),
 )
 DESIGN = Design(
-    "toy", 9, "a toy", (3, 40), 1_000_000, OWN, {"toy_frame": "frame", "toy_cycle": "cycle"}, 50_000
+    "toy",
+    9,
+    "a toy",
+    (3, 40),
+    1_000_000,
+    SPECIFIC,
+    {"toy_frame": "frame", "toy_cycle": "cycle"},
+    50_000,
 )
 
 
@@ -45,7 +52,7 @@ class Toy:
     def advance(self, clock):
         for when, every in (("frame", 100), ("cycle", 1000)):
             if (self.clock - 1) // every != (clock - 1) // every and clock > self.clock:
-                self.registers.take(when)
+                self.registers.update(when)
         self.clock = max(clock, self.clock)
 
     def reset(self, clock):
@@ -75,16 +82,16 @@ def test_the_table_is_sound_and_its_head_stands_where_the_boards_does():
 
 
 @pytest.mark.parametrize(
-    ("own", "taking"),
+    ("specific", "updates"),
     [
-        ((OWN[0]._replace(address=0x2FC),), {}),
-        (OWN, {"toy_count": "frame"}),
-        (OWN, {"toy_none": "frame"}),
+        ((SPECIFIC[0]._replace(address=0x2FC),), {}),
+        (SPECIFIC, {"toy_count": "frame"}),
+        (SPECIFIC, {"toy_none": "frame"}),
     ],
 )
-def test_a_design_that_cannot_be_is_refused(own, taking):
+def test_a_design_that_cannot_be_is_refused(specific, updates):
     with pytest.raises(ValueError, match=r"must stand at|no register"):
-        Design("toy", 9, "", (3, 40), 1_000_000, own, taking)
+        Design("toy", 9, "", (3, 40), 1_000_000, specific, updates)
 
 
 def test_what_is_written_reads_back_at_once_and_works_when_it_is_taken():
@@ -92,17 +99,17 @@ def test_what_is_written_reads_back_at_once_and_works_when_it_is_taken():
     for name in ("toy_now", "toy_frame", "toy_cycle"):
         file.write(name, 0xFFFF)
     file.write("toy_count", 3)
-    assert [file.read(entry.name) for entry in OWN] == [0xFF, 0xFF, 0xFFF, 0, 0, 0]
-    assert [file.at_work(n) for n in ("toy_now", "toy_frame", "toy_cycle")] == [0xFF, 6, 7]
-    assert file.take("frame")
-    assert not file.take("frame")
-    assert (file.at_work("toy_frame"), file.at_work("toy_cycle")) == (0xFF, 7)
-    assert file.take("cycle")
-    assert file.at_work("toy_cycle") == 0xFFF
-    file.put("toy_count", 1 << 40 | 8)
+    assert [file.read(entry.name) for entry in SPECIFIC] == [0xFF, 0xFF, 0xFFF, 0, 0, 0]
+    assert [file.active(n) for n in ("toy_now", "toy_frame", "toy_cycle")] == [0xFF, 6, 7]
+    assert file.update("frame")
+    assert not file.update("frame")
+    assert (file.active("toy_frame"), file.active("toy_cycle")) == (0xFF, 7)
+    assert file.update("cycle")
+    assert file.active("toy_cycle") == 0xFFF
+    file.set("toy_count", 1 << 40 | 8)
     assert file.read("toy_count") == 8
     file.reset()
-    assert [file.at_work(n) for n in ("toy_now", "toy_frame", "toy_cycle")] == [5, 6, 7]
+    assert [file.active(n) for n in ("toy_now", "toy_frame", "toy_cycle")] == [5, 6, 7]
     with pytest.raises(KeyError):
         file.write("toy_none", 0)
 
@@ -115,14 +122,14 @@ def test_bytes_on_the_line_read_and_write_as_on_the_board():
     # A write is strobed one clock after its last byte came; its first byte came at clock 1000.
     line.feed(command(1, 0x300, 3, (0x1AA, 0xBB, 0xCC)), 1000)
     last = 1000 + 17 * 10
-    assert toy.registers.at_work("toy_now") == 0xAA
-    assert toy.registers.at_work("toy_cycle") == 7
+    assert toy.registers.active("toy_now") == 0xAA
+    assert toy.registers.active("toy_cycle") == 7
     line.wait(1101 + 100)  # edge 1200 takes what waits for a frame
-    assert toy.registers.at_work("toy_frame") == 0xBB
+    assert toy.registers.active("toy_frame") == 0xBB
     line.wait(2000)
-    assert toy.registers.at_work("toy_cycle") == 7
+    assert toy.registers.active("toy_cycle") == 7
     line.wait(2001)
-    assert toy.registers.at_work("toy_cycle") == 0xCC
+    assert toy.registers.active("toy_cycle") == 0xCC
     assert last < 1200
     assert [ask(line, 0x314, 3000), ask(line, 0x314, 3000)] == [1, 2]
     assert ask(line, 0x310, 3500) == 3500 + 50 + 2  # two clocks after the request's last byte
@@ -137,7 +144,7 @@ def test_a_write_at_the_very_edge_is_seen_by_later_edges_only():
         packet = command(1, 0x308, 1, (0xCC,))
         line.feed(packet, 2000 - 1 - len(packet) + late)  # strobed at edge 1999, or at 2000
         line.wait(2001)
-        assert toy.registers.at_work("toy_cycle") == (7 if late else 0xCC)
+        assert toy.registers.active("toy_cycle") == (7 if late else 0xCC)
 
 
 def test_counters_of_the_line_and_of_the_bus():
@@ -180,7 +187,7 @@ def test_csr_csv_is_litex_form_and_names_the_imager():
     assert named["identifier_mem"][:3] == ["csr_base", "identifier_mem", "0x00000800"]
     assert named["config_viform_imager"][2] == "toy"
     assert named["config_clock_frequency"][2] == "1000000"
-    assert "toy_frame` | rw | 8 | 0x6 | taken with a frame; taken with the next frame" in (
+    assert "toy_frame` | rw | 8 | 0x6 | taken with a frame; takes effect with the next frame" in (
         DESIGN.document()
     )
 
@@ -230,7 +237,7 @@ def test_every_imager_refuses_a_write_in_the_same_words(kind):
 def entries(imager):
     for place in ("controller", "sequencer", "machine"):
         if hasattr(imager, place):
-            return getattr(imager, place).registers.design.own
+            return getattr(imager, place).registers.design.specific
     raise AssertionError(imager)
 
 
@@ -238,7 +245,7 @@ def entries(imager):
 def test_the_line_cuts_what_does_not_fit(kind):
     """The same registers over the serial line, where nothing can be refused."""
     made = bus_target(kind)
-    own = made.registers.design.own
+    own = made.registers.design.specific
     wide = next(entry for entry in own if entry.mode == "rw" and entry.width < 32)
     ro = next(entry for entry in own if entry.mode == "ro")
     line = line_of(made, byte_clocks=1)

@@ -91,7 +91,7 @@ def test_a_parameter_written_in_a_frame_changes_nothing_before_the_next_cycle(se
         for _ in range(150)
     )
     held = {name: [(-1, machine.registers.read(name))] for name in PARAMETERS}
-    machine.registers.put("emccd_exposure", 1)
+    machine.registers.set("emccd_exposure", 1)
     held["emccd_exposure"] = [(-1, 1)]
     for edge, name, value in writes:
         machine.advance(edge + 1)
@@ -150,7 +150,7 @@ def test_over_the_line_the_last_byte_decides(late):
     next cycle begins it is too late, one clock sooner it is not."""
     cycles = []
     line = line_of(EmccdSequencer(SMALL, (), cycles.append), byte_clocks=3)
-    line.system.target.registers.put("emccd_exposure", 1)
+    line.system.target.registers.set("emccd_exposure", 1)
     line.wait(1)
     edge = cycles[0].end
     packet = command(0x300, 5)

@@ -9,7 +9,6 @@ import pytest
 from cosim import InputError
 from rtl_model.imagers.device.trace import write_trace
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
-from rtl_model.imagers.emccd.device.counted import counted
 from rtl_model.imagers.emccd.device.counters import CounterSequencer
 from rtl_model.imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
 from rtl_model.imagers.emccd.device.timing import (
@@ -24,6 +23,7 @@ from rtl_model.imagers.emccd.device.timing import (
     frame_seconds,
     window_table,
 )
+from tests.rtl_model.imagers.emccd.trace_counts import counted
 
 SMALL = Timing(1_000_000, 12, 7, 2, 10, 3, 4, 2, 3)
 WRITABLE = {
@@ -140,7 +140,7 @@ def test_event_by_event_is_clock_by_clock(seed):
     cycles = []
     machine = EmccdSequencer(timing, pulses, cycles.append)
     plain = CounterSequencer(timing)
-    machine.registers.put("emccd_exposure", 1)
+    machine.registers.set("emccd_exposure", 1)
     held = {"steps": 1}
     plain.held = Settings(**held)
     got, state = [], []

@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cosim import InputError
+from cosim.errors import quote
 from scenarios.assemble.schema.loading import load, shipped, to_toml
 from scenarios.assemble.schema.scenario import AnyScenario
 
@@ -111,7 +112,7 @@ def test_what_is_no_scenario_is_refused_with_the_names_of_those_that_are(
 ):
     monkeypatch.chdir(tmp_path)
     assert refusal(name) == (
-        f"the scenario must be one of {', '.join(shipped())} or a TOML file, not {name!r}; "
+        f"the scenario must be one of {', '.join(shipped())} or a TOML file, not {quote(name)}; "
         "see `viform list`"
     )
 
@@ -194,3 +195,23 @@ def test_any_toml_gives_a_scenario_or_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "fuzz.toml"
     path.write_bytes((text[:start] + inserted + text[stop:]).encode())
     scenario_or_line(str(path), [])
+
+
+@pytest.mark.parametrize("levels", [30, 3000, 20_000])
+@pytest.mark.parametrize("form", ["[{}]\nb = 1", "title = 1\n{} = 1", "scene = {{{} = 1}}"])
+def test_a_key_of_many_parts_is_one_line(form, levels, tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text(form.format(".".join(["a"] * levels)))
+    with pytest.raises(InputError, match="a key of more than 20 parts"):
+        load(str(path))
+
+
+def test_a_message_repeats_little_of_what_was_wrong(tmp_path):
+    for text in ("scene." + "x" * 5000 + "=1", "y" * 5000, "scene.kind=" + "z" * 5000,
+                 "scene." + ".".join("a" * 3000) + "=1"):  # fmt: skip
+        with pytest.raises(InputError) as refused:
+            load("film", [text])
+        assert len(str(refused.value)) <= 400
+    with pytest.raises(InputError) as refused:
+        load("film", ["see\x1bd=1"])
+    assert str(refused.value).isprintable()

@@ -15,7 +15,7 @@ from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
-from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, drawn
+from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, draw_thresholds
 from sensor.latched.pixel.transfer import transferred_light
 
 __all__ = ["NumpyFast"]
@@ -99,7 +99,7 @@ class NumpyFast:
             threshold = np.full(due.shape, units.one, np.int64)
             draw = due & noisy
             if draw.any():
-                threshold[draw] = drawn(
+                threshold[draw] = draw_thresholds(
                     units, self._spikes[draw], self._numbers[draw], array.model.seed
                 )
             deficit[due] += (threshold + lost)[due]
@@ -116,7 +116,7 @@ class NumpyFast:
         draw = fired & noisy
         if draw.any():
             k, numbers = self._spikes[draw], self._numbers[draw]
-            threshold[draw] = drawn(units, k, numbers, array.model.seed)
+            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
         if array.model.reset == "hard":
             deficit = np.where(fired, threshold + lost - 1, deficit)
         else:

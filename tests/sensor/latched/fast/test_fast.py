@@ -18,7 +18,7 @@ from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.bound import rate_bound
-from sensor.latched.fast.units import first_charge, quantile, units_of
+from sensor.latched.fast.units import current_thresholds, first_charge, quantile, units_of
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
@@ -239,12 +239,10 @@ def test_thresholds_are_the_exact_tiers_to_the_error_said(electrons: float) -> N
 
 
 def exact_rate(model: ExactModel, exact: NumpyPixels, numbers: Any) -> Any:
-    """Stored charge of the exact tier's pixels over their own threshold."""
-    from sensor.latched.fast.units import running
-
+    """Stored charge of the exact tier's pixels over their current threshold."""
     state = exact.state()
-    own = running(model, state.spikes, numbers) if model.noisy else 1.0
-    return 1 - (state.deficit + 1) / model.q / own
+    current = current_thresholds(model, state.spikes, numbers) if model.noisy else 1.0
+    return 1 - (state.deficit + 1) / model.q / current
 
 
 @pytest.mark.parametrize("seed", range(24))

@@ -1,0 +1,155 @@
+"""The events of a line's log, as `LineLog` writes them, and the reader that checks them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.types import FiniteFloat
+
+from cosim import InputError
+from cosim.errors import quote
+from rtl_model.host.log import FORMAT
+
+__all__ = ["Answer", "Dropped", "LogEvent", "Opened", "Request", "Stray", "read_log"]
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("must be printable")
+    return text
+
+
+Text = Annotated[str, Field(max_length=500), AfterValidator(_printable)]
+Hex = Annotated[str, Field(pattern=r"^(?:[0-9a-f]{2})*$")]
+Count = Annotated[int, Field(ge=0, lt=2**32)]
+Seconds = Annotated[FiniteFloat, Field(ge=-1e9, le=1e9)]
+
+
+class _Event(BaseModel):
+    """Attributes:
+    monotonic: time of the port's clock, s.
+    wall: UTC, text.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    monotonic: Seconds
+    wall: Text = ""
+
+
+class Opened(_Event):
+    """The first event. `simulated`, `time_scale` and `frames` are those of the session, None if it
+    did not state them."""
+
+    event: Literal["open"]
+    format: Literal["viform-line-1"]
+    port: Text = ""
+    baud: Annotated[int, Field(gt=0, lt=2**31)]
+    simulated: bool | None = None
+    time_scale: Annotated[float, Field(gt=0, lt=1e6)] | None = None
+    frames: Annotated[int, Field(gt=0, le=4096)] | None = None
+
+
+class Request(_Event):
+    """Attributes:
+    command: name of the uartbone command.
+    address: byte address, hexadecimal.
+    words: of the transaction.
+    hex: all bytes that were sent.
+    """
+
+    event: Literal["write"]
+    command: Literal["write", "read", "write fixed", "read fixed"]
+    address: Annotated[str, Field(pattern=r"^0x[0-9a-f]{1,8}$")]
+    words: Annotated[int, Field(ge=0, le=256)]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return f"a {self.command} of {self.words} words at {self.address} ({self.hex})"
+
+
+class Answer(_Event):
+    """Attributes:
+    wanted: bytes that the host waited for.
+    hex: bytes that came.
+    more: surplus bytes.
+    fault: None if there was none.
+    """
+
+    event: Literal["read"]
+    wanted: Count
+    hex: Hex
+    more: Hex
+    fault: Text | None
+
+    def __str__(self) -> str:
+        return f"an answer of {self.wanted} bytes ({self.hex or 'none'})"
+
+
+class Stray(_Event):
+    """Bytes that came without a request."""
+
+    event: Literal["stray"]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return "bytes without a request"
+
+
+class Dropped(_Event):
+    """The line was brought to silence or not (value: bytes dropped), or got another baud."""
+
+    event: Literal["silence", "chatter", "baud"]
+    value: Count
+
+    def __str__(self) -> str:
+        return self.event
+
+
+LogEvent = Annotated[Opened | Request | Answer | Stray | Dropped, Field(discriminator="event")]
+_EVENT: Final[TypeAdapter[Opened | Request | Answer | Stray | Dropped]] = TypeAdapter(LogEvent)
+
+
+def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropped], bool]:
+    """The events of a log, and whether its last line is cut off, which is then left out.
+
+    Raises:
+        InputError: a file that cannot be read, or a line that is no event, with its number.
+    """
+    try:
+        text = path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as exc:
+        raise InputError(
+            f"{path}", "a log of a line", f"unreadable ({exc})", "give one written with --log"
+        ) from exc
+    *lines, rest = text.split("\n")
+    events = [_parsed(path, number, line) for number, line in enumerate(lines, 1)]
+    if rest:
+        try:
+            events.append(_parsed(path, len(lines) + 1, rest))
+            rest = ""
+        except InputError:
+            if not events:
+                raise
+    if not events or not isinstance(events[0], Opened):
+        raise _bad(path, 1, (lines or [rest])[0])
+    for number, event in enumerate(events[1:], 2):
+        if isinstance(event, Opened):
+            raise _bad(path, number, lines[number - 1])
+    return events, bool(rest)
+
+
+def _parsed(path: Path, number: int, line: str) -> Opened | Request | Answer | Stray | Dropped:
+    try:
+        return _EVENT.validate_json(line)
+    except ValidationError as exc:
+        raise _bad(path, number, line) from exc
+
+
+def _bad(path: Path, number: int, line: str) -> InputError:
+    return InputError(
+        f"line {number} of {path}", f"an event of a {FORMAT} log", quote(line),
+        "give an unchanged log, written with --log",
+    )  # fmt: skip

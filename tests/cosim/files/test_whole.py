@@ -1,0 +1,50 @@
+"""Files that appear complete or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim import InputError
+from cosim.files.whole import whole
+
+
+def test_a_killed_process_leaves_no_part_for_long(tmp_path: Path) -> None:
+    path = tmp_path / "a [1].mp4"
+    kill = f"""
+import os, pathlib, signal
+from cosim.files.whole import whole
+with whole(pathlib.Path({str(path)!r})) as part:
+    part.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", kill], check=False)
+    (part,) = tmp_path.iterdir()
+    assert part.name.endswith(".part")
+    alive = tmp_path / f".{path.name}.{os.getppid()}.part"  # another process's, which still writes
+    other = tmp_path / f".other.{part.name.split('.')[-2]}.part"
+    for file in (alive, other):
+        file.touch()
+    with whole(path) as part:
+        part.write_text("whole")
+    assert sorted(tmp_path.iterdir()) == sorted([path, alive, other])
+
+
+def test_a_full_disk_is_said_by_who_knows_what_then(tmp_path: Path) -> None:
+    path = tmp_path / "a.dat"
+    with pytest.raises(OSError, match="No space left") as caught, whole(path) as part:
+        part.write_text("half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert caught.value.filename == str(path) and not list(tmp_path.iterdir())
+
+
+def test_a_name_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / ("a" * 250)  # its temporary name is too long
+    refused = pytest.raises(InputError, match="must be a name that can be written, not refused")
+    with refused, whole(path) as part:
+        part.write_text("whole")

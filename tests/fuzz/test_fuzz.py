@@ -1,0 +1,27 @@
+"""Damaged inputs end in a line: 1e4 in the suite, 1e6 behind the marker, and those kept for what
+they found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.engine import Target, run
+from tests.fuzz.targets import TARGETS
+
+QUICK, SLOW = 10_000, 1_000_000
+"""Cases of all targets together."""
+
+each_target = pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+
+
+@each_target
+def test_damaged_input_is_read_or_refused_in_a_line(target: Target, tmp_path: Path) -> None:
+    assert run(target, 0, QUICK // len(TARGETS) + 1, tmp_path) == []
+
+
+@pytest.mark.slow
+@each_target
+def test_a_million_damaged_inputs(target: Target, tmp_path: Path) -> None:
+    assert run(target, QUICK, SLOW // len(TARGETS) + 1, tmp_path) == []
