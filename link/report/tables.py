@@ -56,7 +56,7 @@ def error_text(check: LinkCheck) -> str:
     return (
         f"{counted} The reported error is an estimate from {close.count:,} bits that are nearly "
         f"wrong: their soft value favours the sent bit by less than {close.margin:.3g}. As run, "
-        f"{close.more:,} bits more and {close.fewer:,} fewer are nearly wrong, a change of "
+        f"{close.more:,} more and {close.fewer:,} fewer are nearly wrong, a change of "
         f"{close.change * 100:.2g} %, at 99.9 % between {close.relative[0] * 100:.2g} % and "
         f"{close.relative[1] * 100:.2g} %. If the bit error rate changes by the same share, it "
         f"is off by {paired.value:.2g} half-widths, between {paired.low:.2g} and {paired.high:.2g}."
