@@ -7,13 +7,13 @@ blocks implements `Stateful`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy.typing as npt
 
-__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "blocks"]
+__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "blocks", "section"]
 
 BLOCK = 64
 """Latch cycles in a block, unless a scenario sets another number."""
@@ -53,3 +53,9 @@ class Stateful(Protocol):
 
     def state(self) -> State: ...
     def restore(self, state: State) -> None: ...
+
+
+def section(state: Mapping[str, npt.NDArray[Any]], name: str) -> State:
+    """The part of a state whose keys begin with `name/`, under the rest of their names."""
+    prefix = f"{name}/"
+    return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}

@@ -16,10 +16,10 @@ from pathlib import Path
 from cosim import InputError, Interrupted
 from cosim.files.whole import whole
 from cosim.run.folder import (
-    PUT_BACK,
+    REINSTATED,
     begin_folder,
     check_room,
-    claimed,
+    claim_folder,
     how_to_resume,
     output_folder,
 )
@@ -73,7 +73,7 @@ def run_scenario(
         machine = assemble(name, scenario, options, progress)
         stack.callback(lambda: machine.close())  # of the machine as it is then
         check_room(place, machine.bits)
-        folder = stack.enter_context(claimed(name, out, options.resume))
+        folder = stack.enter_context(claim_folder(name, out, options.resume))
         machine, recording, reinstated = _record(machine, folder, options, progress)
         finished = False
         try:
@@ -91,7 +91,7 @@ def run_scenario(
             progress.advance(2)
             result.run_time_s = time.perf_counter() - began
             write_result(folder, result)
-            for leftover in (recording.chain.checkpoint, folder / PUT_BACK):
+            for leftover in (recording.chain.checkpoint, folder / REINSTATED):
                 leftover.unlink(missing_ok=True)
             finished = True
         except KeyboardInterrupt:
@@ -110,7 +110,7 @@ def _record(
 ) -> tuple[Machine, Recording, list[Finding]]:
     """Records until every bound of the plan holds; the machine as it is then, its recording, and
     the findings that led to another one."""
-    record = folder / PUT_BACK
+    record = folder / REINSTATED
     resume = options.resume and machine.chain(folder).checkpoint.exists()  # else it starts afresh
     findings = _reinstated_before(record) if resume else []
     if findings:
@@ -151,7 +151,7 @@ def _reinstated_before(path: Path) -> list[Finding]:
         return [Finding(**found) for found in json.loads(path.read_text(encoding="utf-8"))]
     except (OSError, ValueError, TypeError) as exc:
         raise InputError(
-            PUT_BACK, "the one that this run wrote", "a damaged file",
+            REINSTATED, "the one that this run wrote", "a damaged file",
             f"remove {path.parent} and run it afresh",
         ) from exc  # fmt: skip
 

@@ -1,18 +1,23 @@
-"""Figures with a unit, as a reader has them: with a prefix in the place of a power of ten."""
+"""Text of figures with a unit, with SI prefixes."""
 
 from __future__ import annotations
 
 __all__ = ["amount"]
 
 _RATES = ("bit/s", "pixel-cycles/s", "pixels/s", "events/s", "planes/s", "spikes/s")
-"""Units that take a prefix when they are many."""
+"""Units that take a prefix for large values."""
 _MANY = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 
 
 def amount(value: float, unit: str, digits: int = 3) -> str:
-    """A figure with its unit: 80 Mbit/s of 8e7 bit/s, 4 ms of 0.004 s, 85,900 of 85 897; the unit
-    "1" is none. digits: significant ones; a number is rounded before its prefix is chosen."""
+    """Text of a figure: "80 Mbit/s" for 8e7 bit/s, "4 ms" for 0.004 s, "85,900" for 85 897.
+
+    Args:
+        value: the figure.
+        unit: its unit; "1" for none.
+        digits: significant digits. The figure is rounded before its prefix is selected.
+    """
     rounded = abs(float(f"{value:.{digits}g}"))
     if unit in _RATES:
         for size, prefix in _MANY:

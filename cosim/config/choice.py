@@ -1,4 +1,4 @@
-"""A field that takes one of the names of a catalogue."""
+"""A field whose value is a name of a catalogue."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ __all__ = ["Choice"]
 
 @dataclass(frozen=True)
 class Choice:
-    """Annotation of a text field: as `typing.Literal` of the catalogue's names, read when a value
-    is checked, so that a catalogue may grow after the schema is made.
+    """Annotation of a text field. It is equivalent to `typing.Literal` of the names of a catalogue,
+    but reads them when a value is checked, so the catalogue may grow after the schema exists.
 
     Attributes:
-        names: of the catalogue; a dictionary by name will do.
+        names: names of the catalogue, or a dictionary by name.
     """
 
     names: Iterable[str]

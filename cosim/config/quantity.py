@@ -32,8 +32,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Quantity:
-    """Makes a float field one that is written as text of one kind, with optional limits. none: the
-    text none is taken as well, as 0."""
+    """Annotation of a float field that is written as text with a unit.
+
+    Attributes:
+        kind_name: name of the kind of quantity, see `KINDS`.
+        above: exclusive lower limit, None for none.
+        least, most: inclusive limits, None for none.
+        none: whether the text "none" is accepted as 0.
+    """
 
     kind_name: str
     above: float | None = None
@@ -43,10 +49,12 @@ class Quantity:
 
     @property
     def kind(self) -> Kind:
+        """The kind of quantity."""
         return KINDS[self.kind_name]
 
     def read(self, value: object) -> float:
-        """The number in the kind's unit; ValueError "must be ..." for anything else."""
+        """The number in the unit of the kind. Raises ValueError "must be ..." for any other
+        value."""
         must, other = f"must be {self.kind}", ", or none" if self.none else ""
         if self.none and value == "none":
             return 0.0
@@ -58,7 +66,7 @@ class Quantity:
             raise ValueError(must + other) from None
         for limit in (self.least, self.most):
             if limit is not None and math.isclose(number, limit, rel_tol=1e-12):
-                number = limit  # 0.38 um is 380 nm but for a rounding
+                number = limit  # 0.38 um is 380 nm up to rounding
         for word, limit, fine in (
             ("above", self.above, self.above is None or number > self.above),
             ("at least", self.least, self.least is None or number >= self.least),
@@ -69,7 +77,7 @@ class Quantity:
         return number
 
     def write(self, value: float) -> str:
-        """Text that `read` reads back to the same float."""
+        """Text from which `read` returns the same float."""
         return "none" if self.none and value == 0 else format_quantity(value, self.kind)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
@@ -83,10 +91,10 @@ class Quantity:
 
 
 DAY = 86_400.0
-"""Seconds; no run is longer (at 40 kHz it would be 3.5e9 cycles)."""
+"""Longest run in seconds (3.5e9 cycles at 40 kHz)."""
 
-# An electron is the least threshold; fixed point sets the most. Outside the visible, lux say
-# nothing of photons.
+# The least threshold is an electron, and fixed point limits the highest. Outside the visible range,
+# lux do not determine photons.
 Time = Annotated[float, Quantity("time", least=0, most=DAY)]
 Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
 Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]

@@ -9,5 +9,5 @@ __all__ = ["to_toml"]
 
 
 def to_toml(section: BaseModel) -> str:
-    """The section with every default filled in; a key whose value is None is left out."""
+    """The section as TOML, including defaults. Keys with the value None are omitted."""
     return tomli_w.dumps(section.model_dump(mode="json", exclude_none=True))

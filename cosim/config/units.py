@@ -1,8 +1,8 @@
-"""Quantities as text with units, and the kinds that dimensions alone do not tell apart.
+"""Quantities as text with units, and kinds of quantities.
 
-pint reads the text; a *kind* says which units may stand for it. Dimensional analysis cannot see
-that lux is not cd/m2 (steradian has no dimension) or that a pixel is no length (pint says it is),
-so a kind lists the units it accepts, any SI prefix allowed.
+pint parses the text, and a *kind* lists the accepted units, with any SI prefix. Dimensions alone do
+not suffice: they do not distinguish lux from cd/m2, as a steradian has no dimension, and a pixel is
+a length for pint.
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ __all__ = ["KINDS", "Kind", "format_quantity", "parse_quantity"]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of quantity: its unit in this project, the units accepted, an example.
+    """A kind of quantity.
 
-    accepted: products of unit names as pint spells them, without prefixes.
+    Attributes:
+        name: name in messages.
+        unit: unit of values in this project.
+        example: valid text.
+        accepted: accepted units as products of pint's unit names, without prefixes.
     """
 
     name: str
@@ -43,7 +47,7 @@ KINDS: dict[str, Kind] = {
         Kind("frequency", "Hz", "40 kHz", ("hertz", "1 / second")),
         Kind("illuminance", "lux", "700 lux", ("lux", "lumen / meter ** 2")),
         Kind("luminance", "cd/m²", "300 cd/m²", ("candela / meter ** 2",)),
-        Kind("speed", "px/s", "4000 px/s", ("css_pixel / second",)),  # px, as pint knows it
+        Kind("speed", "px/s", "4000 px/s", ("css_pixel / second",)),  # px in pint
         Kind("charge", "e", "1000 e", ("elementary_charge", "coulomb")),
         Kind("current", "e/s", "40 e/s", ("elementary_charge / second", "ampere")),
         Kind("capacitance", "fF", "15 fF", ("farad",)),
@@ -60,8 +64,8 @@ KINDS: dict[str, Kind] = {
 }
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-# pint computes what stands in a unit, so that "s*9**9**9" would keep it busy for ever: only names
-# with a small power, joined by one sign, are let through to it.
+# pint evaluates expressions in a unit, and "s*9**9**9" would not end. Therefore only names with a
+# small power, joined by one sign, are passed to it.
 _POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[²³]|⁻[¹²³])?"
 _NAME = rf"[A-Za-zµμ_]+{_POWER}"
 _UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
@@ -70,13 +74,13 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    import pint  # 0.3 s: only commands that read a scenario pay for it
+    import pint  # takes 0.3 s, so only for commands that read a scenario
 
     return pint.UnitRegistry()
 
 
 def _without_prefixes(unit: pint.Unit) -> str:
-    """The unit with every SI prefix taken off, as canonical text ("kilolux" -> "lux")."""
+    """The unit without SI prefixes, as canonical text ("kilolux" -> "lux")."""
     ureg = _registry()
     bare = ureg.Unit("")
     for name, power in unit._units.items():
@@ -91,10 +95,10 @@ def _accepted(kind: Kind) -> frozenset[str]:
 
 
 def parse_quantity(text: str, kind: Kind) -> float:
-    """Magnitude of `text` in the kind's unit.
+    """The number in `text`, in the unit of the kind.
 
-    Raises ValueError ("must be a frequency such as '40 kHz', not '40 lux'") when the text is not
-    a finite number with a unit of this kind.
+    Raises ValueError ("must be a frequency such as '40 kHz', not '40 lux'") if the text is not a
+    finite number with a unit of this kind.
     """
     match = _QUANTITY.fullmatch(text)
     if match is None:
@@ -104,7 +108,7 @@ def parse_quantity(text: str, kind: Kind) -> float:
         unit = ureg.Unit(match[2])
         allowed = _without_prefixes(unit) in _accepted(kind)
         magnitude = ureg.Quantity(float(match[1]), unit).to(kind.unit).magnitude if allowed else 0
-    except Exception as exc:  # pint raises a dozen types for text that is no unit
+    except Exception as exc:  # pint raises many types for text that is no unit
         raise ValueError(f"must be {kind}, not {text!r}") from exc
     if not allowed or not math.isfinite(magnitude):
         raise ValueError(f"must be {kind}, not {text!r}")
@@ -112,7 +116,7 @@ def parse_quantity(text: str, kind: Kind) -> float:
 
 
 def format_quantity(value: float, kind: Kind) -> str:
-    """Text that `parse_quantity` reads back to the same float."""
+    """Text from which `parse_quantity` returns the same float."""
     number = f"{value:.12g}"
     if float(number) != value:
         number = repr(float(value))

@@ -1,4 +1,4 @@
-"""Spike streams in files: what opens them, what writes them."""
+"""Spike streams in files: reading and writing of all formats."""
 
 from cosim.files.event_file import write_events
 from cosim.files.opening import (

@@ -1,9 +1,9 @@
-"""`config.yaml` beside a recording: what other spike software says about a folder of `.dat` files.
+"""`config.yaml` next to a recording: how other spike software describes a folder of `.dat` files.
 
 Keys: filename, spike_w, spike_h, is_labeled, labeled_data_type, labeled_data_suffix, and with
 labels data_field_identifier and label_field_identifier. `filename` names a recording or, as in the
-sets that come with SpikeCV, the set as a whole. What is read here is the size of the frames; the
-keys about labels are checked and left to the programs that use them.
+data sets of SpikeCV, the whole data set. Only the size of the frames is used here. The keys about
+labels are checked, but have no effect.
 """
 
 from __future__ import annotations
@@ -21,29 +21,34 @@ from cosim.files.whole import whole
 __all__ = [
     "CONFIG",
     "Config",
+    "adjacent_config",
     "check_config",
-    "config_beside",
     "read_config",
     "recording_of",
     "write_config",
 ]
 
 CONFIG = "config.yaml"
-"""The name that such a file has."""
+"""Name of such a file."""
 _LARGEST = 2**13
-"""Bytes of a config.yaml; the public ones have 150."""
+"""Upper limit of the size of a config.yaml, bytes; public ones have 150."""
 _MOST_PIXELS = 10**9
 
 
 @dataclass(frozen=True)
 class Config:
-    """What a config.yaml says; size is (width, height) of the frames as they are stored."""
+    """Content of a config.yaml.
+
+    Attributes:
+        filename: recording or data set.
+        size: (width, height) of the stored frames.
+    """
 
     filename: str
     size: tuple[int, int]
 
     def names(self, recording: Path) -> bool:
-        """Whether `filename` is this recording's, with or without its ending."""
+        """Whether `filename` names this recording, with or without its ending."""
         return PurePosixPath(self.filename).name in (recording.name, recording.stem)
 
 
@@ -57,7 +62,7 @@ def _bad(path: Path, value: str) -> InputError:
 
 
 def _load(path: Path) -> dict[str, Any] | None:
-    """The mapping in a YAML file; None where it is YAML of another kind."""
+    """The mapping in a YAML file; None if it is other YAML."""
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST + 1)
@@ -82,14 +87,14 @@ def _whole_number(path: Path, document: dict[str, Any], key: str) -> int:
 
 
 def _short(value: object) -> str:
-    """A value in a few words; of a list or a mapping only what it is, for it may be vast."""
+    """A short text for a value; for a list or a mapping only its type, as it may be large."""
     if isinstance(value, str | int | float | bool) or value is None:
         return ascii(value)[:40]
     return f"a {type(value).__name__}"
 
 
 def _check_labels(path: Path, document: dict[str, Any]) -> None:
-    """The keys about labels may be absent; what is there must be what the format says."""
+    """Raises InputError if a key about labels is present with a value of the wrong type."""
     for key in ("labeled_data_suffix", "data_field_identifier", "label_field_identifier"):
         if not isinstance(document.get(key), str | None):
             raise _bad(path, f"one whose {key} is {_short(document[key])}")
@@ -113,7 +118,7 @@ def _parse(path: Path, document: dict[str, Any]) -> Config:
 
 
 def read_config(path: Path) -> Config:
-    """What a config.yaml says; InputError where it is none."""
+    """The content of a config.yaml. Raises InputError if it is no such file."""
     document = _load(path)
     if document is None:
         raise _bad(path, "something else")
@@ -121,16 +126,17 @@ def read_config(path: Path) -> Config:
 
 
 def _is_recording(path: Path) -> bool:
-    """Whether there is a `.dat` of this name; no name that YAML can spell raises anything."""
+    """Whether a `.dat` of this name exists; never raises, for any name in YAML."""
     return path.suffix.lower() == ".dat" and os.path.isfile(path)
 
 
-def config_beside(recording: Path) -> Config | None:
-    """What the config.yaml beside a recording says of it; None where there is none.
+def adjacent_config(recording: Path) -> Config | None:
+    """The config.yaml next to a recording, None if there is none.
 
-    It speaks for every recording of its folder, unless its filename is that of another one there:
-    public sets write the name of the set. A config.yaml without spike_w and spike_h belongs to
-    some other program. Raises InputError where it is broken: a guess at the size could be wrong.
+    It applies to every recording of its folder, unless its filename is that of another recording
+    there: public data sets contain the name of the set. A config.yaml without spike_w and spike_h
+    belongs to another program. Raises InputError if the file is damaged, because a guessed size
+    could be wrong.
     """
     path = recording.with_name(CONFIG)
     if not path.is_file():
@@ -147,17 +153,17 @@ def config_beside(recording: Path) -> Config | None:
 
 
 def recording_of(path: Path) -> tuple[Path, Config]:
-    """The recording that a config.yaml, or the folder it lies in, stands for; and what it says.
+    """The recording of a config.yaml or of its folder, and the content of the config.yaml.
 
-    It is the one that `filename` names, else the only `.dat` in the folder.
+    It is the recording that `filename` names, or else the only `.dat` in the folder.
     """
     path = path / CONFIG if path.is_dir() else path
     config = read_config(path)
     name = PurePosixPath(config.filename)
     if not name.is_absolute() and ".." not in name.parts:
-        for found in (path.parent / name, path.parent / f"{name}.dat"):
-            if _is_recording(found):
-                return found, config
+        for candidate in (path.parent / name, path.parent / f"{name}.dat"):
+            if _is_recording(candidate):
+                return candidate, config
     others = [p for p in path.parent.iterdir() if _is_recording(p)]
     if len(others) != 1:
         value = f"{len(others)} others" if others else "none"
@@ -171,9 +177,9 @@ def recording_of(path: Path) -> tuple[Path, Config]:
 
 
 def write_config(recording: Path, size: tuple[int, int]) -> None:
-    """Writes a config.yaml beside a recording of that stored size, without labels.
+    """Writes a config.yaml without labels next to a recording. size: (width, height) as stored.
 
-    One that is there and says the same stays as it is; InputError where it says anything else.
+    An existing file with the same content is not changed. Raises InputError for other content.
     """
     path = recording.with_name(CONFIG)
     if path.exists():
@@ -186,7 +192,7 @@ def write_config(recording: Path, size: tuple[int, int]) -> None:
             "spike_h": size[1],
             "is_labeled": False,
             "labeled_data_type": [0],  # raw spikes, as public sets number it
-            "labeled_data_suffix": "None",  # as public sets say that there is none
+            "labeled_data_suffix": "None",  # "None" in public sets means no suffix
         },
         sort_keys=False,
         default_flow_style=None,
@@ -197,18 +203,20 @@ def write_config(recording: Path, size: tuple[int, int]) -> None:
 
 
 def check_config(recording: Path, size: tuple[int, int]) -> None:
-    """Raises InputError where a config.yaml is beside the recording that does not say this size."""
+    """Raises InputError if the config.yaml next to a recording states another size."""
     path = recording.with_name(CONFIG)
     if not path.exists():
         return
     try:
-        said = config_beside(recording)
+        existing = adjacent_config(recording)
     except InputError:
-        said = None
-    if said is None or said.size != size:
+        existing = None
+    if existing is None or existing.size != size:
         raise InputError(
             f"{path}",
             f"absent, or one that says {size[0]}x{size[1]} of {recording.name}",
-            "another" if said is None else f"one that says {said.size[0]}x{said.size[1]}",
+            "another"
+            if existing is None
+            else f"one that says {existing.size[0]}x{existing.size[1]}",
             "leave --config out, or write into another folder",
         )

@@ -2,11 +2,11 @@
 
 A frame is row-major from the bottom row up, one bit a pixel, the least significant bit of a byte
 first; 12 500 bytes at 400 x 250. In numpy:
-packbits(spikes[:, ::-1].reshape(T, -1), axis=1, bitorder="little"). Some writers pad a frame to
-whole bytes and some readers assume none: sizes where that matters are refused.
+packbits(spikes[:, ::-1].reshape(T, -1), axis=1, bitorder="little"). Programs differ on whether a
+frame is padded to whole bytes, so sizes that would need padding are refused.
 
-Cameras also write frames *with head*: 416 x 250, whose columns 400 to 415 are no pixels. Which size
-a file without one is taken to have is decided in `dat_size.py`.
+Cameras also write frames *with head*: 416 x 250, whose columns 400 to 415 are not pixels.
+`dat_size.py` determines the size of a file, as the file does not contain it.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ Size = tuple[int, int]
 """(width, height) in columns and rows."""
 
 DAT_SIZE = (400, 250)
-"""Default width and height of a `.dat`: every public recording of the format."""
+"""Default width and height of a `.dat`, as in all public recordings."""
 HEAD_SIZE = (416, 250)
-"""What is stored of a 400 x 250 frame with head; the pixels are the first 400 columns."""
+"""Stored size of a 400 x 250 frame with head. The pixels are the first 400 columns."""
 DAT_CLOCK = Clock(40_000)
-"""The file names no clock; recordings are made at 40 kHz."""
+"""Clock of recordings, which the file does not contain."""
 
 
 def check_dat_size(width: int, height: int) -> int:
-    """Bytes in a frame; InputError where it is ambiguous."""
+    """Bytes of a frame. Raises InputError for a size that is not whole bytes."""
     if width < 1 or height < 1 or width * height % 8:
         raise InputError(
             "the size of a .dat frame",
@@ -54,15 +54,20 @@ def check_dat_size(width: int, height: int) -> int:
 
 
 def pixels_of(stored: Size) -> Size:
-    """Width and height of the pixels in frames of this size: 400 x 250 of 416 x 250."""
+    """Width and height in pixels of a stored size: 400 x 250 for 416 x 250."""
     return DAT_SIZE if stored == HEAD_SIZE else stored
 
 
 class DatStream:
-    """A `.dat` file as a spike stream; frames are read as they are asked for.
+    """A `.dat` file as a spike stream. Frames are read on demand.
 
-    size: width and height of the frames as they are stored, so 416 x 250 means 400 x 250 with head.
-    notes: what the user should know about how the file was understood.
+    Args:
+        path: the file.
+        size: stored width and height of the frames; 416 x 250 means 400 x 250 with head.
+        notes: information for the user about the interpretation of the file.
+
+    Raises:
+        InputError: the file does not consist of whole frames.
     """
 
     def __init__(self, path: Path, size: Size = DAT_SIZE, notes: tuple[str, ...] = ()) -> None:
@@ -97,7 +102,7 @@ class DatStream:
     def read_words(self, first: int, stop: int) -> Words:
         stop = min(stop, words_for(self.cycles))
         words = np.empty((max(stop - first, 0), *self._shape), np.uint32)
-        for n in range(len(words)):  # a word at a time: its unpacked bits are 32 times as many
+        for n in range(len(words)):  # a word at a time: unpacked bits need 8 times the memory
             w = first + n
             bits = np.unpackbits(
                 self._frames[w * WORD : (w + 1) * WORD], axis=1, bitorder="little"
@@ -107,10 +112,15 @@ class DatStream:
 
 
 def write_dat(stream: SpikeStream, path: Path, head: bool = False) -> None:
-    """Writes a stream as `.dat`. Clock and start are not kept: the format has no place for them.
+    """Writes a stream as `.dat`, which cannot hold its clock and start.
 
-    head: write 400 x 250 pixels as 416 x 250, with zeros in columns 400 to 415.
-    Raises InputError for a size that would not be read again as it is.
+    Args:
+        stream: the stream.
+        path: the file.
+        head: whether 400 x 250 pixels are written as 416 x 250, with zeros in columns 400 to 415.
+
+    Raises:
+        InputError: the stream would be read with another size.
     """
     height, width = stream.shape
     if head and (width, height) != DAT_SIZE:

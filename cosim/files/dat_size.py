@@ -1,17 +1,18 @@
-"""Which size a `.dat` has: given, said by the config.yaml beside it, or the only one that fits.
+"""Size of a `.dat`: from --size, from the config.yaml next to it, or from its length.
 
-The file itself says nothing, and its content cannot be trusted to tell: light decides it. So
-without --size and config.yaml its length decides, among the three sizes that cameras write:
+The file does not contain its size, and its content, which depends on the light, does not determine
+it. Without --size and config.yaml, the length selects one of the three sizes that cameras write:
 
-| bytes a frame | frame | is assumed when the length is a multiple |
+| bytes a frame | frame | assumed if the length is a multiple |
 |---|---|---|
 | 12 500 | 400 x 250 | of this and not of 13 000 |
 | 13 000 | 416 x 250, with head | of this and not of 12 500 |
-| 125 000 | 1000 x 1000 | never: every such length is 10 frames of 400 x 250 as well |
+| 125 000 | 1000 x 1000 | never: such a length is also a multiple of 10 frames of 400 x 250 |
 
-A multiple of both 12 500 and 13 000 (26 frames or 25, and so on) is refused. A multiple of 125 000
-is read as 400 x 250 with a note that says what else it may be: a refusal would make every 400 x 250
-recording of 10, 200 or 500 frames need a flag, and silence would hide a wrong image.
+A multiple of both 12 500 and 13 000 (26 or 25 frames, and so on) is refused. A multiple of 125 000
+is read as 400 x 250, with a note on the other possibility. If it were refused, every 400 x 250
+recording of 10, 200 or 500 frames would need a flag; without the note, a wrong image could go
+unnoticed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.config_yaml import CONFIG, Config, config_beside
+from cosim.files.config_yaml import CONFIG, Config, adjacent_config
 from cosim.files.dat import DAT_SIZE, HEAD_SIZE, DatStream, Size, check_dat_size
 
 __all__ = ["guess_size", "open_dat"]
@@ -29,9 +30,9 @@ _DAT, _HEAD, _LARGE = (check_dat_size(*size) for size in (DAT_SIZE, HEAD_SIZE, L
 
 
 def guess_size(path: Path, length: int) -> tuple[Size, tuple[str, ...]]:
-    """The stored size of a file of so many bytes, and what to tell its reader.
+    """The stored size of a file of `length` bytes, and notes for the user.
 
-    Raises InputError where 400 x 250 and 416 x 250 both fit.
+    Raises InputError if both 400 x 250 and 416 x 250 fit.
     """
     n = length // _LARGE
     large = f"1000x1000 ({n} frame{'s' if n > 1 else ''})"
@@ -55,14 +56,14 @@ def guess_size(path: Path, length: int) -> tuple[Size, tuple[str, ...]]:
 
 
 def open_dat(path: Path, size: Size | None = None, config: Config | None = None) -> DatStream:
-    """A `.dat` with the size given, else the one its config.yaml says, else the one that fits."""
+    """A `.dat` as a stream. Without `size` and `config`, see the top of this file."""
     if size is not None:
         return DatStream(path, size)
-    said = config or config_beside(path)
-    if said is None:
+    known = config or adjacent_config(path)
+    if known is None:
         return DatStream(path, *guess_size(path, path.stat().st_size))
     try:
-        return DatStream(path, said.size)
+        return DatStream(path, known.size)
     except InputError as exc:
         raise InputError(
             exc.what, f"{exc.must}, as its {CONFIG} says", exc.actual, exc.remedy

@@ -2,9 +2,9 @@
 
 `row`, `column` (n,) uint16, `time`, `width` (n,) int64 ticks; where spikes are quantised, `level`
 (n,) uint16 and `levels`; `shape` (height, width), `ticks`, `clock` (numerator and denominator in
-Hz) and `start`. What they mean, and in which order they stand, is said in `cosim/spikes/events.py`.
+Hz) and `start`. `cosim/spikes/events.py` defines them and their order.
 
-A megapixel stream may have 1e9 spikes, 20 bytes each: both ways a part is held at a time.
+A megapixel stream may have 1e9 spikes of 20 bytes each, so files are read and written in parts.
 """
 
 from __future__ import annotations
@@ -31,24 +31,30 @@ __all__ = ["ENDING", "EventFile", "EventSource", "read_events", "write_events"]
 
 ENDING = ".events.npz"
 PART = 2**20
-"""Events held at a time."""
+"""Events of a part."""
 LEVEL = 1
-"""Of zlib: places and times are sorted and shrink well at any."""
+"""Compression level of zlib. The sorted positions and times compress well at any level."""
 _LARGEST = 2**16
-"""Rows or columns that a place can have."""
+"""Upper limit of rows and of columns."""
 _LATEST = 2**62
-"""Ticks that leave room to reckon in 64 bits."""
+"""Upper limit of ticks, so that sums fit in 64 bits."""
 _SMALL = {"shape": 2, "ticks": 1, "clock": 2, "start": 1, "levels": 1}
-"""Numbers in each of the other arrays."""
+"""Number of elements of the other arrays."""
 _OPTIONAL = {"level", "levels"}
 
 Part = dict[str, npt.NDArray[Any]]
-"""Some events: arrays of `COLUMNS` by name, all of one length."""
+"""A part of the events: arrays of `COLUMNS` by name, of equal length."""
 
 
 @dataclass
 class EventSource(ABC):
-    """Events that can be read again and again, a part at a time."""
+    """Events that can be read repeatedly, part by part.
+
+    Attributes:
+        shape, ticks, clock, start, levels: see `Events`.
+        has_level: whether events have a level.
+        count: number of events.
+    """
 
     shape: tuple[int, int]
     ticks: int
@@ -59,7 +65,8 @@ class EventSource(ABC):
     count: int
 
     @abstractmethod
-    def parts(self) -> Iterator[Part]: ...
+    def parts(self) -> Iterator[Part]:
+        """The events in parts, in their order."""
 
 
 class _InMemory(EventSource):
@@ -75,7 +82,7 @@ class _InMemory(EventSource):
 
 
 class _OfStream(EventSource):
-    """Every spike of a synchronous stream, computed anew in each pass."""
+    """All spikes of a synchronous stream, computed again in each pass."""
 
     def __init__(self, stream: SpikeStream) -> None:
         count = int(count_spikes(stream, 0, stream.cycles).sum(dtype=np.int64))
@@ -89,7 +96,7 @@ class _OfStream(EventSource):
 
 
 class EventFile(EventSource):
-    """An `.events.npz`, checked as it is read. Raises InputError for any other file."""
+    """An `.events.npz`, which is checked while it is read. Raises InputError for any other file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -142,7 +149,8 @@ class EventFile(EventSource):
         return (height, width), *head, "level" in arrays, count
 
     def parts(self) -> Iterator[Part]:
-        """Events in their order; InputError where damaged, out of order or out of place."""
+        """The events in parts. Raises InputError if they are damaged, out of order or out of
+        range."""
         names = [name for name in COLUMNS if name != "level" or self.has_level]
         last = None
         try:
@@ -160,7 +168,7 @@ class EventFile(EventSource):
 
 
 def _events(part: Part, header: EventSource) -> Events:
-    """A part as events, which checks it; ValueError."""
+    """A part as events, which are checked. Raises ValueError."""
     return Events(
         part["row"], part["column"], part["time"], part["width"], header.shape, header.ticks,
         header.clock, header.start, part.get("level"), header.levels,
@@ -168,7 +176,7 @@ def _events(part: Part, header: EventSource) -> Events:
 
 
 def read_events(path: Path) -> Events:
-    """All events of a file in memory; InputError for what is none, and where memory is short."""
+    """All events of a file in memory. Raises InputError for another file, or if memory is short."""
     file = EventFile(path)
     each = sum(np.dtype(dtype).itemsize for dtype in COLUMNS.values())
     check_memory(f"the {file.count} events of {path}", 2 * each * file.count, "use its planes")
@@ -178,9 +186,9 @@ def read_events(path: Path) -> Events:
 
 
 def write_events(source: SpikeStream | Events | EventFile, path: Path) -> None:
-    """Writes events, or every spike of a stream, as `.events.npz`; nothing of it is lost.
+    """Writes events, or all spikes of a stream, as `.events.npz` without loss.
 
-    The source is read once for each array, so that no more than a part is in memory.
+    The source is read once for each array, so that only a part is in memory.
     """
     if isinstance(source, EventFile):
         events: EventSource = source

@@ -1,4 +1,4 @@
-"""Planes of an event file: the events of a synchronous stream, one full spike a pixel and tick."""
+"""Spike planes from an event file with at most one full spike a pixel and tick."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ __all__ = ["EventStream"]
 
 
 class _Intervals:
-    """Counts the events whose width is not the interval since their pixel's spike before."""
+    """Counts events whose width differs from the interval to the pixel's previous spike."""
 
     def __init__(self, file: EventFile) -> None:
         self._columns, self.other = file.shape[1], 0
         self._last = np.full(file.shape[0] * file.shape[1], file.start - 1, np.int64)
 
     def add(self, part: Part) -> None:
+        """Counts those of a part; parts come in order."""
         pixel = part["row"].astype(np.int64) * self._columns + part["column"]
         order = np.argsort(pixel, kind="stable")
         pixel, time = pixel[order], part["time"][order]
@@ -37,12 +38,12 @@ class _Intervals:
 class EventStream:
     """An event file as a spike stream.
 
-    Its planes are computed in memory when they are first needed, a part of the events at a time.
-    Raises InputError for a file of another kind, and when the planes are computed: for damage, for
-    events that planes cannot hold, and where the planes need more memory than is free.
+    Its planes are computed in memory on first use, from parts of the events. Raises InputError for
+    another file, and when the planes are computed: for damage, for events that planes cannot hold,
+    and if memory is short.
 
     Attributes:
-        notes: what planes do not keep of the events, once they have been computed.
+        notes: properties of the events that planes do not hold; known after the first use.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,12 +55,13 @@ class EventStream:
         self._words: Words | None = None
 
     def read_words(self, first: int, stop: int) -> Words:
-        """As `SpikeStream` says; a view."""
+        """Words `first` to `stop` (excluded), as a view; see `SpikeStream`."""
         if self._words is None:
-            self._words = self._made()
+            self._words = self._compute()
         return self._words[first:stop]
 
-    def _made(self) -> Words:
+    def _compute(self) -> Words:
+        """Words of all events."""
         file, (height, width) = self.file, self.shape
         n = words_for(self.cycles)
         remedy = "keep its events, or cut them into shorter files"

@@ -18,7 +18,7 @@ __all__ = ["read_intensities", "write_intensities"]
 
 
 def write_intensities(reports: Intensities, path: Path) -> None:
-    """Writes reports as `.npz`; nothing of them is lost."""
+    """Writes reports as `.npz` without loss."""
     with whole(path) as part, part.open("wb") as file:
         np.savez_compressed(
             file,
@@ -35,9 +35,9 @@ def write_intensities(reports: Intensities, path: Path) -> None:
 
 
 def read_intensities(path: Path) -> Intensities:
-    """Reports from an `.npz` of ours.
+    """Reports from an `.npz` that `write_intensities` has written.
 
-    Raises InputError for anything else, OSError when the file cannot be read.
+    Raises InputError for any other file, OSError if the file cannot be read.
     """
 
     def bad(value: str) -> InputError:

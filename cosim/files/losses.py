@@ -1,4 +1,4 @@
-"""What of a stream a format has no place for, in lines to be said to who writes it."""
+"""Properties of a stream that a format cannot hold, as notes for the user."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cosim.clock import Clock
 from cosim.errors import InputError
-from cosim.files.config_yaml import CONFIG, config_beside
+from cosim.files.config_yaml import CONFIG, adjacent_config
 from cosim.files.dat import DAT_CLOCK, HEAD_SIZE
 from cosim.files.dat_size import guess_size
 from cosim.files.raw import RAW_CLOCK
@@ -15,40 +15,40 @@ from cosim.spikes.viform import SpikeStream
 __all__ = ["losses"]
 
 _CLOCKS: dict[str, Clock] = {".dat": DAT_CLOCK, ".raw": RAW_CLOCK}
-"""Formats that hold spikes alone, and the clock they are read with."""
+"""Formats that hold only spikes, and the clock with which they are read."""
 
 
 def losses(stream: SpikeStream, path: Path, ending: str, head: bool = False) -> list[str]:
-    """One line for each thing that is lost when `stream` has been written to `path`."""
+    """One line for each property that is lost in writing `stream` to `path`."""
     if ending not in _CLOCKS:
         return []
-    said = []
+    notes = []
     clock, start = _CLOCKS[ending], int(getattr(stream, "start", 0))
     if stream.clock != clock:
-        said.append(
+        notes.append(
             f"{path} does not keep the clock of {_hz(stream.clock)}: it is read as {_hz(clock)}"
         )
     if start:
-        said.append(f"{path} does not keep that the first cycle is {start}: it is read as 0")
+        notes.append(f"{path} does not keep that the first cycle is {start}: it is read as 0")
     if ending == ".dat" and (line := _size_lost(stream, path, head)):
-        said.append(line)
-    return said
+        notes.append(line)
+    return notes
 
 
 def _size_lost(stream: SpikeStream, path: Path, head: bool) -> str | None:
-    """Where a `.dat`, opened without --size, would be taken for one of another size."""
+    """A note if a `.dat` would be read with another size without --size; None otherwise."""
     height, width = stream.shape
     size = HEAD_SIZE if head else (width, height)
-    beside = ""
+    stated = ""
     try:
-        said = config_beside(path)
-        read = said.size if said else guess_size(path, path.stat().st_size)[0]
-        beside = f" and the {CONFIG} beside it says {read[0]}x{read[1]}" if said else ""
+        config = adjacent_config(path)
+        read = config.size if config else guess_size(path, path.stat().st_size)[0]
+        stated = f" and the {CONFIG} beside it says {read[0]}x{read[1]}" if config else ""
     except InputError:
         read = None
     if read == size:
         return None
-    return f"{path} does not keep its size{beside}: read it with --size {size[0]}x{size[1]}"
+    return f"{path} does not keep its size{stated}: read it with --size {size[0]}x{size[1]}"
 
 
 def _hz(clock: Clock) -> str:

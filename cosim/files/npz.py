@@ -1,7 +1,7 @@
 """`.npz`: a whole stream as one numpy archive, for use in other programs.
 
-Ours holds `words` (n, H, W) uint32, `cycles`, `clock` (numerator, denominator in Hz) and `start`.
-Also read: archives of others with one (T, H, W) array of 0 and 1.
+An archive of this project has `words` (n, H, W) uint32, `cycles`, `clock` (numerator, denominator
+in Hz) and `start`. Archives of other programs with one (T, H, W) array of 0 and 1 are read as well.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["read_npz", "write_npz"]
 
 
 def write_npz(stream: SpikeStream, path: Path) -> None:
-    """Writes a stream as `.npz`, a word at a time; nothing of it is lost."""
+    """Writes a stream as `.npz` without loss, a word at a time."""
     n = words_for(stream.cycles)
     words = (stream.read_words(w, w + 1) for w in range(n))
     with whole(path) as part, part.open("wb") as file, ArchiveWriter(file) as archive:
@@ -33,9 +33,9 @@ def write_npz(stream: SpikeStream, path: Path) -> None:
 
 
 def read_npz(path: Path) -> Viform:
-    """A stream from an `.npz` of ours or of another program, whose clock counts as 40 kHz.
+    """A stream from an `.npz` of this project, or of another program with a clock of 40 kHz.
 
-    Raises InputError for anything else, OSError when the file cannot be read.
+    Raises InputError for any other file, OSError if the file cannot be read.
     """
 
     def bad(value: str) -> InputError:

@@ -1,4 +1,4 @@
-"""One way to open any stream and to write any: by its name's ending."""
+"""Opening and writing of streams in all formats, by the ending of the name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["FORMATS", "ending_of", "locate_stream", "notes_of", "open_stream", "
 
 
 def _write_events(stream: SpikeStream, path: Path) -> None:
-    """Events stay events: what planes do not keep of them goes along."""
+    """Writes events; those of an event file keep properties that planes do not hold."""
     write_events(stream.file if isinstance(stream, EventStream) else stream, path)
 
 
@@ -43,24 +43,24 @@ FORMATS = (".dat", *_READ)
 
 
 def ending_of(path: Path) -> str:
-    """The ending that tells a file's format, in lower case."""
+    """The ending that determines the format of a file, in lower case."""
     return ENDING if path.name.lower().endswith(ENDING) else path.suffix.lower()
 
 
 def notes_of(stream: SpikeStream) -> tuple[str, ...]:
-    """What the user should know about how the file was understood, a line each."""
+    """Notes for the user about the interpretation of a file."""
     return tuple(getattr(stream, "notes", ()))
 
 
 def locate_stream(path: Path) -> Path:
-    """The file or store that is read when `path` is opened; InputError where there is none."""
+    """The file or store that `open_stream` reads. Raises InputError if there is none."""
     with _readable(path):
         return _located(path)[0]
 
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Says in one line what the system refuses to read."""
+    """Turns an OSError into an InputError."""
     try:
         yield
     except OSError as exc:
@@ -68,7 +68,7 @@ def _readable(path: Path) -> Iterator[None]:
 
 
 def _located(path: Path) -> tuple[Path, Config | None]:
-    """The stream that a folder or a config.yaml stands for, or the path itself."""
+    """The stream of a folder or of a config.yaml, or the path itself."""
     if (path / "stream.zarr").exists():
         return path / "stream.zarr", None
     if (path / "stream.events.npz").exists():
@@ -86,11 +86,15 @@ def _located(path: Path) -> tuple[Path, Config | None]:
 
 
 def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
-    """Opens a stream; the folder of a run stands for the stream.zarr in it, a config.yaml and its
-    folder for the recording that it names.
+    """Opens a stream.
 
-    size: (width, height) of formats without a header, as it is stored; one that has a header must
-    agree. Raises InputError for whatever is no stream.
+    Args:
+        path: a file, the folder of a run for its stream.zarr, or a config.yaml or its folder for
+            the recording that it names.
+        size: stored (width, height), for formats without a header. It must agree with a header.
+
+    Raises:
+        InputError: there is no such stream.
     """
     with _readable(path):
         path, config = _located(path)
@@ -118,10 +122,10 @@ def write_stream(
     stream that the format cannot hold.
 
     Args:
-        stream: that is written.
-        path: of the file.
+        stream: the stream.
+        path: the file.
         head: whether a `.dat` has frames of 416 x 250, with a head.
-        config: whether a config.yaml is written beside a `.dat`.
+        config: whether a config.yaml is written next to a `.dat`.
     """
     ending = ending_of(path)
     if ending not in FORMATS:

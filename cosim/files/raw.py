@@ -1,7 +1,7 @@
-"""`.raw`: the words of a SpikeTwo-class camera, 1000 x 1000, 128 000 bytes a frame, with markers.
+"""`.raw`: words of a SpikeTwo-class camera, 1000 x 1000, 128 000 bytes a frame, with markers.
 
-A capture starts and stops anywhere, so whole frames are looked for, and every marker that is read
-is checked: a block that was lost would shift all that follow. `raw_layout.py` has the layout.
+A capture may start and stop within a frame, so the reader searches for whole frames. It checks all
+markers, because a lost block would shift all following ones. `raw_layout.py` has the layout.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_pl
 __all__ = ["RAW_CLOCK", "RawStream", "write_raw"]
 
 RAW_CLOCK = Clock(40_000)
-"""The file says no clock; the chip latches at 40 kHz."""
+"""Clock of the chip, which the file does not contain."""
 
 Bytes = npt.NDArray[np.uint8]
 
 _MARKERS = markers()
 _PLACE = TABLE.row * 2 + TABLE.half
-"""Half row of the chip that each block of a frame is."""
+"""Index of the half row of the chip of each block of a frame."""
 
 
 def _markers_of(data: Bytes, first: int, count: int) -> npt.NDArray[np.uint16]:
@@ -47,9 +47,9 @@ def _markers_of(data: Bytes, first: int, count: int) -> npt.NDArray[np.uint16]:
 
 
 def _frame_start(data: Bytes) -> int | None:
-    """The byte within the first frame's length at which most of a frame's markers are right.
+    """The byte, within the length of a frame, at which the most markers of a frame are correct.
 
-    None where fewer than half of them are: the file is something else.
+    None if fewer than half of them are: the file is not of this format.
     """
     last = min(len(data) - FRAME_BYTES, FRAME_BYTES)
     low = data[BLOCK_BYTES - 2 : BLOCK_BYTES - 1 + last].astype(np.uint16)
@@ -65,11 +65,14 @@ def _frame_start(data: Bytes) -> int | None:
 
 
 class RawStream:
-    """A `.raw` file as a spike stream; frames are read, and their markers checked, as they are
-    asked for. Opening checks the first and the last frame and what lies around them.
+    """A `.raw` file as a spike stream. Frames are read, and their markers checked, on demand.
+    Opening checks the first and the last frame, and the data before and after them.
 
-    notes: how many bytes before the first whole frame and after the last are left out.
-    Raises InputError for a file without whole frames, and where blocks are lost or damaged.
+    Attributes:
+        notes: numbers of bytes before the first whole frame and after the last, which are ignored.
+
+    Raises:
+        InputError: the file has no whole frame, or blocks are lost or damaged.
     """
 
     shape = RAW_SIZE[::-1]
@@ -97,9 +100,9 @@ class RawStream:
         tail = rest // BLOCK_BYTES
         if (_markers_of(self._data, length - rest, tail) != _MARKERS[:tail]).any():
             self._refuse()
-        said = [f"{start} before the first whole frame"] if start else []
-        said += [f"{rest} after the last"] if rest else []
-        self.notes = (f"bytes of {path} left out: {', '.join(said)}",) if said else ()
+        ignored = [f"{start} before the first whole frame"] if start else []
+        ignored += [f"{rest} after the last"] if rest else []
+        self.notes = (f"bytes of {path} left out: {', '.join(ignored)}",) if ignored else ()
 
     def _check(self, first: int, stop: int) -> None:
         """Checks the markers of frames `first` to `stop` (excluded)."""
@@ -110,7 +113,8 @@ class RawStream:
             self._refuse()
 
     def _refuse(self) -> None:
-        """Names the first wrong block of the file, from which any other may follow."""
+        """Raises InputError with the first wrong block of the file, which may be the cause of
+        others."""
         blocks = (len(self._data) - self._start) // BLOCK_BYTES
         for first in range(0, blocks, WORD * BLOCKS):
             count = min(WORD * BLOCKS, blocks - first)
@@ -148,7 +152,7 @@ class RawStream:
         )
 
     def read_words(self, first: int, stop: int) -> Words:
-        """As `SpikeStream` says; InputError where blocks are lost or damaged."""
+        """See `SpikeStream`. Raises InputError if blocks are lost or damaged."""
         stop = min(stop, words_for(self.cycles))
         words = np.empty((max(stop - first, 0), *self.shape), np.uint32)
         for n in range(len(words)):
@@ -169,8 +173,8 @@ def _named(marker: np.uint16) -> str:
 
 
 def write_raw(stream: SpikeStream, path: Path) -> None:
-    """Writes a 1000 x 1000 stream as `.raw`, whole frames from the first byte on. Clock and start
-    are not kept. Raises InputError for another size."""
+    """Writes a 1000 x 1000 stream as `.raw` in whole frames. The format cannot hold clock and
+    start. Raises InputError for another size."""
     height, width = stream.shape
     if (width, height) != RAW_SIZE:
         raise InputError(

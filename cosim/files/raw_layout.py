@@ -1,4 +1,4 @@
-"""Layout of SpikeTwo-class raw words: where a block lies on the chip, and what its marker must be.
+"""Layout of SpikeTwo-class raw words: position of each block on the chip, and its marker.
 
 A frame is 2000 blocks of 64 bytes, each half a row: bits 0 to 499 are pixels from left to right,
 least significant bit first, bits 500 to 511 a marker. The last 16 bits of a block, little-endian,
@@ -27,7 +27,13 @@ MARKER_MASK = 0xFFF0
 
 
 class Table(NamedTuple):
-    """One entry for each block of a frame, in the order of the file; each (2000,) int."""
+    """Properties of the blocks of a frame, in the order of the file; each (2000,) int.
+
+    Attributes:
+        channel, line: numbers in the marker of the block.
+        row: row of the chip.
+        half: 0 for the left half of the row, 1 for the right.
+    """
 
     channel: npt.NDArray[np.intp]
     line: npt.NDArray[np.intp]
@@ -36,13 +42,13 @@ class Table(NamedTuple):
 
 
 def _chip_map() -> Table:
-    """Where each block lies. No publication says so; this map is the simplest that agrees with
-    what public readers do.
+    """Position of each block on the chip.
 
-    They take a frame from (channel 0, line 500) on as rows of two blocks, left then right, from the
-    top row down; the block before it is (channel 3, line 500). Both ends of a frame being lines 500
-    means that lines count outwards from the middle of the chip, in four quadrants: channels 0 and 1
-    upper left and right, 2 and 3 lower left and right. Another map is another return value.
+    The map is not published; this is the simplest one that agrees with public readers. They read a
+    frame from (channel 0, line 500) on as rows of two blocks, left and right, from the top row
+    down. The block before is (channel 3, line 500). As a frame begins and ends with lines 500,
+    lines count outwards from the middle of the chip in four quadrants: channels 0 and 1 are upper
+    left and right, 2 and 3 lower left and right.
     """
     row, half = np.divmod(np.arange(BLOCKS), 2)
     lower = row >= RAW_SIZE[1] // 2
@@ -54,5 +60,5 @@ TABLE = _chip_map()
 
 
 def markers(table: Table = TABLE) -> npt.NDArray[np.uint16]:
-    """The marker of every block of a frame, as it stands in the last 16 bits: (2000,) uint16."""
+    """The marker of each block of a frame, within its last 16 bits, (2000,) uint16."""
     return (table.channel << 14 | table.line << 4).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all: written under a temporary name, then renamed."""
+"""Atomic writing of files: under a temporary name, which is then renamed."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from cosim.errors import InputError
 __all__ = ["NO_ROOM", "refusal", "whole"]
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where nothing more can be written."""
+"""Error numbers of a full disk."""
 
 
 def refusal(path: Path, exc: OSError) -> InputError | OSError:
-    """What to raise where the system refuses to write `path`: an InputError, but of a full disk the
-    OSError itself with the file's name, since only the command knows how it goes on."""
+    """The exception to raise if `path` cannot be written: an InputError. For a full disk it is the
+    OSError with the name of the file, because only the command knows how to continue."""
     if exc.errno in NO_ROOM:
         exc.filename = exc.filename or str(path)
         return exc
@@ -34,11 +34,11 @@ def refusal(path: Path, exc: OSError) -> InputError | OSError:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A name beside `path` to write to, file or folder; it takes the place of `path` only when the
-    block succeeds.
+    """A temporary name for a file or folder, which replaces `path` only if the context succeeds.
 
-    Raises InputError where the system refuses to write, and where `path` is a folder of the user's
-    own: only a Zarr store is replaced. OSError where the disk is full.
+    Raises:
+        InputError: the file cannot be written, or `path` is a folder other than a Zarr store.
+        OSError: the disk is full.
     """
     _remove_abandoned(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -56,7 +56,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def _remove_abandoned(path: Path) -> None:
-    """Removes the parts of `path` that killed processes have left."""
+    """Removes temporary files for `path` of processes that no longer exist."""
     for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
         number = part.name.split(".")[-2]
         if number.isdecimal() and not _alive(int(number)):
@@ -64,18 +64,19 @@ def _remove_abandoned(path: Path) -> None:
 
 
 def _alive(process: int) -> bool:
+    """Whether a process exists."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # another user's
+    except OSError:  # a process of another user
         return True
     return True
 
 
 def _remove(part: Path) -> None:
-    """Removes what is left of a part. Threads that write a store's chunks may outlive an interrupt
-    by a moment, so a folder is tried a few times."""
+    """Removes a temporary file or folder. Threads that write chunks of a store may continue for a
+    moment after an interrupt, so the removal of a folder is tried several times."""
     if not part.is_dir():
         part.unlink(missing_ok=True)
         return
@@ -87,6 +88,7 @@ def _remove(part: Path) -> None:
 
 
 def _check(path: Path) -> None:
+    """Raises InputError if `path` must not be replaced, or its folder does not exist."""
     if path.is_dir() and not (path / "zarr.json").is_file():
         raise InputError(f"{path}", "a new name", "a folder that is there", "choose another name")
     if not path.parent.is_dir():

@@ -1,9 +1,9 @@
 """Zarr: the store of a run, written block by block and read in any part.
 
-A group with the attributes `viform` (format version), `cycles`, `clock`, `start`, `complete`, and
-one array `words` (n, H, W) uint32, a chunk for each 64 cycles, zstd with checksums. `complete`
-turns true only when the last block has been written; a reader refuses the store before that.
-Chunks without spikes are written as well, so that one that was lost is noticed.
+The store is a group with the attributes `viform` (format version), `cycles`, `clock`, `start` and
+`complete`, and one array `words` (n, H, W) uint32, in chunks of 64 cycles with zstd and checksums.
+`complete` becomes true after the last block; readers refuse the store before. Chunks without spikes
+are also written, so that a lost chunk is detected.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ _CHUNK = 2
 
 
 def _bad(
-    path: Path, given: str, remedy: str = "run it again, or convert another file"
+    path: Path, actual: str, remedy: str = "run it again, or convert another file"
 ) -> InputError:
-    return InputError(f"{path}", "the stream.zarr of a finished run", given, remedy)
+    return InputError(f"{path}", "the stream.zarr of a finished run", actual, remedy)
 
 
 class ZarrStream:
-    """A finished store as a spike stream; the chunk read last is kept."""
+    """A complete store as a spike stream. The last chunk is cached. Raises InputError for
+    others."""
 
     def __init__(self, path: Path) -> None:
-        import zarr  # a quarter of a second: only who opens a store pays for it
+        import zarr  # takes a quarter of a second, so only if a store is opened
 
         try:
             group = zarr.open_group(path, mode="r")
@@ -70,7 +71,7 @@ class ZarrStream:
         if words.chunks != (_CHUNK, *words.shape[1:]):
             raise _bad(path, f"chunks of shape {words.chunks}")
         self._path, self._words = path, words
-        self._kept: tuple[int, Words] | None = None
+        self._cached: tuple[int, Words] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -78,7 +79,8 @@ class ZarrStream:
         return self._words.shape[1], self._words.shape[2]
 
     def _chunk(self, n: int) -> Words:
-        if self._kept is None or self._kept[0] != n:
+        """Words of chunk n."""
+        if self._cached is None or self._cached[0] != n:
             key = self._words.metadata.encode_chunk_key((n, 0, 0))
             if not (self._path / "words" / key).is_file():
                 raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
@@ -89,11 +91,11 @@ class ZarrStream:
             last = n * _CHUNK + len(words) == words_for(self.cycles)
             if last and spikes_beyond(words[-1], self.cycles):
                 raise _bad(self._path, "one with spikes beyond its last cycle")
-            self._kept = (n, words)
-        return self._kept[1]
+            self._cached = (n, words)
+        return self._cached[1]
 
     def read_words(self, first: int, stop: int) -> Words:
-        """As `SpikeStream` says; InputError where a chunk is damaged."""
+        """See `SpikeStream`. Raises InputError if a chunk is damaged."""
         stop = min(stop, words_for(self.cycles))
         parts = [
             self._chunk(n)[max(first - n * _CHUNK, 0) : stop - n * _CHUNK]
@@ -105,12 +107,14 @@ class ZarrStream:
 
 
 class Recorder:
-    """The stage that writes a run's spikes. The store is made at the first block, or continued.
+    """The stage that writes the spikes of a run. It creates the store at the first block, or
+    continues it.
 
-    Blocks come in order, of any size. A word that a block ends within is completed by the next.
+    Blocks come in order and have any size. The next block completes a word that a block ends
+    within.
 
     Attributes:
-        bytes_written: of words, before compression.
+        bytes_written: bytes of words, before compression.
     """
 
     def __init__(
@@ -123,6 +127,7 @@ class Recorder:
         self.bytes_written = 0
 
     def _create(self) -> None:
+        """Creates the store, without words."""
         import zarr
         from zarr.codecs import ZstdCodec
 
@@ -145,6 +150,7 @@ class Recorder:
         )
 
     def _open(self, resumed: bool) -> Any:
+        """The array of words, of a new store unless the run is resumed."""
         import zarr
 
         if not resumed:
@@ -154,15 +160,15 @@ class Recorder:
         except Exception as exc:  # zarr raises many types for what is no store
             remedy = f"start afresh: remove {self._path.parent}"
             raise _bad(self._path, "missing or damaged", remedy) from exc
-        # With the default, a chunk without spikes would be no file, just as one that was lost.
+        # By default, a chunk without spikes has no file, like a lost one.
         return cast("zarr.Array[Any]", words).with_config({"write_empty_chunks": True})
 
     def step(self, data: Viform, block: Block) -> Viform:
-        """Writes one block and hands it on."""
+        """Writes a block and returns it."""
         if self._array is None:
             self._array = self._open(resumed=block.start > 0)
         words, offset = data.words, block.start % WORD
-        if offset:  # go on in the word that the block before left open
+        if offset:  # continue the incomplete word of the previous block
             joined = np.zeros((words_for(offset + block.cycles), *self._shape), np.uint32)
             joined[: len(words)] = words << np.uint32(offset)
             spill = words[: len(joined) - 1] >> np.uint32(WORD - offset)
@@ -181,16 +187,16 @@ class Recorder:
         return data
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The word that is not full yet, where there is one."""
+        """The incomplete word, if there is one."""
         return {} if self._open_word is None else {"open_word": self._open_word}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Continues from a `state`."""
         self._open_word = state.get("open_word")
 
 
 def write_zarr(stream: SpikeStream, path: Path) -> None:
-    """Writes any stream as a finished store; nothing of it is lost."""
+    """Writes a stream as a complete store, without loss."""
     with whole(path) as part:
         start = getattr(stream, "start", 0)
         recorder = Recorder(part, stream.shape, stream.cycles, stream.clock, start)

@@ -1,1 +1,1 @@
-"""Effects, the planner, tiles, and the order of error against tolerance."""
+"""Effects, the planner, tiles, patches, the paired trial, and the ladder of tolerances."""

@@ -1,6 +1,7 @@
-"""A physical effect: what it is, where from, what it costs, what leaving it out can change.
+"""A physical effect with its cost and its bound, in the form that the planner reads.
 
-The planner (cosim/plan/planner.py) reads cost and bound of each `Effect` over a scene's `Summary`.
+The planner (cosim/plan/planner.py) evaluates cost and bound of each `Effect` for the `Summary` of a
+scene. The bound limits the error if the effect is left out.
 """
 
 from __future__ import annotations
@@ -17,29 +18,27 @@ from cosim.compute.streams import Stream
 __all__ = ["Bound", "Effect", "Kind", "Summary", "free"]
 
 Values = npt.NDArray[np.float64]
-"""One number a tile, (tiles,) float64; a plain float serves for one tile or for all."""
+"""One number a tile, (tiles,) float64; a float stands for one tile, or for all."""
 Kind = Literal["proof", "estimate"]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What bounds read of a scene, known before anything is simulated.
+    """Properties of a scene that bounds depend on, known before anything is simulated.
 
-    Intervals hold over a tile of pixels and over the whole run. Values are numbers, or arrays of
-    one a tile.
+    Ranges hold over a tile of pixels and over the whole run. Values are numbers, or arrays of one
+    a tile.
 
     Attributes:
-        darkest, brightest: photoelectrons a cycle, the least and the most that any pixel gets in
-            any cycle.
+        darkest, brightest: least and most photoelectrons a cycle, of any pixel in any cycle.
         threshold: electrons.
         window: cycles over which a rate is taken.
         cycles: duration.
-        floor: spikes a cycle below which an error counts as if the rate were this.
-        spread: standard deviation of an interval's threshold over the threshold, with every noise
-            of the setting.
-        planes: new planes of light a cycle, 0 where the light never changes.
-        slack: factor that all effects together may take off a pixel's light.
-        dead: cycles of light that each spike costs.
+        floor: spikes a cycle. Errors of lower rates are relative to this rate.
+        spread: relative standard deviation of an interval's threshold, from all noise sources.
+        planes: new planes of light a cycle, 0 if the light is constant.
+        slack: largest factor by which all effects together can reduce a pixel's light.
+        dead: dead time of a spike, cycles.
     """
 
     darkest: Any
@@ -55,11 +54,11 @@ class Summary:
 
     @property
     def base(self) -> Values:
-        """Electrons a cycle that errors are relative to, the least in the tile."""
+        """Electrons a cycle to which errors are relative: the least in the tile, or the floor."""
         return np.maximum(self.darkest, self.floor * self.threshold)
 
     def relative(self, electrons: Any) -> Values:
-        """Electrons a cycle as a share of `base`; nothing is no share of anything."""
+        """Electrons a cycle over `base`, infinite for base 0; 0 electrons always give 0."""
         amount, base = np.broadcast_arrays(np.asarray(electrons, np.float64), self.base)
         out = np.full(amount.shape, np.inf)
         np.divide(amount, base, out=out, where=base > 0)
@@ -68,11 +67,11 @@ class Summary:
 
 @dataclass(frozen=True)
 class Bound:
-    """How far leaving an effect out can move the spike rate of a tile's pixels, RMS.
+    """Bound of the RMS error of the spike rates in a tile if an effect is left out.
 
     Attributes:
-        value: relative to that rate; a number, or one a tile.
-        kind: "proof" holds always; "estimate" is the right size, not a limit, and counts twice.
+        value: relative to the rate; a number, or one a tile.
+        kind: "proof" for a proven limit; "estimate" for an expected size, which counts twice.
     """
 
     value: Any
@@ -80,7 +79,7 @@ class Bound:
 
 
 def free(scene: Summary) -> float:
-    """Cost of an effect that takes no time of its own: it is never left out."""
+    """Cost of an effect that takes no time. Such an effect is never left out."""
     return 0.0
 
 
@@ -89,14 +88,13 @@ class Effect:
     """A physical effect of one machine, as the planner reads it.
 
     Attributes:
-        name: as reports print it.
-        source: of its equation.
-        stream: of its random draws.
-        bound: of leaving it out.
-        cost: of keeping it, ns per pixel-cycle, by the table of `costs.py` of its part. Nothing is
-            saved by leaving out an effect that costs nothing.
-        scope: "tile" where each tile may keep it or not, "plane" where the whole plane does.
-        group: effects of one group share their cost: it is paid once.
+        name: name in reports.
+        source: source of its equation.
+        stream: random stream of its draws.
+        bound: bound of the error if it is left out.
+        cost: cost of keeping it, ns per pixel-cycle, from the table `costs.py` of its part.
+        scope: "tile" if it is kept or left out tile by tile, "plane" if on the whole plane.
+        group: effects of one group share their cost, which counts once.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The document of `viform plan`: what a run would keep and leave out, and what it would take."""
+"""The document of `viform plan`: effects that a run would keep and leave out, and run times."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["Speeds", "forecast_document"]
 
 @dataclass(frozen=True)
 class Speeds:
-    """Nanoseconds that a pixel and cycle takes; None if unknown.
+    """Run times in ns per pixel-cycle, None if unknown.
 
     Attributes:
-        planned, everything: the camera as planned, and with every effect.
+        planned, everything: the camera with the planned effects, and with all effects.
         full: full physics.
-        scene: making the light.
+        scene: computation of the light.
     """
 
     planned: float | None
@@ -27,7 +27,7 @@ class Speeds:
     scene: float | None
 
     def document(self, pixel_cycles: float) -> dict[str, float | None]:
-        """`predicted`, for a run of so many pixel-cycles."""
+        """The key `predicted` of the document, for a run of `pixel_cycles`."""
 
         def seconds(ns: float | None) -> float | None:
             return None if ns is None else ns * pixel_cycles * 1e-9
@@ -44,18 +44,20 @@ class Speeds:
 
 
 def forecast_document(
-    name: str, plan: Plan, *, tier: str, device: str, own: float, speeds: Speeds,
+    name: str, plan: Plan, *, tier: str, device: str, tier_error: float, speeds: Speeds,
     pixel_cycles: float, kept: Sequence[str] | None = None, **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The document of a plan.
 
     Args:
-        name: of the scenario.
-        tier, device: that the run would take.
-        own: bound of the tier's own error, relative.
-        pixel_cycles: of the run.
-        kept: effects that are kept somewhere; the plan's by default.
-        others: keys of one kind of machine, which stand before `kept`.
+        name: name of the scenario.
+        plan: plan of the run.
+        tier, device: tier and device of the run.
+        tier_error: bound of the error of the tier's arithmetic, relative.
+        speeds: predicted run times.
+        pixel_cycles: size of the run.
+        kept: effects that some tile keeps; by default, those of the plan.
+        others: keys of one kind of machine, which precede `kept`.
     """
     kept = list(plan.everywhere if kept is None else kept)
     return {
@@ -70,8 +72,8 @@ def forecast_document(
             {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
             for r in plan.rows if r.effect in plan.left_out
         ],
-        "promised": float(plan.total.max()) + own,
-        "promised_kind": plan.kind if own == 0 else "estimate",
+        "promised": float(plan.total.max()) + tier_error,
+        "promised_kind": plan.kind if tier_error == 0 else "estimate",
         "rows": [asdict(row) for row in plan.rows],
         "sets": [
             {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()

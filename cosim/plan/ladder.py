@@ -11,9 +11,9 @@ import numpy as np
 __all__ = ["LADDER", "Row", "distinct_plans", "fit_order", "fit_rows"]
 
 LADDER: Final = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
-"""Tolerances that are tried."""
+"""Tolerances of the ladder."""
 _CLEAR: Final = 3.0
-"""Ratio to the error at tolerance 0 above which an error is the tolerance's."""
+"""Least ratio to the error at tolerance 0 at which an error is attributed to the tolerance."""
 
 P = TypeVar("P")
 
@@ -24,11 +24,12 @@ class Row:
 
     Attributes:
         tier: "reference", "exact" or "fast".
-        tolerance: asked for; None for the reference, which has none.
-        error, ci: of the worst patch, with its 99.9 % interval.
-        run_time_s: for the whole run, from ns_per_pixel_cycle.
-        effects: kept somewhere.
-        left_out: left out somewhere.
+        tolerance: requested tolerance; None for the reference.
+        error, ci: error of the worst patch, and its 99.9 % interval.
+        run_time_s: run time of the whole run, from ns_per_pixel_cycle.
+        ns_per_pixel_cycle: measured run time.
+        effects: effects that some tile keeps.
+        left_out: effects that some tile leaves out.
         same_as: tighter tolerance with the same plan, and so the same figures.
     """
 
@@ -43,17 +44,19 @@ class Row:
     same_as: float | None = None
 
     def document(self) -> dict[str, Any]:
+        """The row as a JSON object."""
         return asdict(self)
 
 
 def distinct_plans(
     plan: Callable[[float], P], key: Callable[[P], object], tolerances: Sequence[float] = LADDER
 ) -> list[tuple[list[float], P]]:
-    """Plans of a ladder of tolerances, the tightest first, each with the tolerances that give it.
+    """The distinct plans of a ladder of tolerances, each with all tolerances that lead to it.
 
     Args:
-        plan: makes the plan of a tolerance.
-        key: what two plans have in common that are the same.
+        plan: returns the plan for a tolerance.
+        key: returns a value that is equal for equal plans.
+        tolerances: tolerances, the tightest first.
     """
     rungs: list[tuple[list[float], P]] = []
     for tolerance in tolerances:
@@ -69,9 +72,11 @@ def fit_order(points: Sequence[tuple[float, float]], floor: float = 0.0) -> floa
     """Exponent e of error = C tolerance^e, by least squares in logarithms.
 
     Args:
-        points: (tolerance, error); those count that are positive and lie well above `floor`.
+        points: (tolerance, error). Only positive ones well above `floor` are used.
+        floor: error at tolerance 0.
 
-    Returns None for fewer than three different tolerances.
+    Returns:
+        The exponent, None for fewer than three different tolerances.
     """
     clear = [(t, e) for t, e in points if t > 0 and e > max(_CLEAR * floor, 0.0)]
     if len({t for t, _ in clear}) < 3:
@@ -81,7 +86,7 @@ def fit_order(points: Sequence[tuple[float, float]], floor: float = 0.0) -> floa
 
 
 def fit_rows(rows: Sequence[Row]) -> float | None:
-    """The order over the rows that leave something to the tolerance and do not repeat another."""
+    """`fit_order` over the rows that do not repeat another plan."""
     floor = min((r.error for r in rows if r.error and not r.tolerance), default=0.0)
     points = [(r.tolerance or 0.0, r.error or 0.0) for r in rows if r.same_as is None]
     return fit_order(points, floor)

@@ -1,7 +1,8 @@
 """The paired trial: several cameras on the same patches, with the same light and random counters.
 
-Rates are taken over windows of cycles and count fractions of spikes. The error of one camera
-against another is an RMS over the pixels of a patch, for each patch and window; the worst counts.
+Rates are taken over windows of cycles and include fractions of spikes. The error of one camera
+against another is the RMS over the pixels of a patch, for each patch and window. The largest
+counts.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ __all__ = [
 ]  # fmt: skip
 
 CONFIDENCE = 0.999
-"""Level of every interval."""
+"""Confidence level of all intervals."""
 Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
 Span = tuple[int, int]
-"""First cycle of a window and its end."""
+"""First cycle of a window, and the cycle after its last."""
 
 
 def windows(instants: Sequence[int], window: int, cycles: int) -> list[tuple[int, int]]:
-    """First cycle and end of the window around each instant, moved to lie within the run."""
+    """The span of `window` cycles around each cycle in `instants`, moved to lie within the run."""
     starts = [min(max(at - window // 2, 0), cycles - window) for at in instants]
     return [(s, s + window) for s in starts]
 
@@ -48,11 +49,11 @@ class TrialCamera(Protocol):
     bits: npt.NDArray[np.int64]
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
-        """Words of so many cycles, (words, pixels); light as `PatchPlane.cut` gives it."""
+        """Words of the next cycles, (ceil(cycles / 32), pixels). light: cut by `PatchPlane.cut`."""
         ...
 
     def phase(self) -> Values:
-        """(pixels,) spikes so far, with the fraction of the next one."""
+        """Spikes so far, including the fraction of the current interval, (pixels,)."""
         ...
 
     def state(self) -> dict[str, npt.NDArray[Any]]: ...
@@ -61,10 +62,11 @@ class TrialCamera(Protocol):
 
 @dataclass(frozen=True)
 class Measured:
-    """RMS difference of a tile's rates, relative, of the worst tile and window.
+    """Relative RMS difference of the rates of a tile, for the worst tile and window.
 
     Attributes:
-        low, high: 99.9 % limits; `high` is the largest of all tiles and windows, allowing for
+        value: the difference.
+        low, high: 99.9 % limits. `high` is the largest of all tiles and windows, corrected for
             their number.
     """
 
@@ -74,10 +76,15 @@ class Measured:
 
 
 def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values, Values]:
-    """RMS over pixels of (rates - truth) over max(mean truth, floor), with 99.9 % limits that hold
-    for all of them together: the mean square is taken as normal over pixels.
+    """RMS over pixels of (rates - truth), relative to max(mean truth, floor).
 
-    rates, truth: (..., pixels). Gives three arrays of shape (...).
+    Args:
+        rates, truth: (..., pixels) spikes a cycle.
+        floor: spikes a cycle.
+
+    Returns:
+        The RMS and its 99.9 % limits, low and high, (...) each. The limits hold for all entries
+        together and assume a normal mean square.
     """
     from scipy.special import ndtri
 
@@ -92,14 +99,14 @@ def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values,
 
 
 def worst(rates: Values, truth: Values, floor: float) -> Measured:
-    """The worst of `compare`."""
+    """The largest difference of `compare`."""
     value, low, high = compare(rates, truth, floor)
     at = np.unravel_index(int(np.argmax(value)), value.shape)
     return Measured(float(value[at]), float(low[at]), float(high.max()))
 
 
 class _Recorder:
-    """One camera on the patches, with its phases at the edges of the windows."""
+    """A camera on the patches, with its phases at the edges of the windows."""
 
     def __init__(self, camera: TrialCamera, edges: int, pixels: int) -> None:
         self.camera = camera
@@ -109,7 +116,7 @@ class _Recorder:
         self.first: tuple[float, int] | None = None
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
-        """Timed, but for the first call, which may compile."""
+        """Words of a step. The step is timed, except for the first, which may compile."""
         begin = time.perf_counter()
         words = self.camera.step(light, start, cycles)
         spent = time.perf_counter() - begin
@@ -120,27 +127,29 @@ class _Recorder:
         return words
 
     def per_cycle(self) -> float:
-        """Seconds a cycle; of the first call where there was no other, NaN where there was none."""
+        """Seconds a cycle, from the first call only if there was no other; NaN if there was
+        none."""
         seconds, cycles = (self.seconds, self.cycles) if self.cycles else self.first or (0.0, 0)
         return seconds / cycles if cycles else math.nan
 
     def mark(self, edge: int) -> None:
+        """Stores the phases at the edge of a window."""
         self.phases[edge], self.bits[edge] = self.camera.phase(), self.camera.bits
 
     def rate(self, start: int, stop: int, cycles: int) -> Values:
-        """Spikes a cycle between two edges; a pixel that fired in every cycle has 1, its charge
-        beyond that being lost on the latch."""
+        """Spikes a cycle between two edges, (pixels,). A pixel that fires in every cycle has rate
+        1, because the latch does not register its excess charge."""
         full = self.bits[stop] - self.bits[start] == cycles
         return np.where(full, 1.0, (self.phases[stop] - self.phases[start]) / cycles)
 
 
 class Paired:
-    """A stage that passes light on and exposes several cameras to it.
+    """A stage that exposes several cameras to light and returns the light.
 
     Args:
         plane: the patches.
-        cameras: by name.
-        spans: windows that rates are taken over.
+        cameras: cameras by name.
+        spans: windows over which rates are taken.
     """
 
     def __init__(
@@ -155,7 +164,7 @@ class Paired:
         }
 
     def step(self, light: Light, block: Block) -> Light:
-        """Exposes the patches to a block of light, which is passed on unchanged."""
+        """Exposes the patches to a block of light, and returns the light unchanged."""
         cut = self._cut(light)
         at = block.start
         if at == 0:
@@ -174,13 +183,13 @@ class Paired:
             self.reached(cycle)
 
     def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
-        """Called with what a camera has latched: (words, pixels), from cycle `start` on."""
+        """Called with the words of each camera and step, (words, pixels), from cycle `start` on."""
 
     def reached(self, cycle: int) -> None:
-        """Called at every edge of a window."""
+        """Called at each edge of a window."""
 
     def rates(self, name: str, spans: Sequence[Span] | None = None) -> Values:
-        """Spikes a cycle of one camera: (windows, patches, pixels)."""
+        """Spikes a cycle of one camera, (windows, patches, pixels)."""
         recorder, edges = self._recorders[name], self._edges
         rates = [
             recorder.rate(edges.index(a), edges.index(b), b - a) for a, b in spans or self.spans
@@ -188,12 +197,12 @@ class Paired:
         return self.plane.split(np.stack(rates))
 
     def ns(self, name: str) -> float:
-        """Nanoseconds a pixel-cycle that a camera took on the patches, the first call aside where
-        there was another; NaN before it has been called."""
+        """Run time of a camera on the patches, ns per pixel-cycle, without the first call if there
+        was another; NaN before the first call."""
         return self._recorders[name].per_cycle() * 1e9 / self.plane.numbers.size
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """The state that the next block depends on."""
         arrays: dict[str, npt.NDArray[Any]] = {}
         for name, recorder in self._recorders.items():
             arrays |= {f"{name}:{k}": v for k, v in recorder.camera.state().items()}
@@ -204,10 +213,10 @@ class Paired:
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         for name, recorder in self._recorders.items():
-            own = {
+            arrays = {
                 k.removeprefix(f"{name}:"): v for k, v in state.items() if k.startswith(f"{name}:")
             }
-            recorder.phases, recorder.bits = own.pop("marks"), own.pop("counts")
-            seconds, cycles = own.pop("took").tolist()
+            recorder.phases, recorder.bits = arrays.pop("marks"), arrays.pop("counts")
+            seconds, cycles = arrays.pop("took").tolist()
             recorder.seconds, recorder.cycles = seconds, int(cycles)
-            recorder.camera.restore(own)
+            recorder.camera.restore(arrays)

@@ -1,7 +1,7 @@
 """Patches of a plane: tiles of one size, stacked into one tall plane.
 
-A plan is checked on patches. Pixels keep their numbers, their rows' sampling instants and their
-neighbours' light, so each has the very bits that it has on the whole plane.
+A plan is checked on patches. Pixels keep their numbers, the sampling instants of their rows and the
+light of their neighbours, so each pixel has the same bits as on the whole plane.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ __all__ = ["Boxes", "PatchPlane"]
 
 
 class Boxes(Protocol):
-    """A plane of (height, width) pixels in numbered boxes, each of rows y0 to y1 and columns x0 to
-    x1, the ends excluded; `TileGrid` is one."""
+    """A plane of (height, width) pixels in numbered boxes, such as `TileGrid`. A box has rows y0 to
+    y1 and columns x0 to x1, without the ends."""
 
     @property
     def height(self) -> int: ...
@@ -34,7 +34,14 @@ class PatchPlane:
         grid: the plane in boxes.
         tiles: numbers of the boxes that become patches.
 
-    Raises ValueError for boxes of different sizes.
+    Attributes:
+        rows, columns: size of a patch.
+        shape: (patches x rows, columns).
+        row: (patches x rows,) row on the plane of each row here.
+        numbers: (pixels,) uint32, numbers of the pixels on the plane.
+
+    Raises:
+        ValueError: the boxes differ in size.
     """
 
     def __init__(self, grid: Boxes, tiles: list[int]) -> None:
@@ -50,27 +57,26 @@ class PatchPlane:
         self._y = np.clip(y, 0, grid.height - 1)
         self._x = np.clip(x, 0, grid.width - 1)
         self.row = self._y[:, 1:-1].ravel()
-        """Row on the chip of each row here."""
         rows, columns = self._y[:, 1:-1, None], self._x[:, None, 1:-1]
         self.numbers = (rows * grid.width + columns).astype(np.uint32).ravel()
 
     @property
     def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Rows (patches, rows + 2) and columns (patches, columns + 2) of the plane that `cut`
-        takes."""
+        reads."""
         return self._y, self._x
 
     def cut(self, plane: Plane) -> Plane:
-        """The patches of a plane with a border of one pixel, stacked. Beyond the plane its border
-        is repeated."""
+        """The patches of a plane with a border of one pixel, stacked. Outside the plane, its edge
+        pixels are repeated."""
         cut = plane[self._y[:, :, None], self._x[:, None, :]]
         return np.ascontiguousarray(cut.reshape(-1, self.columns + 2))
 
     def inner(self, plane: Plane) -> Plane:
-        """The patches without the border that `cut` gives them."""
+        """The patches without the border that `cut` adds."""
         cut = plane.reshape(len(self.tiles), self.rows + 2, self.columns + 2)[:, 1:-1, 1:-1]
         return np.ascontiguousarray(cut.reshape(self.shape))
 
     def split(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """(..., pixels) values as (..., patches, pixels of a patch)."""
+        """Reshapes (..., pixels) values to (..., patches, pixels of a patch)."""
         return values.reshape(*values.shape[:-1], len(self.tiles), -1)

@@ -1,10 +1,10 @@
-"""The planner: which effects a scene needs for the tolerance asked, tile by tile.
+"""The planner: selects the effects that a scene needs for a tolerance, tile by tile.
 
-Left out are those effects whose cost is the most, as long as the linear sum of their bounds stays
-within half the tolerance in every tile (the other half is for what the bounds do not see); an
-estimate counts twice. What costs nothing is kept. Effects of scope "plane" are kept or left out
-everywhere; the others tile by tile. The search goes through the sets of the plane from those that
-leave out the most, and skips a set that cannot be cheaper than the best so far.
+It minimises the cost, while the sum of the bounds of all effects that are left out stays within
+half the tolerance in every tile. The other half is a reserve for errors that the bounds do not
+cover. An estimate counts twice. Effects without cost are kept. Effects of scope "plane" are kept or
+left out on the whole plane, and the others tile by tile. The search starts with the sets that leave
+out the most, and skips sets that cannot be cheaper than the best so far.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from cosim.plan.effects import Effect, Kind, Summary
 __all__ = ["ESTIMATE_WEIGHT", "SHARE", "Plan", "Row", "make_plan"]
 
 SHARE = 0.5
-"""Of the tolerance that bounds of what is left out may take together."""
+"""Share of the tolerance for the bounds of all effects that are left out."""
 ESTIMATE_WEIGHT = 2.0
-"""How often an estimate counts."""
+"""Weight of an estimate."""
 Values = npt.NDArray[np.float64]
 
 
@@ -34,12 +34,12 @@ class Row:
     """One effect in a plan.
 
     Attributes:
-        effect: its name.
+        effect: name of the effect.
         kept: share of tiles that keep it, 0 to 1.
-        bound: largest bound over the tiles that leave it out, or over all tiles if none does; an
-            estimate counts twice.
-        kind: of the bound.
-        cost_ns: of keeping it in every tile, ns per pixel-cycle.
+        bound: largest bound over the tiles that leave it out, or over all tiles if none does;
+            estimates are doubled.
+        kind: kind of the bound.
+        cost_ns: cost of keeping it in every tile, ns per pixel-cycle.
     """
 
     effect: str
@@ -54,12 +54,12 @@ class Plan:
     """Which effects each tile keeps.
 
     Attributes:
-        tolerance: that the plan was made for.
-        rows: one for every effect.
-        kept: tiles that keep an effect, (tiles,) bool by name.
-        promise: bound on what leaving an effect out changes, (tiles,) by name.
-        total: sum of the bounds of what is left out, (tiles,).
-        cost_ns, full_ns: cost of a pixel-cycle as planned and with every effect, ns.
+        tolerance: tolerance of the plan.
+        rows: one row for every effect.
+        kept: whether a tile keeps an effect, (tiles,) bool by name.
+        promise: bound of the error without an effect, (tiles,) by name.
+        total: (tiles,) sum of the bounds of all effects that are left out.
+        cost_ns, full_ns: cost with the planned effects and with all effects, ns per pixel-cycle.
     """
 
     tolerance: float
@@ -72,24 +72,24 @@ class Plan:
 
     @property
     def everywhere(self) -> tuple[str, ...]:
-        """Effects that some tile keeps."""
+        """Effects that at least one tile keeps."""
         return tuple(name for name, tiles in self.kept.items() if tiles.any())
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Effects that some tile leaves out."""
+        """Effects that at least one tile leaves out."""
         return tuple(name for name, tiles in self.kept.items() if not tiles.all())
 
     @property
     def kind(self) -> Kind:
-        """Of `total`: proof where every bound in it is one."""
+        """Kind of `total`: a proof if all its bounds are proofs."""
         absent = self.left_out
         proven = all(row.kind == "proof" for row in self.rows if row.effect in absent)
         return "proof" if proven else "estimate"
 
     @property
     def sets(self) -> dict[tuple[str, ...], int]:
-        """Every distinct set of effects with the number of tiles that keep it."""
+        """All distinct sets of effects, with the number of tiles that keep each."""
         names = list(self.kept)
         rows, counts = np.unique(
             np.stack([self.kept[n] for n in names]), axis=1, return_counts=True
@@ -101,16 +101,17 @@ class Plan:
 
 
 def _subsets(names: Sequence[int]) -> list[tuple[int, ...]]:
+    """All subsets, the smallest first."""
     return [c for n in range(len(names) + 1) for c in combinations(names, n)]
 
 
 def _costs(effects: Sequence[Effect], scene: Summary, tiles: int) -> Values:
-    """(effects, tiles) ns a pixel-cycle."""
+    """Cost of each effect, (effects, tiles) ns per pixel-cycle."""
     return np.stack([np.broadcast_to(np.asarray(e.cost(scene), float), tiles) for e in effects])
 
 
 def _total(effects: Sequence[Effect], costs: Values, out: frozenset[int]) -> Values:
-    """Cost of all but `out`, each group once."""
+    """Cost of all effects except `out`, (tiles,); each group counts once."""
     groups: dict[str, Values] = {}
     for n, effect in enumerate(effects):
         if n not in out:
@@ -120,15 +121,16 @@ def _total(effects: Sequence[Effect], costs: Values, out: frozenset[int]) -> Val
 
 
 _TIE: Final = 1e-12
-"""Relative difference of costs below which two plans are alike; that which keeps more is taken."""
+"""Relative difference below which costs count as equal. Of equal plans, the one that keeps more is
+selected."""
 
 
 class _Search:
-    """The cheapest set of plane effects to leave out, with the cheapest of `local` in each tile.
+    """Search for the cheapest set of plane effects to leave out, with the cheapest of `local` in
+    each tile.
 
-    Branch and bound: each effect of the plane is left out first and kept second. What a branch may
-    cost at the least is what is left when all that it has not decided is left out, whether or not
-    it fits.
+    Branch and bound: each plane effect is first left out and then kept. The lower bound of a branch
+    is its cost if all undecided effects are left out, whether or not their bounds allow it.
     """
 
     def __init__(
@@ -138,22 +140,29 @@ class _Search:
         self._effects, self._costs, self._promise, self._room = effects, costs, promise, room
         self._local = local
         fitting = [n for n in plane if not (promise[n] > room).any()]
-        # Those that save the most first; the order does not change what is found.
+        # Effects that save the most come first. The order does not change the result.
         self._plane = sorted(fitting, key=lambda n: (-float(costs[n].mean()), n))
         self._place = {n: k for k, n in enumerate(plane)}
-        self._found: dict[tuple[int, ...], tuple[float, npt.NDArray[np.intp]]] = {}
+        self._leaves: dict[tuple[int, ...], tuple[float, npt.NDArray[np.intp]]] = {}
         self._best = math.inf
 
     def best(self) -> tuple[float, tuple[int, ...], npt.NDArray[np.intp]]:
-        """Cost, effects of the plane to leave out, and the number in `local` of each tile."""
-        self._look(0, (), np.zeros(self._costs.shape[1]))
-        low = min(total for total, _ in self._found.values())
-        alike = [out for out, (total, _) in self._found.items() if total <= low * (1 + _TIE)]
+        """Cost, plane effects to leave out, and the index in `local` of each tile, (tiles,)."""
+        self._branch(0, (), np.zeros(self._costs.shape[1]))
+        low = min(total for total, _ in self._leaves.values())
+        alike = [out for out, (total, _) in self._leaves.items() if total <= low * (1 + _TIE)]
         out = min(alike, key=lambda o: (len(o), [self._place[n] for n in o]))
-        total, chosen = self._found[out]
+        total, chosen = self._leaves[out]
         return total, out, chosen
 
-    def _look(self, at: int, out: tuple[int, ...], spent: Values) -> None:
+    def _branch(self, at: int, out: tuple[int, ...], spent: Values) -> None:
+        """Searches a branch, in which plane effects before `at` are decided.
+
+        Args:
+            at: index of the first undecided effect.
+            out: effects that are left out.
+            spent: (tiles,) sum of their bounds.
+        """
         rest = self._plane[at:]
         free = frozenset((*out, *rest, *(n for more in self._local for n in more)))
         if float(_total(self._effects, self._costs, free).mean()) > self._best * (1 + _TIE):
@@ -161,21 +170,21 @@ class _Search:
         if not rest:
             total, chosen = self._tiles(out, spent)
             self._best = min(self._best, total)
-            self._found[tuple(sorted(out, key=self._place.__getitem__))] = total, chosen
+            self._leaves[tuple(sorted(out, key=self._place.__getitem__))] = total, chosen
             return
         more = spent + self._promise[rest[0]]
         if not (more > self._room).any():
-            self._look(at + 1, (*out, rest[0]), more)
-        self._look(at + 1, out, spent)
+            self._branch(at + 1, (*out, rest[0]), more)
+        self._branch(at + 1, out, spent)
 
     def _tiles(self, out: tuple[int, ...], spent: Values) -> tuple[float, npt.NDArray[np.intp]]:
-        """Mean cost of the cheapest local set of each tile, and which it is: the first of equals,
-        which keeps the most."""
+        """Mean cost of the cheapest local set of each tile, and its index, (tiles,). Of equal
+        costs, the first is selected, which keeps the most."""
         cost = np.full((len(self._local), spent.size), np.inf)
         for m, more in enumerate(self._local):
             fits = spent + self._promise[np.array(more, int)].sum(axis=0) <= self._room
-            own = _total(self._effects, self._costs, frozenset(out + more))
-            cost[m] = np.where(fits, own, np.inf) if more else own
+            total = _total(self._effects, self._costs, frozenset(out + more))
+            cost[m] = np.where(fits, total, np.inf) if more else total
         return float(cost.min(axis=0).mean()), cost.argmin(axis=0)
 
 
@@ -186,19 +195,20 @@ def make_plan(
     *,
     certain: npt.NDArray[np.bool_] | bool = True,
     base_ns: float = 0.0,
-    own: float = 0.0,
+    tier_error: float = 0.0,
     forced: Sequence[str] = (),
 ) -> Plan:
-    """Plans a scene; its tiles are those of `scene`'s arrays.
+    """Plans a scene. The tiles are those of the arrays of `scene`.
 
     Args:
-        effects: that may be left out.
+        effects: effects that may be left out.
         scene: summary of the scene.
-        tolerance: relative error allowed.
-        certain: (tiles,) whether the scene's intervals are proven; else every bound is an estimate.
-        base_ns: cost of a pixel-cycle without effects, ns.
-        own: relative error of the simulation itself, which takes its part of the tolerance.
-        forced: names of effects to keep whatever their bound.
+        tolerance: allowed relative error.
+        certain: (tiles,) whether the ranges of the scene are proven. Elsewhere all bounds count as
+            estimates.
+        base_ns: cost without effects, ns per pixel-cycle.
+        tier_error: relative error of the tier's arithmetic, which uses a part of the tolerance.
+        forced: names of effects to keep in any case.
     """
     tiles = np.broadcast(scene.darkest, scene.brightest).size
     sure = np.broadcast_to(np.asarray(certain), tiles)
@@ -210,7 +220,7 @@ def make_plan(
         twice = ~sure if bound.kind == "proof" else np.ones(tiles, bool)
         value = np.broadcast_to(np.asarray(bound.value, float), tiles)
         promise[n] = np.where(twice, ESTIMATE_WEIGHT * value, value)
-    room = SHARE * tolerance - own
+    room = SHARE * tolerance - tier_error
     able = [
         n for n, e in enumerate(effects)
         if tolerance > 0 and e.name not in forced and costs[n].max() > 0

@@ -1,6 +1,6 @@
-"""The plane in tiles of 16 x 16 pixels: the unit of a plan's decisions and of an error.
+"""The plane in tiles of 16 x 16 pixels: the unit of plans and of errors.
 
-Sixteen columns are also what one work-item of a kernel runs, so a tile is whole work-items.
+A work-item of a kernel also has sixteen columns, so a tile consists of whole work-items.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy.typing as npt
 __all__ = ["TILE", "TileGrid"]
 
 TILE: Final = 16
+"""Rows and columns of a tile."""
 
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of a plane of (height, width) pixels, row by row; those at the right and bottom edges
-    may be smaller."""
+    """Tiles of a plane of (height, width) pixels in row-major order. Tiles at the right and bottom
+    edges may be smaller."""
 
     height: int
     width: int
@@ -33,24 +34,25 @@ class TileGrid:
         return self.shape[0] * self.shape[1]
 
     def box(self, tile: int) -> tuple[int, int, int, int]:
-        """Rows y0 to y1 and columns x0 to x1 of a tile, the ends excluded."""
+        """Rows y0 to y1 and columns x0 to x1 of a tile, without the ends."""
         row, column = divmod(tile, self.shape[1])
         y, x = row * TILE, column * TILE
         return y, min(y + TILE, self.height), x, min(x + TILE, self.width)
 
     @property
     def whole(self) -> npt.NDArray[np.bool_]:
-        """Which tiles are as large as any, (tiles,)."""
+        """Whether a tile has the full size, (tiles,)."""
         rows, columns = self.shape
         tall = np.minimum(np.arange(rows) * TILE + TILE, self.height) - np.arange(rows) * TILE
         wide = np.minimum(np.arange(columns) * TILE + TILE, self.width) - np.arange(columns) * TILE
         return np.outer(tall == tall.max(), wide == wide.max()).ravel()
 
     def reduce(self, plane: npt.NDArray[Any], how: np.ufunc) -> npt.NDArray[Any]:
-        """`how` (np.minimum, np.maximum, np.logical_and, ...) over each tile's pixels, (tiles,)."""
+        """`how` (np.minimum, np.maximum, np.logical_and, ...) over the pixels of each tile,
+        (tiles,)."""
         rows = how.reduceat(plane, np.arange(0, self.height, TILE), axis=0)
         return np.asarray(how.reduceat(rows, np.arange(0, self.width, TILE), axis=1)).ravel()
 
     def groups(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values of tiles as values of work-items: (height, columns of tiles)."""
+        """Values of tiles, (tiles,), as values of work-items, (height, columns of tiles)."""
         return np.repeat(values.reshape(self.shape), TILE, axis=0)[: self.height]

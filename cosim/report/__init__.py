@@ -1,1 +1,1 @@
-"""What every page of a report is put together from."""
+"""Components of report pages: HTML, pictures and figures."""

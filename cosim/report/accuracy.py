@@ -1,4 +1,4 @@
-"""The figure of `viform accuracy`: error against time a pixel-cycle, a line a tier."""
+"""The figure of `viform accuracy`: error against time per pixel-cycle, a line for each tier."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
 
 
 def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with a known error and time, the loosest tolerance first."""
     known = [r for r in rows if r["error"] is not None and r["ns_per_pixel_cycle"]]
     return sorted(known, key=lambda r: -(r["tolerance"] or 0.0))
 
@@ -22,7 +23,7 @@ def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def _labels(
     axes: Any, points: list[dict[str, Any]], colour: str, bottom: float, below: bool
 ) -> None:
-    """Tolerances at the points; those that fall on one another share a line."""
+    """Labels the points with their tolerances; overlapping points share a label."""
     import math
 
     groups: list[tuple[float, float, list[str]]] = []
@@ -49,10 +50,10 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(9.5, 6))
     axes.set_xscale("log")
     axes.set_yscale("log")
-    own = floor["reference"] or 1.0
+    reference = floor["reference"] or 1.0
     of_bits = "bits" in document["reference"]
-    bottom = min([own, *(r["error"] for r in rows if r["error"])]) / 10
-    if of_bits and floor["monte_carlo"]:  # far below what bits can tell there is nothing to see
+    bottom = min([reference, *(r["error"] for r in rows if r["error"])]) / 10
+    if of_bits and floor["monte_carlo"]:  # bits resolve no lower errors
         bottom = max(bottom, floor["monte_carlo"] / 1e4)
     tiers = [t for t in ("exact", "fast") if any(r["tier"] == t for r in rows)]
     for n, tier in enumerate(tiers):
@@ -69,7 +70,12 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
         )  # fmt: skip
         _labels(axes, points, _COLOURS[tier], bottom, below=n == 0)
     chance = "what these bits alone tell of their rate" if of_bits else _CHANCE
-    _lines(axes, floor | {"reference": floor["reference"] if own > bottom else None}, cost, chance)
+    _lines(
+        axes,
+        floor | {"reference": floor["reference"] if reference > bottom else None},
+        cost,
+        chance,
+    )
     failed = [r for r in rows if r.get("failed")]
     for n, row in enumerate(failed):
         text = f"{row['tier']}, tolerance {row['tolerance']:g}: failed, {row['failed'][:90]}"
@@ -94,7 +100,7 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
 
 
 def _lines(axes: Any, floor: dict[str, float | None], cost: float | None, of: str) -> None:
-    """What no row can go below, and what the reference costs."""
+    """Draws the limits of the error, and the cost of the reference. of: what limits the error."""
     if cost:
         axes.axvline(cost, color=INK, linewidth=1, linestyle="--")
         axes.annotate(
@@ -102,9 +108,10 @@ def _lines(axes: Any, floor: dict[str, float | None], cost: float | None, of: st
             rotation=90, va="top", ha="right", color=INK, xytext=(-3, 0),
             textcoords="offset points",
         )  # fmt: skip
-    own, chance = floor["reference"], floor["monte_carlo"]
-    if own:
-        axes.axhline(own, color=INK, linewidth=1, linestyle=":", label="the reference's own error")
+    reference, chance = floor["reference"], floor["monte_carlo"]
+    if reference:
+        label = "the reference's own error"
+        axes.axhline(reference, color=INK, linewidth=1, linestyle=":", label=label)
     if chance:
         axes.axhline(
             chance, color=MARK, linewidth=1, linestyle=":",

@@ -1,4 +1,4 @@
-"""Figures that reports share: sheets and overviews of pictures, and the colours of all figures."""
+"""Figures that reports share: sheets and overviews of pictures, and common colours."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy.typing as npt
 __all__ = ["INK", "LINE", "MARK", "overview_figure", "pyplot", "sheet_figure"]
 
 PANEL = 416
-"""Pixels across a picture of the overview: 3.2 inches at 130 dots an inch."""
+"""Width of a picture in the overview, pixels: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
 def pyplot() -> Any:
-    """Matplotlib's pyplot, drawing to files whatever screen there is; a second to import."""
+    """Matplotlib's pyplot with the backend for files. The import takes a second."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -26,7 +26,7 @@ def pyplot() -> Any:
 
 
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
-    """Pictures side by side under their names: the run at a glance."""
+    """Writes a figure with pictures side by side and their names above."""
     import cv2
 
     plt = pyplot()
@@ -48,7 +48,7 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
 def sheet_figure(
     heads: list[str], rows: list[tuple[str, list[npt.NDArray[np.uint8]]]], path: Path
 ) -> None:
-    """A sheet of pictures: one column an instant under its head, one row a method with its name."""
+    """Writes a sheet of pictures: a column for each instant in `heads`, a row for each method."""
     import cv2
 
     plt = pyplot()

@@ -1,4 +1,4 @@
-"""What every report page is put together from."""
+"""HTML components of report pages."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ __all__ = ["cards", "data", "figure", "opening", "plot", "run_time", "table", "w
 
 
 def data(content: bytes, kind: str) -> str:
+    """A data URL. kind: MIME type."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
-    """A picture with its caption; `exact` keeps every pixel (PNG), else JPEG."""
+    """A picture with its caption. exact: whether it is lossless (PNG) or a JPEG. css: class."""
     content = encode(image, ".png" if exact else ".jpg")
     source = data(content, "image/png" if exact else "image/jpeg")
     pixels = ' class="pixels"' if exact else ""
@@ -33,6 +34,7 @@ def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> s
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
+    """A table of text."""
     cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
@@ -41,7 +43,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def cards(rows: list[tuple[str, str, str]]) -> str:
-    """Large figures in a row: (css class, figure, what it is)."""
+    """Large figures in a row. rows: (CSS class, figure, description) each."""
     texts = (
         f'<div class="card {css}"><b>{html.escape(big)}</b>'
         f'<span class="soft">{html.escape(small)}</span></div>'
@@ -51,13 +53,13 @@ def cards(rows: list[tuple[str, str, str]]) -> str:
 
 
 def plot(path: Path, name: str) -> str:
-    """A figure that has been written, as it is."""
+    """A figure from a PNG file. name: alternative text."""
     source = data(path.read_bytes(), "image/png")
     return f'<figure class="plot"><img src="{source}" alt="{html.escape(name)}"></figure>'
 
 
 def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
-    """The page's head: title, what ran, whether anything is less than asked for, notes."""
+    """The head of a page: title, camera, outcome unless it is "ok", and notes."""
     caveat = "" if result.outcome == "ok" else f" <b>Outcome: {result.outcome}.</b>"
     items = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
     return (
@@ -67,7 +69,7 @@ def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
 
 
 def run_time(result: Result, seconds: dict[str, float]) -> str:
-    """What every stage took, and the most memory."""
+    """Table of the wall time of each stage, throughputs, and the peak memory."""
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
     rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
@@ -78,7 +80,7 @@ def run_time(result: Result, seconds: dict[str, float]) -> str:
 
 
 def write_page(folder: Path, title: str, body: str) -> None:
-    """report.html: one file, no network."""
+    """Writes report.html, a single file without external resources."""
     css = (files("cosim.report") / "style.css").read_text()
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'

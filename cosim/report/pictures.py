@@ -1,4 +1,4 @@
-"""The pictures of a report, computed from the stream that was written."""
+"""Pictures of a report, computed from a recorded stream."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from cosim.spikes.viform import SpikeStream, count_spikes
 __all__ = ["WINDOWS", "accumulation", "busiest_box", "crop", "enlarge", "mark_pixels"]
 
 WINDOWS = (1, 2, 5, 50, 200, 800)
-"""Cycles that Huang 2022, figure 3 accumulates."""
+"""Cycles of accumulation in figure 3 of Huang 2022."""
 Grey = npt.NDArray[np.uint8]
 
 
 def accumulation(stream: SpikeStream, window: int, white_rate: float, first: int = 0) -> Grey:
-    """Spikes of `window` cycles from cycle `first` on, as a display shows them: (H, W) uint8.
+    """Picture of the spikes in `window` cycles from cycle `first` on, (H, W) uint8.
 
-    White is what white gives in that many cycles on average, and at least one spike, so that a
-    single cycle shows its spikes as white points.
+    White stands for the mean number of spikes of a white pixel in this window, and at least for one
+    spike, so that a single cycle shows spikes as white points.
     """
     count = count_spikes(stream, first, first + window).astype(np.float32)
     return for_display(count / max(1.0, window * white_rate))
 
 
 def busiest_box(change: Plane, side: int) -> Box:
-    """The square of `side` pixels, or what fits, with the largest sum."""
+    """The square with the largest sum. side: pixels, reduced if it does not fit."""
     import cv2
 
     height, width = change.shape
@@ -47,13 +47,13 @@ def crop(image: npt.NDArray[np.uint8], box: Box) -> Grey:
 
 
 def enlarge(image: Grey, least: int = 360) -> Grey:
-    """Whole-number enlargement of small pictures, so that pixels stay pixels."""
+    """Enlarges small pictures by an integer factor. least: width in pixels to reach."""
     times = max(1, math.ceil(least / image.shape[1]))
     return np.kron(image, np.ones((times, times), np.uint8)) if times > 1 else image
 
 
 def mark_pixels(image: Grey, points: list[tuple[int, int, str]]) -> npt.NDArray[np.uint8]:
-    """The image in colour, small ones enlarged, with numbered circles at (row, column)."""
+    """The image in colour, enlarged if small, with numbered circles at the points (row, column)."""
     import cv2
 
     large = enlarge(image, 800)

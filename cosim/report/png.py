@@ -1,4 +1,4 @@
-"""Pictures: linear ones for programs, display ones for eyes."""
+"""Picture files with linear values for programs, or with the sRGB curve for display."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ Levels = npt.NDArray[np.floating[Any]]
 
 
 def to_linear_bytes(x: Levels, scale: float = 1.0) -> Grey:
-    """round(255 clip(x/scale, 0, 1)) as (H, W) uint8; halves round to even. scale: above 0."""
+    """round(255 clip(x / scale, 0, 1)) as (H, W) uint8, halves to even. scale: above 0."""
     return np.rint(255 * np.clip(x.astype(np.float64) / scale, 0, 1)).astype(np.uint8)
 
 
 @cache
 def _display_curve() -> Grey:
-    """sRGB code of each 16-bit linear level (IEC 61966-2-1)."""
+    """sRGB code of each 16-bit linear level, (65536,) uint8 (IEC 61966-2-1)."""
     v = np.arange(65536) / 65535
     curve = np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
     return np.rint(255 * curve).astype(np.uint8)
 
 
 def for_display(x: Levels) -> Grey:
-    """Linear light, white = 1, through the sRGB curve as (H, W) uint8."""
+    """sRGB codes of linear light, white = 1, (H, W) uint8."""
     level = np.rint(np.clip(x, 0.0, 1.0) * 65535.0).astype(np.uint16)
     return _display_curve()[level]
 
 
 def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:
-    """A picture file's bytes; quality is for .jpg."""
+    """Bytes of a picture file. ending: ".png" or ".jpg". quality: of a JPEG."""
     import cv2
 
     options = [cv2.IMWRITE_JPEG_QUALITY, quality] if ending == ".jpg" else []
@@ -49,7 +49,7 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90
 
 
 def write_png(path: Path, image: Grey) -> None:
-    """Writes an 8-bit grey PNG, whole or not at all."""
+    """Writes an 8-bit grey PNG atomically. Raises InputError unless the name ends in .png."""
     if path.suffix.lower() != ".png":
         named = path.with_suffix(".png") if path.name else path / "image.png"
         raise InputError("--out", "a name ending in .png", str(path), f"try {named}")

@@ -1,1 +1,1 @@
-"""Running: blocks through a chain of stages, result records, progress, the run's folder."""
+"""The run: chains of stages, results, progress, and the folder of a run."""

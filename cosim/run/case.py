@@ -1,8 +1,8 @@
-"""What a case of the stability suite is: a check that takes the method under test.
+"""A case of the stability suite: a check that takes the method under test.
 
-The check computes one value that must not exceed the case's limit. It is given the method that
-ships by `viform stability`, and the naive method that the case guards against by the tests, which
-must then fail. References are computed inside the check, by other means than the method.
+The check computes one value, which must not exceed the limit of the case. `viform stability` passes
+the production method to it. The tests also pass the naive method that the case guards against, for
+which the check must fail. The check computes its reference by other means than the method.
 """
 
 from __future__ import annotations
@@ -20,7 +20,16 @@ __all__ = ["Case", "Row"]
 
 @dataclass(frozen=True)
 class Row:
-    """A case's outcome. value: null where it is not finite. seconds: that it took."""
+    """Outcome of a case.
+
+    Attributes:
+        case, name: number and name of the case.
+        holds: whether the value is within the limit.
+        value: value of the check, None if it is not finite.
+        limit, unit: limit of the value, and the unit of both.
+        what, reference: the property, and what the method is compared with.
+        seconds: duration of the check.
+    """
 
     case: int
     name: str
@@ -38,15 +47,15 @@ class Case:
     """One case of the stability suite.
 
     Attributes:
-        number: in the table of docs/stability.md.
-        name: short.
+        number: number in the table of docs/stability.md.
+        name: short name.
         what: the property that must hold, in words.
         reference: what the method is compared with.
         guards: the naive method that fails.
-        unit, limit: of the check's value, which must not exceed the limit.
+        unit, limit: unit and upper limit of the value.
         check: computes the value of a method.
-        shipped: makes the method that ships for a device (None for numba).
-        quick: arguments of the check for a smaller instance of the same case.
+        shipped: returns the production method for a device (None for numba).
+        quick: arguments of the check for a smaller instance of the case.
     """
 
     number: int
@@ -61,11 +70,11 @@ class Case:
     quick: Mapping[str, Any] = field(default_factory=dict)
 
     def holds(self, value: float) -> bool:
-        """The pass rule; no number at all (NaN) does not pass."""
+        """Whether a value passes; NaN does not."""
         return value <= self.limit
 
     def measure(self, device: Device | None, quick: bool = False) -> Row:
-        """Runs the check on the method that ships."""
+        """Runs the check on the production method. quick: whether to run the smaller instance."""
         begin = time.perf_counter()
         value = float(self.check(self.shipped(device), **(self.quick if quick else {})))
         return Row(

@@ -16,9 +16,9 @@ from cosim.run.progress import Progress
 __all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
 
 CHECKPOINT: Final = "checkpoint.npz"
-"""In a run's folder while it is not finished."""
+"""File in the folder of a run that is not finished."""
 STREAM: Final = "stream.zarr"
-"""The recording of spikes in a run's folder."""
+"""Recording of spikes in the folder of a run."""
 
 
 @dataclass
@@ -26,13 +26,15 @@ class BlockChain:
     """The stages of a machine with a clock.
 
     Attributes:
-        title: what runs, for the progress bar.
-        stages: by name, from source to sink.
-        cycles: of the run.
-        identity: text that depends on all inputs of the run; a checkpoint of another is refused.
-        folder: of the run.
+        title: text of the progress bar.
+        stages: stages by name, from source to sink.
+        cycles: length of the run.
+        identity: text that depends on all inputs of the run. A checkpoint with another identity is
+            refused.
+        folder: folder of the run.
         every_s: wall time between checkpoints, s.
-        recording: name of what the sink writes into the folder.
+        recording: file or folder that the sink writes, within the folder of the run.
+        begin: first cycle of `run`; after `load`, that of the checkpoint.
     """
 
     title: str
@@ -46,11 +48,12 @@ class BlockChain:
 
     @property
     def checkpoint(self) -> Path:
+        """File of the checkpoint."""
         return self.folder / CHECKPOINT
 
     def load(self) -> None:
-        """Restores the stages. Raises InputError for a checkpoint of another run, or one without
-        its recording."""
+        """Restores the stages. Raises InputError if the checkpoint belongs to another run, or if
+        the recording is missing."""
         self.begin = Checkpoint(self.checkpoint, self.identity).load(self.stages)
         if self.begin and not (self.folder / self.recording).exists():
             raise InputError(
@@ -58,7 +61,7 @@ class BlockChain:
             )
 
     def run(self, progress: Progress) -> dict[str, float]:
-        """Runs to the end; the wall time of each stage, s."""
+        """Runs to the end; returns the wall time of each stage, s."""
         progress.start(self.title, self.cycles)
         with room_for("the stream", self.folder):
             return run_blocks(
@@ -68,7 +71,7 @@ class BlockChain:
             )  # fmt: skip
 
     def save(self) -> None:
-        """Writes the checkpoint of the end."""
+        """Writes a checkpoint at the end of the run."""
         Checkpoint(self.checkpoint, self.identity).save(self.cycles, self.stages)
 
     def discard(self) -> None:

@@ -1,4 +1,4 @@
-"""The folder of a run: its name, its room for the stream, and its lock for one run at a time."""
+"""The folder of a run: its name, free disk space, and a lock against other runs."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from pathlib import Path
 
 from cosim.errors import InputError
 from cosim.files.whole import NO_ROOM, whole
-from cosim.run.inputs import sealed
+from cosim.run.inputs import add_digests
 
 __all__ = [
-    "PUT_BACK", "begin_folder", "check_room", "check_trace_file", "claimed",
+    "REINSTATED", "begin_folder", "check_room", "check_trace_file", "claim_folder",
     "how_to_resume", "output_folder", "room_for",
 ]  # fmt: skip
 
-PUT_BACK = "put_back.json"
-"""In a run's folder while it is not finished and effects were reinstated."""
+REINSTATED = "put_back.json"
+"""File in the folder of a run that is not finished and has reinstated effects."""
 _GIB = 2**30
 
 
 def output_folder(name: str, out: Path | None, resume: bool) -> Path:
-    """The folder of a run: `out`, else the first free runs/<name>-<n>. Nothing is made yet."""
+    """The folder of a run: `out`, or else the first free runs/<name>-<n>. It is not created
+    here."""
     if out is None:
         if resume:
             raise InputError("--resume", "given with --out", "alone", "add --out and the folder")
@@ -46,19 +47,20 @@ def output_folder(name: str, out: Path | None, resume: bool) -> Path:
 
 
 def _bad_out(out: Path, exc: OSError) -> InputError:
+    """The error for a folder that cannot be created."""
     return InputError(
         "--out", "a folder that can be written", f"{out} ({exc.strerror})", "choose another"
     )
 
 
 def check_room(folder: Path, bits: int) -> None:
-    """Raises InputError when the disk has not the room that a stream of so many bits may take."""
+    """Raises InputError if the disk has less free space than a stream of `bits` bits may need."""
     place = folder.absolute()
     while not place.exists():
         place = place.parent
     disk = shutil.disk_usage(place)
     free = disk.free
-    if disk.total and bits // 8 > free:  # 0 is no disk at all, which making the folder will say
+    if disk.total and bits // 8 > free:  # 0 means no disk; creating the folder will fail
         need, have = bits / 8 / _GIB, free / _GIB
         raise InputError(
             "the stream", f"small enough for the {have:.3g} GiB free at {place}",
@@ -67,26 +69,31 @@ def check_room(folder: Path, bits: int) -> None:
 
 
 def begin_folder(folder: Path, scenario: str) -> None:
-    """The scenario's TOML is written first, sealed with what its files hold; what an earlier run
-    said of itself here goes."""
+    """Writes a scenario (TOML) with the digests of its files, and removes the results of an earlier
+    run."""
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
     for kind in ("t*", "eye", "pursuit", "camera"):
         for picture in (folder / "images").glob(f"{kind}-*.png"):
             picture.unlink()
     with whole(folder / "scenario.toml") as part:
-        part.write_text(sealed(scenario), encoding="utf-8")
+        part.write_text(add_digests(scenario), encoding="utf-8")
 
 
 def how_to_resume(folder: Path) -> str:
-    """How a run that did not get to its end goes on."""
+    """Instruction to continue a run that has not reached its end."""
     return f"go on with the same command and --out {shlex.quote(str(folder))} --resume"
 
 
 @contextmanager
 def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
-    """Makes a disk that is full, while `what` is written into a run's folder, an InputError. then:
-    what to do with more room; goes on unless given."""
+    """Raises InputError if the disk is full within this context.
+
+    Args:
+        what: description of the data.
+        folder: folder of the run.
+        then: instruction after "make room, then"; by default, to resume.
+    """
     try:
         yield
     except OSError as exc:
@@ -99,15 +106,17 @@ def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) -> Iterator[Path]:
-    """Makes the run's folder and keeps every other run out of it while this one lasts. A folder
-    that it has made and that is still empty at the end, after an error, is removed.
+def claim_folder(
+    name: str, out: Path | None, resume: bool, *, goes_on: bool = True
+) -> Iterator[Path]:
+    """Creates the folder of a run and locks it against other runs. A new folder that is still empty
+    at the end, after an error, is removed.
 
     Args:
         name: short name of the scenario.
         out: folder; runs/<name>-<n> if None.
-        resume: whether the run continues in a folder that an interrupted run has left.
-        goes_on: whether the command has --resume, which a message about a full disk names.
+        resume: whether the run continues in the folder of an interrupted run.
+        goes_on: whether the command has --resume, for the message about a full disk.
     """
     folder = output_folder(name, out, resume)
     while True:
@@ -118,7 +127,7 @@ def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) 
         except FileExistsError as exc:
             if out is not None:
                 raise _bad_out(folder, exc) from exc
-            folder = output_folder(name, None, False)  # another run was quicker
+            folder = output_folder(name, None, False)  # another run has created it
         except OSError as exc:
             raise _bad_out(folder, exc) from exc
     handle = os.open(folder, os.O_RDONLY)
@@ -133,13 +142,13 @@ def claimed(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) 
             yield folder
     finally:
         if new:
-            with suppress(OSError):  # it holds something
+            with suppress(OSError):  # not empty
                 folder.rmdir()
         os.close(handle)
 
 
 def check_trace_file(trace: Path) -> None:
-    """InputError for a waveform file of another ending than .fst or .vcd, or in no folder."""
+    """Raises InputError unless a waveform file is named .fst or .vcd and its folder exists."""
     if trace.suffix.lower() not in (".fst", ".vcd"):
         raise InputError("--trace", "a name that ends in .fst or .vcd", str(trace), "rename it")
     if not trace.absolute().parent.is_dir():

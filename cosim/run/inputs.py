@@ -1,4 +1,4 @@
-"""The files that a scenario names, identified by their content."""
+"""The files that a scenario names, identified by digests of their content."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-__all__ = ["PATHS", "changed", "digest", "sealed"]
+__all__ = ["PATHS", "add_digests", "changed_files", "digest"]
 
 PATHS: Final = (("scene", "path"), ("link", "file"), ("board", "csr"))
-"""Sections and their keys that name a file."""
+"""Sections and keys that name a file."""
 _SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
 
 
 def digest(path: str | Path) -> str | None:
-    """SHA-256 of a file's content, in hexadecimal; None where there is no file to be read."""
+    """SHA-256 of a file in hexadecimal; None if it cannot be read."""
     try:
         status = Path(path).stat()
         return (
@@ -29,21 +29,21 @@ def digest(path: str | Path) -> str | None:
 
 @lru_cache(maxsize=8)
 def _digest(path: str, size: int, modified: int) -> str:
-    """SHA-256 of a file. size, modified: of the file, so that a changed file is read again."""
+    """SHA-256 of a file. size, modified: for the cache, so that a changed file is read again."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def sealed(scenario: str) -> str:
-    """A resolved scenario (TOML) headed by a comment for each file that it names, which tells the
-    file's content by its SHA-256."""
+def add_digests(scenario: str) -> str:
+    """A resolved scenario (TOML), preceded by a comment with the SHA-256 of each file that it
+    names."""
     digests = ((f"{section}.{key}", digest(path)) for section, key, path in _named(scenario))
     return "".join(f"# {key}: sha256 {content}\n" for key, content in digests if content) + scenario
 
 
-def changed(scenario: str) -> list[tuple[str, str]]:
-    """Keys and files whose content is not that which a scenario's `sealed` head tells. One that is
-    gone is not among them."""
+def changed_files(scenario: str) -> list[tuple[str, str]]:
+    """Keys and paths of files whose content differs from the digests in front of a scenario.
+    Missing files are not listed."""
     paths = {(section, key): path for section, key, path in _named(scenario)}
     out = []
     for line in scenario.splitlines():
@@ -57,7 +57,7 @@ def changed(scenario: str) -> list[tuple[str, str]]:
 
 
 def _named(scenario: str) -> list[tuple[str, str, str]]:
-    """Section, key and path of every file that is named."""
+    """Section, key and path of every file that a scenario names."""
     data = tomllib.loads(scenario)
     return [
         (section, key, data[section][key])

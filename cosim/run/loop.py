@@ -1,4 +1,4 @@
-"""The run loop: blocks of cycles through a chain of stages, with a checkpoint to go on from."""
+"""The run loop: blocks of cycles through a chain of stages, with checkpoints."""
 
 from __future__ import annotations
 
@@ -16,23 +16,26 @@ import numpy as np
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted
-from cosim.stage import BLOCK, Stage, State, Stateful, blocks
+from cosim.stage import BLOCK, Stage, State, Stateful, blocks, section
 
-__all__ = ["Checkpoint", "run_blocks"]
+__all__ = ["Checkpoint", "run_blocks", "stop_requests"]
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where a run stands, in one file that is replaced whole or not at all.
+    """The state of a run in one file, which is replaced atomically.
 
-    identity: text that names the run's inputs; a checkpoint of another run is refused.
+    Attributes:
+        path: the file.
+        identity: text that depends on all inputs of the run. A checkpoint with another identity is
+            refused.
     """
 
     path: Path
     identity: str
 
     def save(self, cycle: int, stages: Mapping[str, Stage]) -> None:
-        """Writes the state of every stage that has one, after cycle `cycle - 1`."""
+        """Writes the state of all stages that have one, after cycle `cycle - 1`."""
         arrays: State = {"cycle": np.array(cycle), "identity": np.array(self.identity)}
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
@@ -45,10 +48,13 @@ class Checkpoint:
                 os.fsync(file.fileno())
             part.replace(self.path)
         finally:
-            part.unlink(missing_ok=True)  # of a disk that is full
+            part.unlink(missing_ok=True)  # after an error, such as a full disk
 
     def load(self, stages: Mapping[str, Stage]) -> int:
-        """Restores the stages; the cycle to go on from (0 where there is no checkpoint)."""
+        """Restores the stages; returns the next cycle, 0 if there is no checkpoint.
+
+        Raises InputError for a damaged checkpoint, or one of another run.
+        """
         if not self.path.exists():
             return 0
         remedy = f"remove {self.path} to start afresh, or give the run another --out"
@@ -65,25 +71,31 @@ class Checkpoint:
             )
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
-                prefix = f"{name}/"
-                stage.restore(
-                    {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-                )
+                stage.restore(section(arrays, name))
         return cycle
 
 
 @contextmanager
-def _stop_requests() -> Iterator[threading.Event]:
-    """Set by Ctrl-C and by a request to terminate, so that a block is always finished first."""
-    asked = threading.Event()
+def stop_requests() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, so that the current block is always completed.
+
+    A second signal raises KeyboardInterrupt at once.
+    """
+    requested = threading.Event()
+
+    def request(*_: object) -> None:
+        if requested.is_set():
+            raise KeyboardInterrupt
+        requested.set()
+
     if threading.current_thread() is not threading.main_thread():
-        yield asked  # signals reach the main thread only
+        yield requested  # signals reach the main thread only
         return
     before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        signal.signal(number, lambda *_: asked.set())
+        signal.signal(number, request)
     try:
-        yield asked
+        yield requested
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -100,16 +112,28 @@ def run_blocks(
     progress: Callable[[int], None] = lambda done: None,
     remedy: str = "run it again",
 ) -> dict[str, float]:
-    """Runs `cycles` cycles through the stages in order, from cycle `begin` on, which is what
-    `Checkpoint.load` gave for a run that is resumed; seconds spent in each stage.
+    """Runs blocks of cycles through the stages in order.
 
-    A checkpoint is saved every `every_s` seconds and when the user interrupts. progress is called
-    with the number of cycles done. Raises Interrupted after Ctrl-C, with `remedy` as its advice.
+    Args:
+        stages: stages by name, from source to sink.
+        cycles: length of the run.
+        size: cycles of a block.
+        checkpoint: saved every `every_s` seconds and on an interruption; None for none.
+        begin: first cycle; for a resumed run, the result of `Checkpoint.load`.
+        every_s: wall time between checkpoints, s.
+        progress: called with the number of completed cycles.
+        remedy: how to continue after an interruption.
+
+    Returns:
+        Seconds spent in each stage.
+
+    Raises:
+        Interrupted: after Ctrl-C or a request to terminate.
     """
     spent = dict.fromkeys(stages, 0.0)
     saved = time.monotonic()
     progress(begin)
-    with _stop_requests() as asked:
+    with stop_requests() as requested:
         for block in blocks(cycles, size, begin):
             value: Any = None
             for name, stage in stages.items():
@@ -117,12 +141,12 @@ def run_blocks(
                 try:
                     value = stage.step(value, block)
                 except Exception as exc:
-                    if asked.is_set():  # what a stage asks for is not more than what a user does
+                    if requested.is_set():  # the request of the user takes precedence
                         raise Interrupted(block.start, cycles, remedy) from exc
                     raise
                 spent[name] += time.perf_counter() - since
             progress(block.stop)
-            stopping = asked.is_set()
+            stopping = requested.is_set()
             if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):
                 checkpoint.save(block.stop, stages)
                 saved = time.monotonic()

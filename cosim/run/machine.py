@@ -1,8 +1,8 @@
-"""What a kind of machine provides so that it can be planned, run, checked and reported.
+"""The protocols by which every kind of machine is planned, run, checked and reported.
 
-Every run goes one way: assemble, trial, record, verify, judge, report. The way itself is written
-once (`scenarios/run.py`) over the protocols here; a part of the system implements them for the
-machines that it simulates.
+Every run has the same steps: assemble, trial, record, verify, judge, report. `scenarios/run.py`
+implements these steps once, with the protocols in this file. Each part of the system implements the
+protocols for the machines that it simulates.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ __all__ = [
 ]  # fmt: skip
 
 UNKNOWN = Error(None, None, None)
-"""The error of a run that was compared with nothing."""
+"""The error of a run without a comparison."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the command line that a machine is assembled with.
+    """Options of the command line for the assembly of a machine.
 
     Attributes:
         device: part of an OpenCL device's name, "numba", or None for the default device.
-        resume: whether the run continues in a folder that an interrupted run has left.
-        trace: file that waveforms are written to, None for none.
+        resume: whether the run continues in the folder of an interrupted run.
+        trace: file for waveforms, None for none.
     """
 
     device: str | None = None
@@ -41,12 +41,13 @@ class Options:
 
 @dataclass(frozen=True)
 class Finding:
-    """A bound of the plan that a measurement exceeded, and so an effect that must be kept.
+    """A bound of the plan that a measurement exceeds. Its effect must be kept.
 
     Attributes:
         effect: name of the effect to reinstate.
         message: one line for the user.
-        promised, measured: the bound, and the upper limit of the measurement; None if unknown.
+        promised: the bound, None if unknown.
+        measured: upper limit of the measurement, None if unknown.
         tile: number of the tile, None if the finding concerns the whole plane.
     """
 
@@ -58,7 +59,7 @@ class Finding:
 
 
 class BrokenPromise(Exception):
-    """Raised while a chain runs, as soon as a bound of its plan is exceeded."""
+    """Raised by a running chain as soon as a bound of its plan is exceeded."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         super().__init__(", ".join(finding.effect for finding in findings))
@@ -66,30 +67,31 @@ class BrokenPromise(Exception):
 
 
 class Chain(Protocol):
-    """The stages of a machine, from source to sink, recording into a run's folder.
+    """The stages of a machine, from source to sink, which record into the folder of a run.
 
     Attributes:
-        checkpoint: file that exists while the chain is not finished, and that it resumes from.
+        checkpoint: file from which an unfinished chain resumes; it exists only until the end.
     """
 
     @property
     def checkpoint(self) -> Path: ...
 
     def load(self) -> None:
-        """Restores the state at the checkpoint. Raises InputError for one of another run."""
+        """Restores the state at the checkpoint. Raises InputError for a checkpoint of another
+        run."""
         ...
 
     def run(self, progress: Progress) -> dict[str, float]:
-        """Runs to the end; the wall time of each stage, s. Raises Interrupted, BrokenPromise, or
-        InputError (full disk)."""
+        """Runs to the end; returns the wall time of each stage, s. Raises Interrupted,
+        BrokenPromise, or InputError (full disk)."""
         ...
 
     def save(self) -> None:
-        """Writes the checkpoint of the chain's end, for a run that is interrupted after it."""
+        """Writes a checkpoint at the end of the chain, in case the run is interrupted after it."""
         ...
 
     def discard(self) -> None:
-        """Removes the recording and the checkpoint, before the run is done again."""
+        """Removes the recording and the checkpoint, before the chain is repeated."""
         ...
 
 
@@ -98,10 +100,10 @@ class Recording:
     """A chain that has run to its end.
 
     Attributes:
-        chain: it, with whatever it holds in memory.
-        folder: the run's folder.
-        seconds: wall time of each stage, s; judging and reporting add their own.
-        resumed: whether a part of the run was done earlier, so that speeds are unknown.
+        chain: the chain, with its data in memory.
+        folder: folder of the run.
+        seconds: wall time of each stage, s; judging and reporting add theirs.
+        resumed: whether the run was resumed, so that speeds are unknown.
     """
 
     chain: Any
@@ -112,16 +114,22 @@ class Recording:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a machine says of its recording: the machine's part of `result.json`.
+    """Evaluation of a recording by its machine: the machine's part of `result.json`.
 
     Attributes:
         outcome: "ok", "degraded" or "failed".
-        files: names of the files that recording and judging have written, in the run's folder.
-        notes: what the user must know, found during or after the run.
-        verdict: lines that stand before the metrics on the terminal.
-        table: lines that stand in place of most metrics on the terminal.
         simulated_s: simulated time, s.
-        views: what the machine has made of the recording for its page.
+        error: the simulation against full physics.
+        kept, left_out: effects of the plan.
+        metrics: measured figures by name.
+        latency: latencies in the simulated machine.
+        throughput: speeds of the simulation.
+        files: names of the files written by recording and judging, in the folder of the run.
+        notes: information for the user from the run and its evaluation.
+        verdict: lines printed before the metrics on the terminal.
+        table: lines printed in place of most metrics on the terminal.
+        renderer: name of the renderer, None for none.
+        views: data of the recording for the machine's page.
     """
 
     outcome: str
@@ -142,15 +150,15 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is judged, for its report.
+    """A run after its evaluation, for the report.
 
     Attributes:
-        folder: the run's folder.
-        result: what `result.json` will say, so far.
-        recording, outcome: what was judged, and what was found.
-        notes: all notes, in the order in which the user has seen them.
+        folder: folder of the run.
+        result: content of `result.json` so far.
+        recording, outcome: the recording, and its evaluation.
+        notes: all notes, in the order in which the user has received them.
         reinstated: findings that led to another recording.
-        began: time.perf_counter() at the command's start.
+        began: time.perf_counter() at the start of the command.
     """
 
     folder: Path
@@ -169,16 +177,17 @@ class Run:
 
 @dataclass(frozen=True)
 class Page:
-    """A machine's part of the report; the frame around it is the same for all.
+    """A machine's part of the report; all machines share the frame around it.
 
     Attributes:
-        title: of the scenario.
-        subtitle: the machine in one line.
+        title: title of the scenario.
+        subtitle: description of the machine in one line.
         cards: HTML of the large figures at the top.
         sections: HTML of the sections, in their order.
-        commands: command lines that make single results again, before the one that repeats the run.
-        commands_do: one sentence on what these commands make.
-        files: names of the files written for the report, in the run's folder.
+        commands: command lines that reproduce single results; the frame adds the one that repeats
+            the run.
+        commands_do: one sentence on the output of these commands.
+        files: names of the files written for the report, in the folder of the run.
     """
 
     title: str
@@ -195,10 +204,10 @@ class Machine(Protocol):
 
     Attributes:
         toml: the resolved scenario, as TOML.
-        notes: what the user must know before the run.
-        device: what the simulation runs on, for the result.
-        length, unit: size of the run for messages, such as 2560 "cycles".
-        bits: upper limit of the recording's size on disk, bits.
+        notes: information for the user before the run.
+        device: device of the simulation, for the result.
+        length, unit: length of the run for messages, such as 2560 "cycles".
+        bits: upper limit of the size of the recording on disk, bits.
     """
 
     @property
@@ -215,24 +224,30 @@ class Machine(Protocol):
     def bits(self) -> int: ...
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """Checks the plan on patches before anything is recorded; [] if it holds, or if the check
-        is done beside the recording."""
+        """Checks the plan on patches before the recording. Returns [] if the plan holds, or if the
+        check runs along with the recording."""
         ...
 
     def keep(self, effects: Sequence[str]) -> Machine:
-        """The same machine planned anew, with these effects kept. It takes over what this one has
-        opened; this one must not be used any more."""
+        """The same machine with a new plan that keeps these effects. It takes over the open
+        resources of this one, which must not be used any more."""
         ...
 
-    def chain(self, folder: Path) -> Chain: ...
+    def chain(self, folder: Path) -> Chain:
+        """The stages, which record into a folder."""
+        ...
 
     def shortfall(self, recording: Recording) -> list[Finding]:
         """Effects to reinstate because the error of the recording exceeds the tolerance."""
         ...
 
-    def judge(self, recording: Recording, progress: Progress) -> Outcome: ...
+    def judge(self, recording: Recording, progress: Progress) -> Outcome:
+        """Evaluates a recording."""
+        ...
 
-    def page(self, run: Run) -> Page: ...
+    def page(self, run: Run) -> Page:
+        """The machine's part of the report."""
+        ...
 
     def close(self) -> None:
         """Releases devices, ports and renderers."""
@@ -240,12 +255,12 @@ class Machine(Protocol):
 
 
 class Study(Protocol):
-    """A machine that is planned and measured without a run of its own."""
+    """A machine that is planned and measured without a run."""
 
     def forecast(self, progress: Progress) -> dict[str, Any]:
-        """The document of `viform plan`: what is kept and left out, bounds and predicted cost."""
+        """The document of `viform plan`: effects kept and left out, bounds and predicted cost."""
         ...
 
     def ladder(self, progress: Progress) -> dict[str, Any]:
-        """The document of `viform accuracy`: error against run time at a ladder of tolerances."""
+        """The document of `viform accuracy`: error against run time over a ladder of tolerances."""
         ...

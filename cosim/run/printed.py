@@ -1,4 +1,4 @@
-"""A number that a document prints, beside the one that the simulation's own code gives."""
+"""Comparison of numbers printed in a document with numbers computed by the simulation."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from typing import Any, Literal
 __all__ = ["Relation", "Row", "agreement", "listed", "number", "unprinted"]
 
 Relation = Literal["=", "<", "<=", ">", ">="]
-"""What the document says of the number: that it is, is below, at most, above, at least."""
+"""Relation of the computed to the printed number, as the document states it."""
 _ROUNDING = 1e-9
-"""Relative error that floats may have where a limit is met exactly."""
+"""Relative rounding error that is allowed at a limit."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A number that a source document prints, beside the computed one.
+    """A number printed in a source document, with the computed one.
 
     Attributes:
         source: document and place.
         what: the quantity.
-        printed: a number or a list; None where the document leaves the number to the reader.
-        relation: of `computed` to `printed`.
-        computed: the number that the simulation gives.
-        unit: of both.
-        holds: whether the relation holds to the printed digits, or `note` states the document's
-            error, which a calculation has proved.
-        note: for the reader.
+        printed: a number or a list; None if the document does not print it.
+        relation: relation of `computed` to `printed`.
+        computed: the number that the simulation computes.
+        unit: unit of both.
+        holds: whether the relation holds to the printed digits, or a calculation has proved an
+            error of the document, which `note` states.
+        note: remark for the reader.
     """
 
     source: str
@@ -43,7 +43,7 @@ class Row:
 
 
 def agreement(printed: str, computed: float) -> Literal["rounded", "cut"] | None:
-    """How a number gives the printed digits: rounded to them, cut off at them, or not at all."""
+    """Whether a number agrees with printed digits "rounded", "cut" (truncated), or not (None)."""
     text = Decimal(printed)
     exponent = text.as_tuple().exponent
     assert isinstance(exponent, int)
@@ -57,6 +57,7 @@ def agreement(printed: str, computed: float) -> Literal["rounded", "cut"] | None
 
 
 def _compare(relation: Relation, printed: float, computed: float) -> bool:
+    """Whether a relation holds, up to rounding."""
     slack = _ROUNDING * max(abs(printed), abs(computed))
     return {
         "<": computed < printed,
@@ -78,29 +79,39 @@ def number(
     note: str = "",
     proof: bool | None = None,
 ) -> Row:
-    """A row of one number. printed: its digits as they stand, "4.09e10". proof: whether a
-    calculation shows that the document errs here, where it does: then the row holds although the
-    numbers differ, and not if they agree."""
-    given = float(Decimal(printed))
+    """A row of one number.
+
+    Args:
+        source: document and place.
+        what: the quantity.
+        printed: the digits as printed, such as "4.09e10".
+        computed: the number that the simulation computes.
+        unit: unit of both.
+        relation: relation of `computed` to `printed`.
+        note: remark for the reader.
+        proof: for an error of the document, whether a calculation proves it; None otherwise. The
+            row then holds if the numbers differ and the proof is true.
+    """
+    value = float(Decimal(printed))
     if relation == "=":
         how = agreement(printed, computed)
         if how == "cut":
             note = "; ".join(filter(None, ("printed digits are cut off, not rounded", note)))
         good = how is not None
     else:
-        good = _compare(relation, given, computed)
+        good = _compare(relation, value, computed)
     if proof is not None:
         good = proof and not good
-    shown = int(given) if given.is_integer() and abs(given) < 1e15 else given
+    printed_value = int(value) if value.is_integer() and abs(value) < 1e15 else value
     finite = computed if math.isfinite(computed) else None
-    return Row(source, what, shown, relation, finite, unit, good, note)
+    return Row(source, what, printed_value, relation, finite, unit, good, note)
 
 
 def listed(
     source: str, what: str, printed: Sequence[Any], computed: Sequence[Any], unit: str = "1",
     note: str = "",
 ) -> Row:  # fmt: skip
-    """A row of several numbers, all of which must be the same."""
+    """A row of several numbers, all of which must be equal."""
     one, other = list(printed), list(computed)
     return Row(source, what, one, "=", other, unit, one == other, note)
 
@@ -108,6 +119,8 @@ def listed(
 def unprinted(
     source: str, what: str, computed: Any, unit: str = "1", *, holds: bool, note: str
 ) -> Row:
-    """A row of what follows from the document and is not printed there, or is lost. holds: what a
-    second calculation says of it, as `note` tells."""
+    """A row of a number that follows from the document and is not printed there, or is lost.
+
+    holds: result of a second calculation, which `note` describes.
+    """
     return Row(source, what, None, "=", computed, unit, holds, note)

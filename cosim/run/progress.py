@@ -1,4 +1,4 @@
-"""How far a run is, for the user."""
+"""Progress of a run, for the user."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ __all__ = ["Progress"]
 
 
 class Progress(Protocol):
-    """Receives how far a run is, and notes."""
+    """Receives the progress of a run, and notes."""
 
     def start(self, what: str, total: int) -> None:
         """Begins a stage of `total` steps."""
         ...
 
     def advance(self, done: int) -> None:
-        """Steps of the stage that are done."""
+        """Reports the number of completed steps of the stage."""
         ...
 
     def note(self, text: str) -> None:
-        """One line that the user must read."""
+        """Reports one line that the user must read."""
         ...

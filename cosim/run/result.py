@@ -1,4 +1,4 @@
-"""What a run says of itself: the document that programs read."""
+"""The result of a run: the document `result.json` for programs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def viform_version() -> str:
 
 
 def _clean(value: Any) -> Any:
-    """Unknown values are null, never NaN or infinite."""
+    """The value with NaN and infinite numbers replaced by None."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, dict):
@@ -38,7 +38,7 @@ def _clean(value: Any) -> Any:
 
 
 def dumps(document: Any) -> str:
-    """One JSON document, two spaces deep."""
+    """A JSON document with an indent of two spaces."""
     return json.dumps(_clean(document), indent=2, ensure_ascii=False, allow_nan=False)
 
 
@@ -52,8 +52,13 @@ class Metric:
 
 @dataclass(frozen=True)
 class Error:
-    """The simulation against full physics, relative. kind: of what and how it is known. ci: [low,
-    high] at 99.9 %."""
+    """Error of the simulation against full physics.
+
+    Attributes:
+        value: relative error, None if unknown.
+        kind: quantity, and the method by which it is known.
+        ci: (low, high) limits at 99.9 %.
+    """
 
     value: float | None
     kind: str | None
@@ -71,7 +76,7 @@ class Latency:
 
 
 def latency_rows(stage: str, times: npt.NDArray[np.int64]) -> list[Latency]:
-    """The least, median and largest of times in picoseconds as a row; no row if there are none."""
+    """A row with minimum, median and maximum of times (ps); [] if there are no times."""
     if not times.size:
         return []
     least, median, largest = (
@@ -82,7 +87,7 @@ def latency_rows(stage: str, times: npt.NDArray[np.int64]) -> list[Latency]:
 
 @dataclass(frozen=True)
 class Throughput:
-    """How fast a stage of the simulation ran."""
+    """Speed of a stage of the simulation."""
 
     stage: str
     value: float
@@ -91,7 +96,7 @@ class Throughput:
 
 @dataclass
 class Result:
-    """See "What programs read" in the README; `error` is null until it has been measured."""
+    """The result of a run; see "What programs read" in the README. `error` is null if unknown."""
 
     scenario: str
     outcome: str
@@ -111,7 +116,7 @@ class Result:
     files: list[str] = field(default_factory=list)
 
     def document(self) -> dict[str, Any]:
-        """The JSON document's fields, in their documented order."""
+        """The fields of the JSON document, in their documented order."""
         return {
             "scenario": self.scenario,
             "outcome": self.outcome,
@@ -131,14 +136,14 @@ class Result:
 
 
 def write_result(folder: Path, result: Result) -> None:
-    """result.json, last of all: a folder that has it is whole."""
+    """Writes result.json. It is written last, so a folder with this file is complete."""
     with whole(folder / "result.json") as part:
         part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
 
 
 def read_result(folder: Path) -> Result | None:
-    """What a run's result.json says; None where there is none, or a damaged one. Raises InputError
-    for one with other fields, as other versions may write it: the run was done."""
+    """The result in a folder; None if there is none, or if it is damaged. Raises InputError for a
+    result with other fields, such as another version may write."""
     try:
         document = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""How a benchmark is timed, and its row: the first call discarded, then the least of several."""
+"""Timing of a benchmark: after one discarded call, the fastest of several counts."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any
 __all__ = ["BRIGHT", "DARK", "REAL_TIME", "REPEATS", "Row", "least", "least_of"]
 
 REPEATS = 5
+"""Timed calls of a benchmark, of which the fastest counts."""
 REAL_TIME = 40e3
 """Latch cycles a second of SpikeTwo."""
 DARK, BRIGHT = 0.03, 0.6
-"""Spikes a cycle at the darkest and brightest pixel of the bench's picture."""
+"""Spikes a cycle of the darkest and brightest pixel of the benchmark picture."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One benchmark; value in unit, realtime 1 = real time. plain_ratio: null where the plain way
-    was not measured."""
+    """One benchmark.
+
+    Attributes:
+        name, tier: name of the benchmark, and its tier.
+        value, unit: throughput.
+        realtime: throughput relative to real time, None if it has none.
+        ceiling_ratio: throughput relative to the measured limit of the device, None if unknown.
+        plain_ratio: throughput relative to the plain implementation, None if not measured.
+    """
 
     name: str
     tier: str
@@ -31,12 +39,12 @@ class Row:
 
 
 def least(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Seconds of the fastest of repeated calls, the first one discarded."""
+    """Seconds of the fastest of repeated calls, after one that is discarded."""
     return least_of([call], repeats)[0]
 
 
 def least_of(calls: list[Callable[[], Any]], repeats: int = REPEATS) -> list[float]:
-    """The same of each, in turns, so that all meet the same load of the machine."""
+    """`least` of each call. The calls take turns, so that all have the same load of the machine."""
     for call in calls:
         call()
     spent: list[list[float]] = [[] for _ in calls]

@@ -74,7 +74,8 @@ def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, 
         progress.note(warning)
     progress.note("timing a few blocks")
     return forecast_document(
-        name, planned.plan, tier=planned.tier, device=setup.device_name, own=planned.tier_bound,
-        speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles,
-        display=None, error_of=KIND, mode=asdict(setup.mode),
+        name, planned.plan, tier=planned.tier, device=setup.device_name,
+        tier_error=planned.tier_bound,
+        speeds=_measure(setup, planned, everything), pixel_cycles=setup.pixel_cycles, display=None,
+        error_of=KIND, mode=asdict(setup.mode),
     )  # fmt: skip

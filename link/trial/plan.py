@@ -208,7 +208,9 @@ class LinkSurvey:
             tier = "fast" if able else "exact"
         bound = self.lumped + (self.fast if tier == "fast" else 0.0)
         effects = [*self.air_effects, *self.camera_effects]
-        plan = make_plan(effects, self.scene, tolerance, own=bound, forced=forced, base_ns=QUIET)
+        plan = make_plan(
+            effects, self.scene, tolerance, tier_error=bound, forced=forced, base_ns=QUIET
+        )
         left_out, active = set(plan.left_out), frozenset(effect.name for effect in self.air_effects)
         return LinkPlan(
             plan, self.scene, tier, self.camera.without(left_out), active, active - left_out, bound

@@ -43,7 +43,7 @@ def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowe
 
     uptime: Uptime | None = None
     try:
-        if bench.monitor is None and bench.csr.ours and bench.magic == MAGIC:
+        if bench.monitor is None and bench.csr.is_viform_board and bench.magic == MAGIC:
             bench.monitor = LineMonitor(bench.bone, bench.csr)
             bench.monitor.begin()
         uptime = None if bench.monitor is None else Uptime(bench)
@@ -115,7 +115,7 @@ def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]
 
 
 def _settle(bench: Bench, repeats: int) -> None:
-    """Discards an answer that was under way at the deadline, and restarts the monitor's counts."""
+    """Discards an answer in transmission at the deadline, and restarts the monitor's counts."""
     bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))
     with suppress(LineFault, OutOfTime):
         bench.bone.resynchronise()

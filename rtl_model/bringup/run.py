@@ -66,7 +66,7 @@ class BringUp:
 
     Attributes:
         baud: of the line.
-        csr: registers of the loaded design; None for ours.
+        csr: registers of the loaded design; None for the Viform board's.
         stop_at_first: whether the stages after a failed one are left out. They always are after a
             failure of the port, bytes or identity stage.
         simulated: whether there is no real clock behind the port; None: true for a pty only.

@@ -146,6 +146,6 @@ def target_named(name: str) -> Target:
     if name not in TARGETS:
         raise InputError(
             "the target", f"one of {', '.join(TARGETS)}", repr(name[:60]),
-            "choose one, or see docs/fpga.md for a board of your own",
+            "choose one, or see docs/fpga.md for another board",
         )  # fmt: skip
     return TARGETS[name]

@@ -101,7 +101,7 @@ def find_baud(
     if start is None:
         raise LineFault(
             Cause.SILENT,
-            f"no board of ours answers on {port.name} within {REACH_PERCENT} % of {nominal} baud",
+            f"no Viform board answers on {port.name} within {REACH_PERCENT} % of {nominal} baud",
         )
     low, below = _edge(bone, nominal, start, -1)
     high, above = _edge(bone, nominal, start, 1)

@@ -231,13 +231,30 @@ class Board:
                 text += chr(value & 0xFF) if 32 <= value & 0xFF < 127 else "?"
         return text
 
+    def confirm(self) -> None:
+        """Checks the first register of a Viform board or imager before anything is written.
+
+        A design that only its csr.csv describes has no such register and passes. Raises LineFault
+        NOT_OURS.
+        """
+        if not (self.csr.is_viform_board or self.csr.imager):
+            return
+        expected = IMAGER_MAGIC if self.csr.imager else MAGIC
+        magic = self.read_twice("ctrl_magic")
+        if magic != expected:
+            raise LineFault(
+                Cause.NOT_OURS,
+                f"the board's first register is {magic:#010x}, not {expected:#010x}: another "
+                "design answers, and nothing was written to it",
+            )
+
     def info(self) -> BoardInfo:
         """Size and build of a Viform board.
 
         Raises LineFault NOT_OURS if another design or another version is loaded.
         """
         magic = self.read_twice("ctrl_magic") if "ctrl_magic" in self.csr.registers else 0
-        if magic != MAGIC or not self.csr.ours:
+        if magic != MAGIC or not self.csr.is_viform_board:
             raise LineFault(
                 Cause.NOT_OURS, f"the board's first register is {magic:#010x}, not {MAGIC:#010x}"
             )

@@ -66,7 +66,7 @@ class CsrMap(NamedTuple):
         data_width: bits of a register in each of its words, 8 or 32 (LiteX's
             config_csr_data_width).
         stride: distance of the words of a register, bytes.
-        ours: whether every register of the Viform board exists.
+        is_viform_board: whether every register of the Viform board exists.
         imager: name of the imager of this project that the map describes, else None.
         table: further facts on each register of a Viform board or imager, else empty.
     """
@@ -77,7 +77,7 @@ class CsrMap(NamedTuple):
     memories: dict[str, MemoryRegion]
     data_width: int
     stride: int
-    ours: bool
+    is_viform_board: bool
     imager: str | None = None
     table: Mapping[str, Register] = _NOTHING
 
@@ -176,15 +176,15 @@ def _parse(name: str, text: str) -> CsrMap:
         raise InputError(
             f"config_csr_alignment of {name}", "32 or 64", repr(alignment), "correct the file"
         )
-    ours = {entry.name for entry in REGISTERS} <= registers.keys()
-    table = {entry.name: entry for entry in REGISTERS} if ours else {}
+    is_viform_board = {entry.name for entry in REGISTERS} <= registers.keys()
+    table = {entry.name: entry for entry in REGISTERS} if is_viform_board else {}
     imager = constants.get(CONSTANT)
-    if not ours and isinstance(imager, str) and imager in IMAGERS:
+    if not is_viform_board and isinstance(imager, str) and imager in IMAGERS:
         table = {entry.name: entry for entry in design(imager).registers}
     complete = bool(table) and table.keys() <= registers.keys()
     return CsrMap(
-        registers, constants, bases, memories, int(width), int(alignment) // 8, ours,
-        str(imager) if complete and not ours else None, table if complete else _NOTHING,
+        registers, constants, bases, memories, int(width), int(alignment) // 8, is_viform_board,
+        str(imager) if complete and not is_viform_board else None, table if complete else _NOTHING,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The events of a line's log, as `LineLog` writes them, and the reader that checks them."""
+"""The events in a log of the line, as `LineLog` writes them, and the reader that checks them."""
 
 from __future__ import annotations
 
@@ -28,9 +28,11 @@ Seconds = Annotated[FiniteFloat, Field(ge=-1e9, le=1e9)]
 
 
 class _Event(BaseModel):
-    """Attributes:
-    monotonic: time of the port's clock, s.
-    wall: UTC, text.
+    """What all events have.
+
+    Attributes:
+        monotonic: time of the port's clock, s.
+        wall: UTC, text.
     """
 
     model_config = ConfigDict(strict=True, frozen=True)
@@ -40,8 +42,14 @@ class _Event(BaseModel):
 
 
 class Opened(_Event):
-    """The first event. `simulated`, `time_scale` and `frames` are those of the session, None if it
-    did not state them."""
+    """The first event.
+
+    Attributes:
+        format: of the log.
+        port: name of the port.
+        baud: of the line.
+        simulated, time_scale, frames: of the session; None if it did not state them.
+    """
 
     event: Literal["open"]
     format: Literal["viform-line-1"]
@@ -53,11 +61,13 @@ class Opened(_Event):
 
 
 class Request(_Event):
-    """Attributes:
-    command: name of the uartbone command.
-    address: byte address, hexadecimal.
-    words: of the transaction.
-    hex: all bytes that were sent.
+    """A request.
+
+    Attributes:
+        command: name of the uartbone command.
+        address: byte address, hexadecimal.
+        words: number of words of the transaction.
+        hex: all bytes that were sent.
     """
 
     event: Literal["write"]
@@ -71,11 +81,13 @@ class Request(_Event):
 
 
 class Answer(_Event):
-    """Attributes:
-    wanted: bytes that the host waited for.
-    hex: bytes that came.
-    more: surplus bytes.
-    fault: None if there was none.
+    """An answer.
+
+    Attributes:
+        wanted: number of bytes that the host waited for.
+        hex: bytes that came.
+        more: surplus bytes.
+        fault: cause of the fault, None if there was none.
     """
 
     event: Literal["read"]
@@ -99,7 +111,11 @@ class Stray(_Event):
 
 
 class Dropped(_Event):
-    """The line was brought to silence or not (value: bytes dropped), or got another baud."""
+    """The line was brought to silence, or could not be, or has another baud.
+
+    Attributes:
+        value: number of dropped bytes, or the baud.
+    """
 
     event: Literal["silence", "chatter", "baud"]
     value: Count
@@ -113,10 +129,13 @@ _EVENT: Final[TypeAdapter[Opened | Request | Answer | Stray | Dropped]] = TypeAd
 
 
 def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropped], bool]:
-    """The events of a log, and whether its last line is cut off, which is then left out.
+    """Reads a log.
+
+    Returns:
+        The events, and whether the last line is cut off, which is then left out.
 
     Raises:
-        InputError: a file that cannot be read, or a line that is no event, with its number.
+        InputError: for an unreadable file, or a line that is not an event, with its number.
     """
     try:
         text = path.read_text(encoding="ascii")

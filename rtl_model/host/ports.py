@@ -82,7 +82,8 @@ class SerialPort:
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
         """Passes all bytes to the system. Raises LineFault STUCK after `deadline_s` seconds."""
         with _named(self.name):
-            if deadline_s > self.inner.write_timeout:  # each change reconfigures the port
+            limit = self.inner.write_timeout  # each change reconfigures the port
+            if limit is not None and deadline_s > limit:
                 self.inner.write_timeout = 2 * deadline_s
             self.inner.write(data)
 
@@ -187,7 +188,8 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
             url,
             baudrate=baud,
             timeout=_POLL_S,
-            write_timeout=_WRITE_S,
+            # pyserial's client of RFC 2217 refuses one; its socket has a timeout of 5 s.
+            write_timeout=None if url.lower().startswith("rfc2217://") else _WRITE_S,
             exclusive=exclusive,
             do_not_open=True,
         )

@@ -97,10 +97,10 @@ class ReplayPort:
         """Does nothing: no port is open."""
 
     def _differs(self, host: str, event: LogEvent | None) -> LineFault:
-        held = "the end of the log" if event is None else str(event)
+        logged = "the end of the log" if event is None else str(event)
         line = f"line {self._next + 1} of the {self.name}"
         return LineFault(
-            Cause.DIFFERS, f"{line}: {shorten(host)}, the log contains {shorten(held)}"
+            Cause.DIFFERS, f"{line}: {shorten(host)}, the log contains {shorten(logged)}"
         )
 
     def _peek(self) -> LogEvent | None:

@@ -1,10 +1,10 @@
-// Pixel-major words (32 cycles of a pixel) to the chip's raw blocks (500 pixels of a cycle and a
-// marker). A work-item makes one block of 32 cycles: a 32 x 32 transposition of bits for each of the
-// block's 16 words at once, in registers, lane k being word k. Memory is read and written by 64
-// bytes, which is what bounds it; words gathered lane by lane took twice the time.
+// Converts pixel-major words (32 cycles of a pixel) to the chip's raw blocks (500 pixels of a cycle
+// and a marker). A work-item computes one block for 32 cycles. It transposes the 32 x 32 bits of all
+// 16 words of the block at once in registers; lane k is word k. Memory is accessed in units of 64
+// bytes, and its speed is the limit. To gather the words lane by lane took twice the time.
 //
 // words: (n, 1000, 1000). places, markers: of each block, in the order of the scan. open: bits of a
-// block that may be set, by half. raw: (cycles, blocks) of 64 bytes.
+// block that may be set, for each half. raw: (cycles, blocks) of 64 bytes.
 
 #define SWAP(a, b, by, mask)                                                                       \
     {                                                                                              \
@@ -16,8 +16,8 @@
 #define STAGE(by, mask)                                                                            \
     _Pragma("unroll") for (uint n = 0; n < 32; n++) if (!(n & (by))) SWAP(n, n + (by), by, mask)
 
-// Two squares of 16 x 16 words. A round moves the first bit of a word's row to the end of its column
-// and that of its column to the end of its row; four of them transpose.
+// Transposes two squares of 16 x 16 words by four rounds. A round moves the first bit of a word's row
+// index to the end of its column index, and that of its column index to the end of its row index.
 #define ZIP(from, to)                                                                              \
     _Pragma("unroll") for (uint n = 0; n < 16; n++)                                                \
     {                                                                                              \

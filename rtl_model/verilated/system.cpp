@@ -1,4 +1,4 @@
-// viform_system, stepped in batches: writes at their clocks in, tiles out.
+// viform_system, stepped in batches: timed writes in, tiles out.
 #include <cstdint>
 #include <memory>
 
@@ -41,7 +41,7 @@ struct Board {
         top->clk = level;
         top->eval();
 #if defined(VIFORM_FST) || defined(VIFORM_VCD)
-        // Two steps of time a clock, so that edge n stands at time 2 n.
+        // A clock is two steps of time, so that edge n is at time 2 n.
         if (open && clock >= first && clock < last) waves.dump(2 * clock + (level ? 0 : 1));
 #endif
     }
@@ -89,13 +89,13 @@ int viform_waves(Board *board, const char *path, uint64_t first, uint64_t last) 
 }
 #endif
 
-// Runs edges up to `stop` - 1, or until a list could overflow, and returns the clock it reached.
-// `counts` are tiles of the pixels, tiles of the sink, and writes done.
+// Runs edges up to `stop` - 1, or until a list could overflow; returns the clock reached.
+// `counts` are the numbers of pixel tiles, sink tiles and completed writes.
 uint64_t viform_run(Board *board, uint64_t stop, const Write *writes, uint64_t write_count,
-                    Tile *tiles, Tile *shown, uint64_t room, uint64_t *counts) {
+                    Tile *tiles, Tile *sink_tiles, uint64_t room, uint64_t *counts) {
     Vtop &top = *board->top;
-    uint64_t next = 0, made = 0, sunk = 0;
-    while (board->clock < stop && made < room && sunk < room) {
+    uint64_t next = 0, computed = 0, displayed = 0;
+    while (board->clock < stop && computed < room && displayed < room) {
         const uint64_t clock = board->clock;
         const bool due = next < write_count && writes[next].clock == clock;
         if (due) {
@@ -106,32 +106,32 @@ uint64_t viform_run(Board *board, uint64_t stop, const Write *writes, uint64_t w
         top.bus_we = due;
         board->half(true);
         if (top.tile_valid)
-            tiles[made++] = {
+            tiles[computed++] = {
                 clock | static_cast<uint64_t>(top.tile_clock ^ static_cast<uint32_t>(clock)) << 32,
                 top.tile_frame, top.tile_row, top.tile_index, top.tile_bits};
         if (top.sink_valid)
-            shown[sunk++] = {clock, 0, top.sink_row, top.sink_tile, top.sink_bits};
+            sink_tiles[displayed++] = {clock, 0, top.sink_row, top.sink_tile, top.sink_bits};
         board->half(false);
         board->clock = clock + 1;
     }
     top.bus_we = 0;
-    counts[0] = made;
-    counts[1] = sunk;
+    counts[0] = computed;
+    counts[1] = displayed;
     counts[2] = next;
     return board->clock;
 }
 
-// Reads a word, in two clocks; -1 where none came.
-int64_t viform_read(Board *board, uint32_t address, Tile *tiles, Tile *shown, uint64_t *counts) {
+// Reads a word in two clocks; -1 if there is no answer.
+int64_t viform_read(Board *board, uint32_t address, Tile *tiles, Tile *sink_tiles, uint64_t *counts) {
     Vtop &top = *board->top;
     top.bus_re = 1;
     top.bus_adr = address >> 2;
-    viform_run(board, board->clock + 1, nullptr, 0, tiles, shown, 2, counts);
-    const uint64_t made = counts[0], sunk = counts[1];
+    viform_run(board, board->clock + 1, nullptr, 0, tiles, sink_tiles, 2, counts);
+    const uint64_t computed = counts[0], displayed = counts[1];
     top.bus_re = 0;
-    viform_run(board, board->clock + 1, nullptr, 0, tiles + made, shown + sunk, 2, counts);
-    counts[0] += made;
-    counts[1] += sunk;
+    viform_run(board, board->clock + 1, nullptr, 0, tiles + computed, sink_tiles + displayed, 2, counts);
+    counts[0] += computed;
+    counts[1] += displayed;
     return top.bus_rvalid ? static_cast<int64_t>(top.bus_rdata) : -1;
 }
 

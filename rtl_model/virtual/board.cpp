@@ -1,4 +1,4 @@
-// viform_board behind its pins: the host's serialiser and deserialiser, at a baud of their own.
+// viform_board at pin level, with the host's serialiser and deserialiser at the host's baud.
 #include <cmath>
 #include <deque>
 
@@ -6,17 +6,17 @@
 
 namespace {
 
-const int BITS = 10;  // of a byte on the line: start, eight of data, stop
+const int BITS = 10;  // of a byte on the line: start, eight data bits, stop
 
 struct Board : Served {
     double bit_clocks = VIFORM_BIT_CLOCKS;  // of the host
 
     // Host to board.
-    std::deque<uint16_t> waiting;  // bits as they go out, first in bit 0, noise and all
+    std::deque<uint16_t> waiting;  // bits to send, first in bit 0, including the noise
     uint16_t sending = 0;
     int bits_left = 0;
-    double boundary = 0;  // when the bit that is on the line ends
-    uint64_t next = 0;    // the same, as a clock
+    double boundary = 0;  // end of the bit on the line, clocks
+    uint64_t next = 0;    // the same, rounded up
 
     // Board to host.
     bool high = true, receiving = false;
@@ -25,8 +25,8 @@ struct Board : Served {
     double begun = 0;
     uint64_t sample_at = 0;
 
-    // The board's answer begins three bits after the request at the latest, and its bytes follow
-    // each other: a byte's time without a change and its stop bit is the end.
+    // An answer begins at most three bits after the request, and its bytes follow each other
+    // directly. So a longer pause is the end of the answer.
     uint64_t patience() const {
         const double longer = bit_clocks > VIFORM_BIT_CLOCKS ? bit_clocks : VIFORM_BIT_CLOCKS;
         return static_cast<uint64_t>(3 * longer) + 32;
@@ -34,19 +34,19 @@ struct Board : Served {
     bool quiet() const {
         return waiting.empty() && !bits_left && !receiving && still(patience());
     }
-    bool line(const uint16_t *noise, uint8_t *out, uint64_t &made) {
+    bool line(const uint16_t *noise, uint8_t *out, uint64_t &sent) {
         const bool sends = drive();
-        return receive(noise, out, made) || sends;
+        return receive(noise, out, sent) || sends;
     }
     bool drive();
-    bool receive(const uint16_t *noise, uint8_t *out, uint64_t &made);
+    bool receive(const uint16_t *noise, uint8_t *out, uint64_t &sent);
 };
 
-// Puts the host's next bit on the line where it is due; returns whether the line is in use.
+// Puts the host's next bit on the line when it is due; returns whether the line is in use.
 bool Board::drive() {
     if (!bits_left) {
         if (waiting.empty()) return false;
-        if (clock > next) boundary = static_cast<double>(clock);  // else right after the last
+        if (clock > next) boundary = static_cast<double>(clock);  // else directly after the last
         sending = waiting.front();
         waiting.pop_front();
         bits_left = BITS;
@@ -64,8 +64,8 @@ bool Board::drive() {
     return true;
 }
 
-// Looks at the board's line; returns whether a byte is under way.
-bool Board::receive(const uint16_t *noise, uint8_t *out, uint64_t &made) {
+// Samples the board's line; returns whether a byte is in transmission.
+bool Board::receive(const uint16_t *noise, uint8_t *out, uint64_t &sent) {
     const bool falls = high && !top->serial_tx;
     high = top->serial_tx;
     if (!receiving) {
@@ -78,15 +78,15 @@ bool Board::receive(const uint16_t *noise, uint8_t *out, uint64_t &made) {
         return true;
     }
     if (clock < sample_at) return true;
-    const bool bit = high != ((noise[made] >> taken & 1) != 0);
+    const bool bit = high != ((noise[sent] >> taken & 1) != 0);
     samples |= static_cast<uint16_t>(bit) << taken;
     ++taken;
     sample_at = static_cast<uint64_t>(begun + (taken + 0.5) * bit_clocks);
     if (taken == 1 && bit) receiving = false;  // no start bit
     if (taken == BITS) {
         receiving = false;
-        // A byte without its stop bit reads as 0, as Linux hands it over unless told otherwise.
-        out[made++] = bit ? static_cast<uint8_t>(samples >> 1) : 0;
+        // A byte without its stop bit reads as 0, as by default in Linux.
+        out[sent++] = bit ? static_cast<uint8_t>(samples >> 1) : 0;
     }
     return true;
 }
@@ -104,17 +104,17 @@ Board *viform_open() {
 
 void viform_close(Board *board) { close_board(board); }
 
-// Sets how many clocks of the board a bit of the host's lasts, from the next bit on.
+// Sets the clocks of a bit of the host, from the next bit on.
 void viform_line(Board *board, double bit_clocks) { board->bit_clocks = bit_clocks; }
 
-// Takes `count` bytes for the board and runs it as run_board says. Noise inverts bits of a byte, its
-// start bit in bit 0: of those that go in, and of those that come out.
+// Takes `count` bytes for the board and calls run_board. The masks in `noise` and `noise_out` invert
+// bits of the input and output bytes, start bit in bit 0.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *noise, uint64_t count,
                 uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
-                uint64_t *clock, uint64_t *made) {
+                uint64_t *clock, uint64_t *sent) {
     for (uint64_t n = 0; n < count; ++n)
         board->waiting.push_back(static_cast<uint16_t>((bytes[n] << 1 | 0x200) ^ noise[n]));
-    return run_board(*board, clocks, out, noise_out, room, clock, made);
+    return run_board(*board, clocks, out, noise_out, room, clock, sent);
 }
 
 }

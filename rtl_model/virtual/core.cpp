@@ -1,12 +1,12 @@
-// viform_core behind bytes: a line of no duration, one byte a clock each way.
+// viform_core at byte level, on a line that takes one clock for a byte in either direction.
 #include <deque>
 
 #include "served.h"
 
 namespace {
 
-// Clocks without a byte after which no answer is to come: five from a request to its first byte,
-// and between two words of an answer (viform_uartbone.v).
+// Clocks without a byte after which an answer is complete. There are five from a request to its first
+// byte and between two words of an answer (viform_uartbone.v).
 const uint64_t QUIET = 8;
 
 struct Board : Served {
@@ -14,13 +14,13 @@ struct Board : Served {
 
     bool quiet() const { return waiting.empty() && still(QUIET); }
 
-    bool line(const uint16_t *, uint8_t *out, uint64_t &made) {
+    bool line(const uint16_t *, uint8_t *out, uint64_t &sent) {
         top->rx_valid = !waiting.empty();
         if (top->rx_valid) {
             top->rx_data = waiting.front();
             waiting.pop_front();
         }
-        if (top->tx_valid) out[made++] = top->tx_data;
+        if (top->tx_valid) out[sent++] = top->tx_data;
         return top->rx_valid || top->tx_valid;
     }
 };
@@ -41,13 +41,12 @@ void viform_close(Board *board) { close_board(board); }
 
 void viform_line(Board *, double) {}
 
-// Takes `count` bytes for the board and runs it as run_board says. The noise is for the board with
-// pins.
+// Takes `count` bytes for the board and calls run_board. Noise exists at pin level only.
 int viform_step(Board *board, const uint8_t *bytes, const uint16_t *, uint64_t count,
                 uint64_t clocks, uint8_t *out, const uint16_t *noise_out, uint64_t room,
-                uint64_t *clock, uint64_t *made) {
+                uint64_t *clock, uint64_t *sent) {
     board->waiting.insert(board->waiting.end(), bytes, bytes + count);
-    return run_board(*board, clocks, out, noise_out, room, clock, made);
+    return run_board(*board, clocks, out, noise_out, room, clock, sent);
 }
 
 }

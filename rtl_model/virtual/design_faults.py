@@ -53,7 +53,7 @@ def inject_faults(verilog: Path, folder: Path, geometry: Geometry, faults: Fault
             mask = f"(64'd{1 << lane})"
             here = f"(tile_row == 16'd{row} && tile_index == 16'd{tile} ? {mask} : 64'd0)"
             value = f"({value} | {here})" if bit else f"({value} & ~{here})"
-        text += f"    wire [63:0] shown = {value};\n    assign tile_bits = shown[LANES-1:0];\n"
+        text += f"    wire [63:0] faulty = {value};\n    assign tile_bits = faulty[LANES-1:0];\n"
         sensor = folder / "viform_sensor.v"
         _replace(sensor, _BITS, ".bits(pixels_bits[")
         _replace(sensor, _BEFORE, text + _BEFORE)

@@ -1,4 +1,4 @@
-// What the boards behind bytes and behind pins share: opening, closing, and the loop over clocks.
+// Common part of the boards at byte and pin level: reset, closing, and the loop over clocks.
 #ifndef VIFORM_SERVED_H
 #define VIFORM_SERVED_H
 
@@ -12,7 +12,7 @@ struct Served {
     VerilatedContext context;
     std::unique_ptr<Vtop> top{new Vtop(&context)};
     uint64_t clock = 0;
-    uint64_t last = 0;  // when something last moved on the line
+    uint64_t last = 0;  // clock of the last activity on the line
     bool moved = false;
 
     void edge() {
@@ -35,13 +35,13 @@ void close_board(Board *board) {
     delete board;
 }
 
-// Runs at most `clocks` clocks: until nothing is under way or, where nothing was, all of them.
-// Returns how many bytes still wait, and one more where any is under way; 0 is a quiet line. `made`
-// bytes have come out into `out`, at most `room`. Before each edge `Board::line` moves the line on,
-// says whether it is in use, and counts what has come out.
+// Runs at most `clocks` clocks. If a transmission was in progress, it stops when that is complete.
+// Returns the number of waiting bytes, plus one if a transmission is in progress; 0 is a quiet line.
+// `sent` bytes have been written to `out`, at most `room`. Before each edge `Board::line` advances the
+// line, returns whether it is in use, and counts the output bytes.
 template <class Board>
 int run_board(Board &board, uint64_t clocks, uint8_t *out, const uint16_t *noise, uint64_t room,
-              uint64_t *clock, uint64_t *made) {
+              uint64_t *clock, uint64_t *sent) {
     const bool busy = !board.quiet();
     uint64_t got = 0;
     for (uint64_t n = 0; n < clocks && got < room && !(busy && board.quiet()); ++n) {
@@ -53,7 +53,7 @@ int run_board(Board &board, uint64_t clocks, uint8_t *out, const uint16_t *noise
         ++board.clock;
     }
     *clock = board.clock;
-    *made = got;
+    *sent = got;
     return static_cast<int>(board.waiting.size()) + !board.quiet();
 }
 

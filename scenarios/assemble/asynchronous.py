@@ -56,6 +56,7 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
         name=name,
         title=scenario.title,
         toml=to_toml(scenario),
+        inputs=to_toml(scenario.model_copy(update={"title": ""})),
         tolerance=scenario.tolerance,
         section=scenario.sensor,
         setting=setting,

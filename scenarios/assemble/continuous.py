@@ -48,6 +48,7 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
             name=name,
             title=scenario.title,
             toml=to_toml(scenario),
+            inputs=to_toml(scenario.model_copy(update={"title": ""})),
             section=scenario.sensor,
             camera=camera,
             setting=setting,

@@ -10,7 +10,7 @@ from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
-from scenarios.assemble.readout import refuse_leftovers, refuse_options
+from scenarios.assemble.readout import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
@@ -42,7 +42,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
             from scenarios.assemble.camera.machine import assemble_latched
 
             return assemble_latched(name, scenario, options.device, options.resume)
-        refuse_options(scenario.sensor.readout, options.resume, options.device)
+        refuse_device(scenario.sensor.readout, options.device)
         if scenario.sensor.readout == "asynchronous":
             from scenarios.assemble.asynchronous import assemble_asynchronous
 
@@ -89,7 +89,7 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     if camera.sensor.readout == "asynchronous":
         from scenarios.assemble.asynchronous import study_asynchronous
 
-        refuse_options("asynchronous", False, device)
+        refuse_device("asynchronous", device)
         return study_asynchronous(name, camera)
     from scenarios.assemble.camera.study import LatchedStudy
 

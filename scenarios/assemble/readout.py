@@ -8,7 +8,7 @@ from typing import Any
 from cosim import InputError
 from scenarios.assemble.schema.scenario import Scenario
 
-__all__ = ["refuse_keys", "refuse_leftovers", "refuse_options", "with_section"]
+__all__ = ["refuse_device", "refuse_keys", "refuse_leftovers", "with_section"]
 
 _SECTIONS = {
     "asynchronous": "asynchronous",
@@ -49,10 +49,8 @@ def refuse_keys(readout: str, keys: Iterable[tuple[str, Any, Any]], mend: str) -
             raise InputError(f"sensor.{name}", f"{must} with readout = {readout}", str(value), mend)
 
 
-def refuse_options(readout: str, resume: bool, device: str | None) -> None:
-    """Raises InputError for options that only the synchronous camera has."""
-    if resume:
-        raise InputError("--resume", "for readout = synchronous", f"for {readout}", "run it afresh")
+def refuse_device(readout: str, device: str | None) -> None:
+    """Raises InputError for a device, which only the synchronous camera chooses."""
     if device is not None and device.lower() != "numba":
         raise InputError(
             "--device", f"numba with readout = {readout}", device, "leave it out: these pixels "

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError
-from cosim.run.inputs import changed
+from cosim.run.inputs import changed_files
 from cosim.run.result import Result, read_result
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario, BoardScenario, Scenario
@@ -50,7 +50,7 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
         )  # fmt: skip
     if result is None or isinstance(scenario, BoardScenario):
         return None
-    for key, path in changed(held_in.read_text(encoding="utf-8")):
+    for key, path in changed_files(held_in.read_text(encoding="utf-8")):
         raise InputError(
             "--resume", f"given for the {key} that {out} was made of",
             f"for {path}, which has changed since", "give another --out",

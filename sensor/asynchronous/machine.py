@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,13 +10,14 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
-from cosim import Interrupted, Light
+from cosim import Light
 from cosim.files import write_events
 from cosim.light.steps import light_steps
+from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Error, Metric, Throughput, latency_rows
-from cosim.run.unresumed import AFRESH, MemoryChain, start_again
+from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
+from cosim.run.steps import StepChain
 from sensor.asynchronous.plan.cost import reference_cost
 from sensor.asynchronous.plan.plan import EventPlan
 from sensor.asynchronous.plan.planned import PlannedPixels
@@ -88,14 +90,11 @@ class AsynchronousMachine:
         """The plan against the reference on a few tiles."""
         begin = time.perf_counter()
         spec, view = self.spec, self.start.view
-        try:
-            findings, checked = check_plan(self.plan, view, spec.tolerance)
-            if checked is not None:
-                cost = reference_cost(spec.model, view, self.plan, 1)
-                lasts = view.until - view.light.pieces[0].start
-                checked = replace(checked, full_physics=cost.seconds * spec.stop / lasts)
-        except KeyboardInterrupt:
-            raise Interrupted(0, self.length, AFRESH) from None
+        findings, checked = check_plan(self.plan, view, spec.tolerance)
+        if checked is not None:
+            cost = reference_cost(spec.model, view, self.plan, 1)
+            lasts = view.until - view.light.pieces[0].start
+            checked = replace(checked, full_physics=cost.seconds * spec.stop / lasts)
         self.spent["plan and verification"] += time.perf_counter() - begin
         self.checked = checked
         return findings
@@ -103,7 +102,7 @@ class AsynchronousMachine:
     def keep(self, effects: Sequence[str]) -> AsynchronousMachine:
         return replace(self, plan=self.plan.keeping(effects))
 
-    def chain(self, folder: Path) -> MemoryChain:
+    def chain(self, folder: Path) -> StepChain:
         spec, view = self.spec, self.start.view
         section, bus = spec.section.asynchronous, channel_model(spec.section)
         most = (section or AsynchronousSection()).most_events
@@ -114,11 +113,16 @@ class AsynchronousMachine:
         output = Output(
             None if bus is None else Channel(bus, spec.shape), spec.stop, height * width, late
         )
-        return MemoryChain(
+        return StepChain(
             f"{spec.name}: {width} x {height} asynchronous pixels", folder, spec.setting.clock,
-            spec.cycles, self._steps(), {"sensor": pixels.step, "channel": output.take}, output,
-            dict(self.spent),
+            spec.cycles, self._steps(), {"sensor": pixels, "channel": output}, output,
+            self._identity(), dict(self.spent),
         )  # fmt: skip
+
+    def _identity(self) -> str:
+        """Text that depends on the scenario, its files, what is left out, and the version."""
+        text = add_digests(self.spec.inputs) + viform_version()
+        return hashlib.sha256(text.encode() + self.plan.left_out.tobytes()).hexdigest()
 
     def _steps(self) -> Iterator[tuple[Light, int, int]]:
         view = self.start.view
@@ -129,10 +133,6 @@ class AsynchronousMachine:
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        with start_again(recording.folder, self.length, self.length):
-            return self._judge(recording)
-
-    def _judge(self, recording: Recording) -> Outcome:
         spec, seconds, checked = self.spec, recording.seconds, self.checked
         assert checked is not None
         views = self._views(recording)
@@ -200,8 +200,7 @@ class AsynchronousMachine:
         return EventRun(run, self.spec, self.checked, run.outcome.views)
 
     def page(self, run: Run) -> Page:
-        with start_again(run.folder, self.length, self.length):
-            return events_page(self.judged(run))
+        return events_page(self.judged(run))
 
     def close(self) -> None:
         """Nothing is open."""

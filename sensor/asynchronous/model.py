@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -79,6 +80,9 @@ class EventModel:
         return least_electrons(level, q, n), min(least_electrons(level + 1, q, n), q) - 1
 
 
+_COLUMNS: Final = ("pixel", "instant", "width", "exact", "level")
+
+
 @dataclass(frozen=True, eq=False)
 class Firings:
     """What pixels send, in order of time; those of one picosecond in the order of their numbers.
@@ -109,6 +113,17 @@ class Firings:
             self.pixel[chosen], self.instant[chosen], self.width[chosen], self.exact[chosen],
             self.level[chosen], self.work,
         )  # fmt: skip
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """The columns, for a checkpoint."""
+        columns = {name: getattr(self, name) for name in _COLUMNS}
+        return columns | {"work": np.array(self.work)}
+
+    @staticmethod
+    def of_state(state: Mapping[str, npt.NDArray[Any]]) -> Firings:
+        """From what `state` gave."""
+        pixel, instant, width, exact, level = (state[name] for name in _COLUMNS)
+        return Firings(pixel, instant, width, exact, level, int(state["work"]))
 
     @staticmethod
     def join(parts: list[Firings]) -> Firings:

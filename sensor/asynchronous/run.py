@@ -31,6 +31,7 @@ class EventSpec:
     Attributes:
         name, title: short and long name of the scenario.
         toml: the resolved scenario.
+        inputs: the same without its title, which decides nothing of the result.
         tolerance: relative error allowed.
         section: of the sensor, as the user wrote it.
         setting: chip, light and device.
@@ -47,6 +48,7 @@ class EventSpec:
     name: str
     title: str
     toml: str
+    inputs: str
     tolerance: float
     section: SensorSection
     setting: CameraSetting

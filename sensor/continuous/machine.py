@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from cosim import InputError, Intensities, Light, join_intensities
+import numpy as np
+
+from cosim import Clock, InputError, Intensities, Light, join_intensities
 from cosim.files.intensities import write_intensities
 from cosim.light.steps import light_steps
+from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Throughput, latency_rows
-from cosim.run.unresumed import MemoryChain, start_again
+from cosim.run.result import Metric, Throughput, latency_rows, viform_version
+from cosim.run.steps import StepChain
+from cosim.stage import State
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.report import continuous_page
 from sensor.continuous.run import STREAM, ContinuousRun, ContinuousSpec, ContinuousViews
@@ -33,6 +38,7 @@ from sensor.sections.sensor import SPIKING
 __all__ = ["ContinuousMachine"]
 
 _METHOD: Final = ("continuous",)
+_COLUMNS: Final = ("row", "column", "time", "value")
 _DRAWN: Final = 10
 """Pixels whose reports are drawn."""
 
@@ -42,11 +48,13 @@ class _Sink:
     """Collects the reports; beyond `most` it raises InputError. light: of the pixels drawn."""
 
     most: int
+    shape: tuple[int, int]
+    clock: Clock
     light: PixelLight
     parts: list[Intensities] = field(default_factory=list)
     count: int = 0
 
-    def take(self, reports: Intensities, start: int, stop: int) -> None:
+    def step(self, reports: Intensities, start: int, stop: int) -> None:
         self.parts.append(reports)
         self.count += len(reports)
         if self.count > self.most:
@@ -55,6 +63,26 @@ class _Sink:
                 "shorten duration, simulate fewer pixels, or raise sensor.continuous.contrast, "
                 "floor or most_reports",
             )  # fmt: skip
+
+    def state(self) -> State:
+        """The recording so far."""
+        if not self.parts:
+            return {}
+        whole = join_intensities(self.parts)
+        self.parts = [whole]
+        return {name: getattr(whole, name) for name in _COLUMNS} | {
+            "span": np.array([whole.start, whole.ticks])
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on from a `state`."""
+        if state:
+            start, ticks = (int(n) for n in state["span"])
+            row, column, when, value = (state[name] for name in _COLUMNS)
+            self.parts = [
+                Intensities(row, column, when, value, self.shape, ticks, self.clock, start)
+            ]
+            self.count = len(self.parts[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +131,19 @@ class ContinuousMachine:
     def keep(self, effects: Sequence[str]) -> ContinuousMachine:
         return self
 
-    def chain(self, folder: Path) -> MemoryChain:
+    def chain(self, folder: Path) -> StepChain:
         spec, chip = self.spec, self.spec.setting.chip
-        sink = _Sink(spec.most_reports, PixelLight(spec.source.points()[:_DRAWN]))
-        return MemoryChain(
+        sink = _Sink(
+            spec.most_reports,
+            (chip.height, chip.width),
+            spec.setting.clock,
+            PixelLight(spec.source.points()[:_DRAWN]),
+        )
+        return StepChain(
             f"{spec.name}: {chip.width} x {chip.height} continuous pixels", folder,
             spec.setting.clock, spec.cycles, self._steps(sink.light),
-            {"sensor": ContinuousCamera(spec.setting).step, "recorder": sink.take}, sink,
+            {"sensor": ContinuousCamera(spec.setting), "recorder": sink}, sink,
+            hashlib.sha256((add_digests(spec.inputs) + viform_version()).encode()).hexdigest(),
         )  # fmt: skip
 
     def _steps(self, drawn: PixelLight) -> Iterator[tuple[Light, int, int]]:
@@ -125,10 +159,6 @@ class ContinuousMachine:
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        with start_again(recording.folder, self.length, self.length):
-            return self._judge(recording)
-
-    def _judge(self, recording: Recording) -> Outcome:
         spec, seconds, sink = self.spec, recording.seconds, recording.chain.sink
         clock = spec.setting.clock
         begin = time.perf_counter()
@@ -170,8 +200,7 @@ class ContinuousMachine:
         return ContinuousRun(run, self.spec, run.outcome.views)
 
     def page(self, run: Run) -> Page:
-        with start_again(run.folder, self.length, self.length):
-            return continuous_page(self.judged(run))
+        return continuous_page(self.judged(run))
 
     def close(self) -> None:
         """Nothing is open."""

@@ -27,6 +27,7 @@ class ContinuousSpec:
     Attributes:
         name, title: short and long name of the scenario.
         toml: the resolved scenario.
+        inputs: the same without its title, which decides nothing of the result.
         section: of the sensor, as the user wrote it.
         camera: chip, light and device.
         setting: the pixels.
@@ -43,6 +44,7 @@ class ContinuousSpec:
     name: str
     title: str
     toml: str
+    inputs: str
     section: SensorSection
     camera: CameraSetting
     setting: ContinuousSetting

@@ -104,7 +104,7 @@ class CameraSetting:
         gathered = lux * self.electrons_per_lux * float(self.clock.period)
         return gathered / self.model.mean
 
-    def transferred(self, electrons: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def transfer(self, electrons: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Electrons of a cycle after the transfers, from the electrons before."""
         for transfer in self.model.transfers:
             electrons = transfer.share(electrons / self.threshold) * self.threshold

@@ -76,7 +76,7 @@ def survey_scene(
     darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
     brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
     brightest = brightest + setting.dark_charge
-    darkest, brightest = (setting.transferred(electrons) for electrons in (darkest, brightest))
+    darkest, brightest = (setting.transfer(electrons) for electrons in (darkest, brightest))
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,

@@ -15,7 +15,7 @@ CLOCK = Clock(40_000)
 
 @pytest.fixture(scope="session")
 def random_stream() -> Callable[..., Viform]:
-    """Makes a stream of random spikes; every argument may be left out."""
+    """Returns a stream of random spikes; all arguments are optional."""
 
     def make(
         cycles: int = 75,
@@ -32,7 +32,7 @@ def random_stream() -> Callable[..., Viform]:
 
 @pytest.fixture(scope="session")
 def damage() -> Callable[[st.DataObject, bytes], bytes]:
-    """Damages bytes at a place that hypothesis draws: one bit, a few bytes, or all that follow."""
+    """Damages bytes at a place that hypothesis draws: one bit, a few bytes, or the rest of them."""
 
     def apply(data: st.DataObject, content: bytes) -> bytes:
         place = data.draw(st.integers(0, len(content) - 1), "place")

@@ -1,4 +1,4 @@
-"""Arrays in archives: read whole and checked, or refused."""
+"""Arrays in archives: complete and checked, or refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clocks: every edge is the exact rational rounded down, out to where floats have long given up."""
+"""Clocks: each edge is the exact rational rounded down, beyond the precision of floats."""
 
 from __future__ import annotations
 

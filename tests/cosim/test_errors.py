@@ -1,4 +1,4 @@
-"""The exception family: one line, what must be, what was given, how to mend it."""
+"""The exceptions: one line with the requirement, the actual value and the remedy."""
 
 from __future__ import annotations
 

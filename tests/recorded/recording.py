@@ -29,8 +29,10 @@ TIMED = frozenset({
     "version", "device", "renderer", "run_time_s", "throughput", "camera", "full_physics",
     "predicted", "ns_per_pixel_cycle", "cost_ns", "seconds", "round_trips_per_s",
     "capture_bytes_per_s", "ns_per_interval",
+    # Prose: the schema's texts may be improved.
+    "description",
 })  # fmt: skip
-"""Keys whose values hang on the machine or its load."""
+"""Keys whose values depend on the machine or its load, and prose."""
 
 
 LONG = 400

@@ -1,4 +1,4 @@
-"""Cells of the 32 x 32 build in three families: what may not grow unseen."""
+"""Upper limits of the cells of the 32 x 32 build in three families."""
 
 import shutil
 
@@ -25,7 +25,7 @@ CEILINGS = {
 
 
 def within(cells: Cells, ceiling: Cells) -> bool:
-    """Returns whether a build costs no more than `ceiling`, in each kind of cell."""
+    """Whether a build has at most `ceiling` cells of each kind."""
     return (
         cells.family == ceiling.family
         and 0 < cells.luts <= ceiling.luts

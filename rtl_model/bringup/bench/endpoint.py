@@ -32,13 +32,13 @@ class Endpoint:
     Attributes:
         url: of the port, for `open_port`.
         baud: of the line.
-        simulated: True for a virtual board, None if it is not known.
+        simulated: whether a simulated board is behind the port.
         time_scale: seconds of the host's time to a second of the board's clock.
     """
 
     url: str
     baud: int
-    simulated: bool | None
+    simulated: bool
     time_scale: float
 
 
@@ -92,6 +92,7 @@ def open_endpoint(
     baud: int,
     time_scale: float | None,
     *,
+    simulated: bool | None = None,
     level: str = "bytes",
     faults: Sequence[str] | None = None,
     geometry: Geometry | None = None,
@@ -103,9 +104,11 @@ def open_endpoint(
         baud: of the line.
         time_scale: seconds of the host's time to a second of the board's clock; None for 1, or
             for the measured value of a virtual board.
+        simulated: whether a simulated board is behind the port; None: true for a pty only.
         level, faults, geometry: of a virtual board.
     """
     from cosim import InputError
+    from rtl_model.host import is_pty
 
     if time_scale is not None and not 0 < time_scale < 1e6:
         raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
@@ -116,14 +119,20 @@ def open_endpoint(
             raise InputError(
                 "--fault and --level", "given with --port virtual", f"with {port}", "leave them out"
             )
-        yield Endpoint(port, baud, None, time_scale or 1.0)
+        yield Endpoint(
+            port, baud, is_pty(port) if simulated is None else simulated, time_scale or 1.0
+        )
         return
+    if simulated is False:
+        raise InputError(
+            "--real", "given with the port of a board", f"with --port {port}", "leave it out"
+        )
     with virtual_board(baud=baud, level=level, faults=faults, geometry=geometry) as board:
         yield Endpoint(board.port, baud, True, time_scale or board.time_scale)
 
 
 def csr_map(csr: Path | None) -> CsrMap | None:
-    """The register map of a csr.csv file; None for our own design.
+    """The register map of a csr.csv file; None without a file, for the Viform board.
 
     Raises InputError for a file that is not a csr.csv.
     """

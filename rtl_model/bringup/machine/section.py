@@ -12,7 +12,7 @@ __all__ = ["BoardSection"]
 
 
 class BoardSection(Section):
-    """A board that is brought up and whose frames are compared with the cycle model."""
+    """A board is brought up and its frames are held against the cycle model."""
 
     port: str = Field(
         default="virtual",

@@ -32,7 +32,7 @@ def check_bytes(bench: Bench) -> Figures:
     if unsolicited:
         raise _unsolicited_bytes(bench, unsolicited)
     bench.bone.resynchronise()
-    address = bench.address("ctrl_magic") if bench.csr.ours else 0
+    address = bench.address("ctrl_magic") if bench.csr.is_viform_board else 0
     begun = bench.port.now()
     try:
         words, times = [], []
@@ -53,7 +53,7 @@ def check_bytes(bench: Bench) -> Figures:
             raise _unsolicited_bytes(bench, heard) from fault
         raise _wrong_baud(bench, fault.text) or _spoilt(bench, fault) from fault
     spent = bench.port.now() - begun
-    if len(set(words)) > 1 or (bench.csr.ours and words[0] != MAGIC):
+    if len(set(words)) > 1 or (bench.csr.is_viform_board and words[0] != MAGIC):
         values = ", ".join(f"{word:#010x}" for word in dict.fromkeys(words))
         wrong = _wrong_baud(bench, f"answers have the right length and hold {values}")
         if wrong is not None:
@@ -109,7 +109,7 @@ def _delay(bench: Bench, address: int) -> float | None:
         return None
     finally:
         bone.patience_s = usual
-    right = word == MAGIC if bench.csr.ours else True
+    right = word == MAGIC if bench.csr.is_viform_board else True
     return max(0.0, bench.port.now() - begun - bench.line_s(10)) if right else None
 
 

@@ -21,7 +21,7 @@ def check_identity(bench: Bench) -> Figures:
     Raises StageFault foreign, version, geometry or identifier.
     """
     board = Board(bench.bone, bench.csr)
-    if not bench.csr.ours:
+    if not bench.csr.is_viform_board:
         raise _foreign(board, "the csr.csv does not describe a Viform board")
     magic = bench.read_stable("ctrl_magic")
     if magic != MAGIC:

@@ -81,6 +81,12 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     bench.write("sensor_run", 0)
     while True:
         frames = bench.read("sensor_frames")
+        if frames < _LEAST_FRAMES:
+            raise StageFault(
+                "stands-still",
+                f"the frame counter fell to {frames} after it had reached {_LEAST_FRAMES}",
+                "check the sensor's supply and reset",
+            )
         read = bench.read("sensor_rows_read")
         if read == frames * bench.geometry.rows % _WORD and frames == bench.read_stable(
             "sensor_frames"

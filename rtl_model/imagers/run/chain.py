@@ -15,7 +15,7 @@ from typing import Any
 from cosim import Interrupted
 from cosim.frames import Frame
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.inputs import sealed
+from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
 from rtl_model.imagers.check.decisions import DecisionCheck, Decisions
@@ -157,7 +157,7 @@ class FrameChain:
     def _identity(self) -> str:
         """Text that depends on the scenario, the kept effects, and the version of the program."""
         kept = " ".join(sorted(self.planned.kept))
-        return f"{viform_version()}\n{kept}\n{sealed(self.planned.spec.toml)}"
+        return f"{viform_version()}\n{kept}\n{add_digests(self.planned.spec.toml)}"
 
     def save(self) -> None:
         """Nothing: the tape is complete when the run is."""

@@ -17,7 +17,7 @@ def forecast(run: PlannedRun) -> dict[str, Any]:
     """The document of `viform plan --json`. Nothing is simulated."""
     plan, exposures, (rows, columns) = run.plan, run.exposures, run.model.shape
     return forecast_document(
-        run.spec.name, plan, tier="exact", device=DEVICE, own=0.0,
+        run.spec.name, plan, tier="exact", device=DEVICE, tier_error=0.0,
         speeds=Speeds(plan.cost_ns, plan.full_ns, plan.full_ns, None),
         pixel_cycles=rows * columns * exposures.frames,
         imager=run.spec.kind,

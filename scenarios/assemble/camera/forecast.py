@@ -68,7 +68,7 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     plan = setup.plan(setup.scenario.tolerance)
     everything = setup.plan(0.0, tier=plan.tier)
     return forecast_document(
-        name, plan.plan, tier=plan.tier, device=setup.device_name, own=plan.own,
+        name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.own,
         speeds=_measure(setup, plan, everything),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, display=_display(setup, plan),

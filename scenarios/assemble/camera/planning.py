@@ -159,7 +159,7 @@ def plan_run(
     if display is not None:
         effects += display.kept
     plan = make_plan(
-        effects, scene, tolerance, certain=survey.certain, own=own, forced=forced,
+        effects, scene, tolerance, certain=survey.certain, tier_error=own, forced=forced,
         base_ns=QUIET + (0.0 if display is None else SHOWN),
     )  # fmt: skip
     flags = _flags(plan, survey.grid) if tier == "fast" else None

@@ -1,4 +1,4 @@
-"""`viform board bringup`: stage by stage, what of a board works."""
+"""`viform board bringup`: checks a board stage by stage."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ __all__ = ["board_bringup", "print_stage"]
 def board_bringup(
     options: BoardOptions,
     out: Annotated[
-        Path | None, typer.Option(help="folder for report.html and junit.xml; made if need be")
+        Path | None, typer.Option(help="folder for report.html and junit.xml, created if missing")
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=4096, help="of each captured burst")] = 8,
+    frames: Annotated[int, typer.Option(min=1, max=4096, help="in each captured burst")] = 8,
     all_stages: Annotated[
-        bool, typer.Option("--all", help="go on behind a stage that failed, where that can be")
+        bool, typer.Option("--all", help="continue after a failed stage, if possible")
     ] = False,
     json: Json = False,
 ) -> None:
     """Bring a board up: port, bytes, identity, counters, registers, PRBS, pixel patterns, threshold
-    sweep, frame timing. Exit 1 where a stage fails, with its cause."""
+    sweep, frame timing. Exit 1 if a stage fails, with its cause."""
     from cosim import InputError
     from rtl_model.bringup.run import BringUp, bring_up
 
@@ -40,8 +40,8 @@ def board_bringup(
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as exc:
-            given = f"{out} ({exc.strerror})"
-            raise InputError("--out", "a folder", given, "choose another") from exc
+            actual = f"{out} ({exc.strerror})"
+            raise InputError("--out", "a folder", actual, "choose another") from exc
 
     def report_stage(stage: Stage) -> None:
         if stage.figures.get("low_latency") is False:
@@ -50,7 +50,7 @@ def board_bringup(
             print_stage(stage)
 
     with endpoint_of(options) as endpoint:
-        how = BringUp(
+        bring_up_options = BringUp(
             baud=options.baud,
             csr=csr,
             stop_at_first=not all_stages,
@@ -60,7 +60,7 @@ def board_bringup(
             low_latency=options.low_latency,
             log=options.log,
         )
-        report = bring_up(endpoint.url, how, report_stage, SilentProgress().note)
+        report = bring_up(endpoint.url, bring_up_options, report_stage, SilentProgress().note)
     files: list[str] = []
     if out is not None:
         from rtl_model.bringup.report.page import write_board_report

@@ -1,4 +1,4 @@
-"""`viform board capture`: frames from a board, as a stream in a file."""
+"""`viform board capture`: captures frames from a board into a stream file."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ def board_capture(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", metavar="STREAM", help="written: .zarr, .npz, .events.npz, .dat or .raw"
+            "--out", metavar="STREAM", help="file to write: .zarr, .npz, .events.npz, .dat or .raw"
         ),
     ],
-    frames: Annotated[int, typer.Option(min=1, help="to capture, in one burst")] = 8,
+    frames: Annotated[int, typer.Option(min=1, help="in the captured burst")] = 8,
     assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="registers, before")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="register to write before"),
     ] = None,
     clear: Annotated[
-        bool, typer.Option("--clear", help="begin with frame 0 and no charge")
+        bool, typer.Option("--clear", help="begin with frame 0 and without charge")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Capture a burst and write it as a stream; every row is verified by sequence and CRC-32."""
+    """Capture a burst and write it as a stream. Every row is verified by number and CRC-32."""
     from cosim import InputError, Viform
     from cosim.files import FORMATS, ending_of, write_stream
     from rtl_model.bringup.bench.frames import frame_clock
@@ -40,17 +41,17 @@ def board_capture(
     from scenarios.cli.board.regs import assignment
 
     if ending_of(out) not in FORMATS:
-        given, mend = str(out), "give it one of these"
-        raise InputError("--out", f"a name ending in {', '.join(FORMATS)}", given, mend)
+        must = f"a name ending in {', '.join(FORMATS)}"
+        raise InputError("--out", must, str(out), "give it one of these")
     writes = [assignment(text) for text in assignments or ()]
     progress = make_progress()
     try:
         with connect(options, json) as connection:
             for name, value in writes:
                 connection.board.write(name, value)
-            taken = capture.burst(connection.board, frames, clear=clear)
+            captured = capture.burst(connection.board, frames, clear=clear)
             clock = frame_clock(connection.board)
-        stream = Viform.from_planes(taken.planes, clock)
+        stream = Viform.from_planes(captured.planes, clock)
         lost = write_stream(stream, out)
         for text in lost:
             progress.note(text)
@@ -58,10 +59,11 @@ def board_capture(
         progress.close()
     height, width = stream.shape
     document: dict[str, Any] = {
-        "ok": True, "file": str(out), "frames": stream.cycles, "first_frame": int(taken.frames[0]),
-        "width": width, "height": height, "clock_hz": clock.hz, "lost_rows": taken.lost,
-        "retries": taken.retries, "bytes": taken.bytes, "seconds": taken.seconds,
-        "bytes_per_s": taken.bytes / max(taken.seconds, 1e-9),
+        "ok": True, "file": str(out), "frames": stream.cycles,
+        "first_frame": int(captured.frames[0]), "width": width, "height": height,
+        "clock_hz": clock.hz, "lost_rows": captured.lost, "retries": captured.retries,
+        "bytes": captured.bytes, "seconds": captured.seconds,
+        "bytes_per_s": captured.bytes / max(captured.seconds, 1e-9),
     }  # fmt: skip
     if json:
         print_document(document)

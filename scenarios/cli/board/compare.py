@@ -1,4 +1,4 @@
-"""`viform board compare`: a board, or its Verilog, compared with the cycle model bit by bit."""
+"""`viform board compare`: compares a board, or its Verilog, bit by bit with the cycle model."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ __all__ = ["board_compare"]
 class LockstepOptions:
     """Options of --lockstep."""
 
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of --lockstep")] = 32
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep")] = 32
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="of --lockstep, pixels")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep, pixels")] = 32
     lanes: Annotated[int, typer.Option(help="of --lockstep, 32 or 64")] = 32
     seed: Annotated[int, typer.Option(min=0, help="of --lockstep's random program")] = 1
     pixels: Annotated[float, typer.Option(min=1, help="pixel-cycles of --lockstep")] = 1e7
     until: Annotated[int | None, typer.Option(min=1, help="clock at which --lockstep ends")] = None
     trace: Annotated[
-        Path | None, typer.Option(help="of --lockstep: waveforms about a difference, .fst or .vcd")
+        Path | None, typer.Option(help="of --lockstep: waveforms around a difference, .fst or .vcd")
     ] = None
     sources: Annotated[
-        Path | None, typer.Option(help="of --lockstep: a folder of Verilog; ours when absent")
+        Path | None,
+        typer.Option(help="of --lockstep: a folder of Verilog; the design's when absent"),
     ] = None
 
 
@@ -40,16 +41,19 @@ def board_compare(
     verilog: LockstepOptions,
     frames: Annotated[int, typer.Option(min=1, help="to capture and compare")] = 8,
     assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="registers, before")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="register to write before"),
     ] = None,
     lockstep: Annotated[
         bool,
-        typer.Option("--lockstep", help="the Verilog in Verilator, clock by clock; no port"),
+        typer.Option(
+            "--lockstep", help="compare the Verilog in Verilator, clock by clock, without a port"
+        ),
     ] = False,
     json: Json = False,
 ) -> None:
-    """Compare a board's bits with the cycle model's under its settings; exit 1 with the first wrong
-    bit's frame, row and column. --lockstep compares the Verilog with it, clock by clock."""
+    """Compare a board's bits with the cycle model under the board's settings. Exit 1 with frame,
+    row and column of the first wrong bit. --lockstep compares the Verilog, clock by clock."""
     from cosim import InputError
 
     if lockstep:
@@ -57,7 +61,7 @@ def board_compare(
         if not virtual or assignments or options.log is not None:
             raise InputError(
                 "--port, --fault, --set and --log", "left out with --lockstep", "given",
-                "leave them out: --lockstep runs the Verilog itself; for a board leave out "
+                "leave them out, because --lockstep runs the Verilog; for a board leave out "
                 "--lockstep",
             )  # fmt: skip
         _lockstep(verilog, json)
@@ -98,7 +102,7 @@ def _lockstep(options: LockstepOptions, json: bool) -> None:
 
     if options.lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(options.lanes), "choose one")
-    if options.trace is not None:  # it is only written at the end, after a difference
+    if options.trace is not None:  # checked now, because it is written at the end only
         check_trace_file(options.trace)
     program = Program(options.rows, options.columns, options.lanes, options.seed)
     progress = make_progress()
@@ -110,12 +114,12 @@ def _lockstep(options: LockstepOptions, json: bool) -> None:
             progress=lambda clock, done: progress.advance(done),
         )  # fmt: skip
     except BuildFailed as fault:
-        if options.sources is None:  # the project's own Verilog: a fault of the program
+        if options.sources is None:  # a fault of the project's Verilog, not of the input
             raise
-        log = "" if fault.log is None else f" (all that {fault.tool} said: {fault.log})"
+        log = "" if fault.log is None else f" (output of {fault.tool}: {fault.log})"
         raise InputError(
             f"--sources {options.sources}", "Verilog that compiles", f"refused: {fault.first}",
-            f"mend that line{log}",
+            f"correct that line{log}",
         ) from fault  # fmt: skip
     finally:
         progress.close()
@@ -135,7 +139,7 @@ def _lockstep(options: LockstepOptions, json: bool) -> None:
     elif difference is None:
         print(f"{outcome.pixels} pixel-cycles in {outcome.clock} clocks, no difference")
         if options.trace is not None:
-            print(f"without one there are no waveforms: {options.trace} was not written")
+            print(f"no waveforms without a difference: {options.trace} was not written")
     else:
         print(difference)
     if difference is not None:

@@ -1,7 +1,6 @@
-"""What the commands of `viform board` share: the options of a line, the connection to a board, and
-how a fault of the line ends a command.
+"""Options of the line and connection to a board, shared by the commands of `viform board`.
 
-The host is imported in the functions that need it, so that `--help` does not wait for it.
+The host is imported in the functions that need it, so that `--help` starts quickly.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ __all__ = [
 ]  # fmt: skip
 
 Csr = Annotated[
-    Path | None, typer.Option(help="csr.csv of the design that is loaded; ours when absent")
+    Path | None, typer.Option(help="csr.csv of the loaded design; the Viform board's when absent")
 ]
 
 
@@ -36,20 +35,34 @@ class LineOptions:
     """Options of the line to a board."""
 
     port: Annotated[
-        str, typer.Option(help="a device, any URL of pyserial, or `virtual`: one is started")
+        str, typer.Option(help="a device, any URL of pyserial, or `virtual` to start a board")
     ] = VIRTUAL
     baud: Annotated[int, typer.Option(help="of the line")] = 115_200
     csr: Csr = None
-    log: Annotated[Path | None, typer.Option(help="written: every transaction, with its time")] = (
-        None
-    )
+    log: Annotated[
+        Path | None, typer.Option(help="file to write: every transaction with its time")
+    ] = None
     time_scale: Annotated[
         float | None,
-        typer.Option(help="seconds of ours to a second of a simulated board's clock"),
+        typer.Option(help="seconds of host time to a second of a simulated board's clock"),
+    ] = None
+    simulated: Annotated[
+        bool | None,
+        typer.Option(
+            "--simulated/--real",
+            help="what is behind the port; by default a simulated board behind a pty only",
+        ),
     ] = None
     low_latency: Annotated[
         bool,
-        typer.Option("--low-latency", help="ask an FTDI adapter's driver to hand bytes on at once"),
+        typer.Option("--low-latency", help="set an FTDI adapter's driver to its low-latency mode"),
+    ] = False
+
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="write even if another design than the register map's answers"
+        ),
     ] = False
 
 
@@ -72,7 +85,7 @@ class Connection:
 
     Attributes:
         board: its registers.
-        url: of its port.
+        url: of the port.
     """
 
     board: Board
@@ -81,15 +94,17 @@ class Connection:
 
 def endpoint_of(options: LineOptions) -> Any:
     """The context that opens the endpoint of the options."""
-    virtual: dict[str, Any] = {}
+    virtual: dict[str, Any] = {"simulated": options.simulated}
     if isinstance(options, BoardOptions):
-        virtual = {"level": options.level, "faults": options.fault}
+        virtual |= {"level": options.level, "faults": options.fault}
     return open_endpoint(options.port, options.baud, options.time_scale, **virtual)
 
 
 @contextmanager
-def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Iterator[Connection]:
-    """Connects to a board.
+def connect(
+    options: LineOptions, json: bool, *, recognise: bool = False, confirm: bool = True
+) -> Iterator[Connection]:
+    """Connects to a board, whose design must match the register map.
 
     A fault of the line ends the command with exit 1 and its cause: a line on standard error, or
     the document.
@@ -97,10 +112,11 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
     Args:
         options: of the line.
         json: whether the command prints a document.
-        recognise: whether, without csr.csv, the board's first register decides between our board
+        recognise: whether, without a csr.csv, the first register decides between the Viform board
             and an imager.
+        confirm: whether the design is checked before the command begins, unless --force is set.
     """
-    from rtl_model.host import Board, LineFault, LineLog, Uartbone, is_pty, open_port, recognised
+    from rtl_model.host import Board, LineFault, LineLog, Uartbone, open_port, recognised
     from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
     known = csr_map(options.csr)
@@ -114,8 +130,7 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
             scale = endpoint.time_scale
             recorder = None
             if options.log is not None:
-                simulated = bool(endpoint.simulated) or is_pty(endpoint.url)
-                session = {"simulated": simulated, "time_scale": scale}
+                session = {"simulated": endpoint.simulated, "time_scale": scale}
                 recorder = stack.enter_context(LineLog(options.log, port, session=session))
             patience = SIMULATED_PATIENCE_S if endpoint.simulated else PATIENCE_S
             bone = Uartbone(
@@ -124,7 +139,10 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
             )  # fmt: skip
             if recognise and known is None and options.port != VIRTUAL:
                 known = recognised(bone)
-            yield Connection(Board(bone, known), endpoint.url)
+            board = Board(bone, known)
+            if confirm and not options.force:
+                board.confirm()
+            yield Connection(board, endpoint.url)
         except LineFault as fault:
             raise _failed(fault, json) from None
 
@@ -132,13 +150,13 @@ def connect(options: LineOptions, json: bool, *, recognise: bool = False) -> Ite
 def warn_of_latency(port: str) -> None:
     """Prints on standard error that a port has no low-latency mode; the command continues."""
     print(
-        f"viform: {port} has no low-latency mode, as ptys and sockets have none; going on without",
+        f"viform: {port} has no low-latency mode, like all ptys and sockets; continuing without it",
         file=sys.stderr,
     )
 
 
 def _failed(fault: LineFault, json: bool) -> typer.Exit:
-    """Prints a fault of the line; returns what ends the command."""
+    """Prints a fault of the line; returns the exception that ends the command."""
     if json:
         print_document({"ok": False, "kind": fault.cause.value, "cause": str(fault)})
     else:

@@ -1,12 +1,14 @@
-"""`viform board gateware`: a folder that puts the Verilog on a real FPGA board."""
+"""`viform board gateware`: writes a folder that builds the Verilog for an FPGA board."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
@@ -15,25 +17,33 @@ if TYPE_CHECKING:
 __all__ = ["board_gateware"]
 
 
+@dataclass(frozen=True)
+class BuildOptions:
+    """Options of the build."""
+
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32
+    lanes: Annotated[int, typer.Option(help="pixels computed in a clock, 32 or 64")] = 32
+    baud: Annotated[int, typer.Option(min=1, max=12_000_000, help="of the line")] = 115_200
+
+
+@expand_options
 def board_gateware(
+    build: BuildOptions,
     target: Annotated[
-        str | None, typer.Argument(metavar="TARGET", help="a board's name, from --list")
+        str | None, typer.Argument(metavar="TARGET", help="name of a board, from --list")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="a new or an empty folder to write")
+        Path | None, typer.Option(metavar="DIR", help="new or empty folder to write")
     ] = None,
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32,
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32,
-    lanes: Annotated[int, typer.Option(help="pixels a clock computes, 32 or 64")] = 32,
-    baud: Annotated[int, typer.Option(min=1, max=12_000_000, help="of its line")] = 115_200,
     cells: Annotated[
         bool,
-        typer.Option("--cells", help="count its cells with yosys; write only what fits"),
+        typer.Option("--cells", help="count cells with yosys; write only a build that fits"),
     ] = False,
-    listing: Annotated[bool, typer.Option("--list", help="the boards that are known")] = False,
+    listing: Annotated[bool, typer.Option("--list", help="list the supported boards")] = False,
     json: Json = False,
 ) -> None:
-    """Write a folder in which `make` builds the bitstream of a board."""
+    """Write a folder in which `make` builds the bitstream for a board."""
     from cosim import InputError
     from rtl_model.gateware import check_folder, design_for, fit, target_named, write_folder
 
@@ -43,23 +53,23 @@ def board_gateware(
     if target is None or out is None:
         missing = "TARGET" if target is None else "--out DIR"
         raise InputError(
-            missing, "given", "left out",
+            missing, "given", "absent",
             "write viform board gateware TARGET --out DIR; --list names the targets",
         )  # fmt: skip
-    if lanes not in (32, 64):
-        raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
-    design = design_for(target_named(target), rows=rows, columns=columns, lanes=lanes, baud=baud)
+    if build.lanes not in (32, 64):
+        raise InputError("--lanes", "32 or 64", str(build.lanes), "choose one")
+    design = design_for(target_named(target), **asdict(build))
     check_folder(out)
-    taken = None
+    counted = None
     if cells:
         SilentProgress().note("counting cells with yosys, which takes about a minute")
-        taken = fit(design)
-    ok = taken is None or taken.ok
+        counted = fit(design)
+    ok = counted is None or counted.ok
     files = write_folder(design, out) if ok else []
     if json:
-        print_document(_document(design, files, taken))
+        print_document(_document(design, files, counted))
     else:
-        print(_text(design, out, files, taken))
+        print(_text(design, out, files, counted))
     if not ok:
         raise typer.Exit(1)
 
@@ -82,10 +92,10 @@ def _list(json: bool) -> None:
         print(f"{one.name:<16} {one.part:<19} {one.clock_hz / 1e6:g} MHz  {one.board}")
 
 
-def _document(design: Design, files: list[str], taken: Fit | None) -> dict[str, object]:
+def _document(design: Design, files: list[str], cells: Fit | None) -> dict[str, object]:
     target = design.target
     return {
-        "ok": taken is None or taken.ok,
+        "ok": cells is None or cells.ok,
         "target": target.name,
         "family": target.device.family,
         "part": target.part,
@@ -95,11 +105,11 @@ def _document(design: Design, files: list[str], taken: Fit | None) -> dict[str, 
         "geometry": design.geometry._asdict(),
         "build": f"{design.build:08x}",
         "files": files,
-        "cells": None if taken is None else taken._asdict(),
+        "cells": None if cells is None else cells._asdict(),
     }
 
 
-def _text(design: Design, out: Path, files: list[str], taken: Fit | None) -> str:
+def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str:
     target, size = design.target, design.geometry
     lines = [
         f"target     {target.board}, {target.part}",
@@ -109,10 +119,10 @@ def _text(design: Design, out: Path, files: list[str], taken: Fit | None) -> str
         f"serial     {size.baud} baud, off by {100 * design.baud_error:+.2f} %",
         f"build      {design.build:08x}",
     ]
-    if taken is not None:
+    if cells is not None:
         for name in ("luts", "flip_flops", "block_rams"):
-            used, there = getattr(taken, name), getattr(taken, f"{name}_of")
-            lines.append(f"{name:<10} {used} of {there}, {100 * used / there:.0f} %")
+            used, available = getattr(cells, name), getattr(cells, f"{name}_of")
+            lines.append(f"{name:<10} {used} of {available}, {100 * used / available:.0f} %")
     if not files:
         lines.append(f"{target.part} is too small: nothing was written")
         return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""`viform board identify`: what answers behind a port."""
+"""`viform board identify`: identifies the design behind a port."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ def board_identify(
     options: LineOptions,
     json: Json = False,
 ) -> None:
-    """Say what a board is: ours or an imager of ours, with its size and build, or another LiteX
-    design by its csr.csv."""
+    """Identify a Viform board or imager, with its size and build, or another LiteX design by its
+    csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
 
-    with connect(options, json, recognise=True) as connection:
+    with connect(options, json, recognise=True, confirm=False) as connection:
         board = connection.board
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None
@@ -46,7 +46,7 @@ def board_identify(
         for name, value in board_rows.items():
             print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
         if "build_matches" in document:
-            whose = "this program's" if document["build_matches"] else "not this program's"
-            print(f"{'verilog':<14} {whose}, by the build's CRC-32")
+            origin = "this program's" if document["build_matches"] else "not this program's"
+            print(f"{'verilog':<14} {origin}, by the build's CRC-32")
     else:
-        print(f"{'design':<14} not ours; {document['registers']} registers by its csr.csv")
+        print(f"{'design':<14} foreign, {document['registers']} registers in its csr.csv")

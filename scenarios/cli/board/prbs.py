@@ -1,4 +1,4 @@
-"""`viform board prbs`: bit errors of the line, both ways."""
+"""`viform board prbs`: measures bit errors of the line in both directions."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ def board_prbs(
         list[int] | None, typer.Option(help="7, 15, 23 or 31, repeatable; all when absent")
     ] = None,
     words: Annotated[
-        int, typer.Option(min=1, max=10_000_000, help="32-bit words each way, for each order")
+        int,
+        typer.Option(min=1, max=10_000_000, help="32-bit words in each direction, for each order"),
     ] = 1024,
     json: Json = False,
 ) -> None:
-    """Count wrong bits of pseudo-random words, to the board and from it; exit 1 for any."""
+    """Count wrong bits of pseudo-random words to and from the board. Exit 1 if there are any."""
     from rtl_model.host import prbs
 
     with connect(options, json) as connection:
@@ -36,10 +37,11 @@ def board_prbs(
     else:
         for report in reports:
             print(
-                f"order {report.order:>2}: {32 * report.words} bits each way, "
+                f"order {report.order:>2}: {32 * report.words} bits in each direction, "
                 f"{report.bits_wrong_from_board} wrong from the board, "
-                f"{report.bits_wrong_to_board} to it, {report.words_lost_to_board} words lost, "
-                f"{report.faults} answers broken off, {report.seconds:.3g} s"
+                f"{report.bits_wrong_to_board} to the board, "
+                f"{report.words_lost_to_board} words lost, {report.faults} answers interrupted, "
+                f"{report.seconds:.3g} s"
             )
     if not clean:
         raise typer.Exit(1)

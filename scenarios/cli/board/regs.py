@@ -1,4 +1,4 @@
-"""`viform board regs`: registers by name: listed, read, written."""
+"""`viform board regs`: lists, reads and writes registers by name."""
 
 from __future__ import annotations
 
@@ -21,25 +21,27 @@ __all__ = ["assignment", "board_regs"]
 def board_regs(
     options: LineOptions,
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="to read; all that may be if none")
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="to read; all without read effect if none"),
     ] = None,
     assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="write, first of all")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="register to write before"),
     ] = None,
     listing: Annotated[
-        bool, typer.Option("--list", help="names and addresses only; no board is needed")
+        bool, typer.Option("--list", help="names and addresses only, without a board")
     ] = False,
     json: Json = False,
 ) -> None:
-    """List, read and write registers of a board, of an imager of ours, or of any LiteX design by
-    its csr.csv."""
+    """List, read and write registers of a Viform board or imager, or of any LiteX design by its
+    csr.csv."""
     from rtl_model.host import default_map
 
     writes = [assignment(text) for text in assignments or ()]
     known = csr_map(options.csr)
     if known is None and (listing or options.port == VIRTUAL):
         known = default_map()
-    if known is not None:  # what is wrong is said before a board is spoken to
+    if known is not None:  # refuses unknown names before the connection
         rows = _rows(known, names, writes)
     if not listing:
         with connect(options, json, recognise=True) as connection:
@@ -49,7 +51,7 @@ def board_regs(
                 board.write(name, number)
             for row in rows:
                 entry = board.csr.table.get(row["name"])
-                # Without names nothing is read that reading changes.
+                # Without names, registers with a read effect are not read.
                 effect = entry is not None and entry.read_effect and not names
                 unread = row["mode"] == "wo" or effect
                 row["value"] = None if unread else board.read(row["name"])
@@ -59,12 +61,12 @@ def board_regs(
         return
     for row in rows:
         value: Any = row.get("value")
-        told = "" if listing else ("-" if value is None else f"{value:#010x}")
+        text = "" if listing else ("-" if value is None else f"{value:#010x}")
         fields = row.get("fields") or {}
         assert isinstance(fields, dict)
         more = ", ".join(f"{name} {field}" for name, field in fields.items())
         print(
-            f"{row['address']:#07x} {row['mode']} {row['name']:<22} {told:<11}"
+            f"{row['address']:#07x} {row['mode']} {row['name']:<22} {text:<11}"
             f"{more or row['text']}".rstrip()
         )
 
@@ -72,7 +74,10 @@ def board_regs(
 def _rows(
     known: CsrMap, names: list[str] | None, writes: list[tuple[str, int]]
 ) -> list[dict[str, Any]]:
-    """What is told of each register that was asked for; InputError for one that is not there."""
+    """Name, address, mode and text of each requested register.
+
+    Raises InputError for an unknown name.
+    """
     for name in [*(names or ()), *(name for name, _ in writes)]:
         known.register(name)
     chosen = list(names or ([name for name, _ in writes] if writes else known.registers))
@@ -86,7 +91,7 @@ def _rows(
 
 
 def assignment(text: str) -> tuple[str, int]:
-    """Name and value of `NAME=VALUE`, InputError for what is none."""
+    """Name and value of `NAME=VALUE`. Raises InputError for another text."""
     from cosim import InputError
 
     name, equals, value = text.partition("=")
@@ -96,7 +101,7 @@ def assignment(text: str) -> tuple[str, int]:
         number = int(value.strip(), 0)
     except ValueError:
         raise InputError(
-            "--set", "NAME=VALUE such as sensor_threshold=3", repr(text[:60]), "write it like that"
+            "--set", "NAME=VALUE such as sensor_threshold=3", repr(text[:60]), "write it so"
         ) from None
     if number < 0:
         raise InputError(f"--set {name}", "0 or more", value, "give the bits as a number")

@@ -1,4 +1,4 @@
-"""`viform board replay`: a log of a line, read back without the board."""
+"""`viform board replay`: prints or replays a log of the line without the board."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ if TYPE_CHECKING:
 
 __all__ = ["board_replay"]
 
-_SHOWN = 4  # words of a transaction that are printed
+_PRINTED = 4  # most words of a transaction that are printed
 
 
 def board_replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="written with --log")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="file written with --log")],
     csr: Csr = None,
     judge: Annotated[
-        bool, typer.Option("--bringup", help="judge the log of a bring-up anew")
+        bool, typer.Option("--bringup", help="repeat the bring-up over the log")
     ] = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, max=4096, help="of the bring-up's bursts; the log's when absent"),
+        typer.Option(min=1, max=4096, help="in the bring-up's bursts; as in the log when absent"),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Print a log's transactions with the registers' names, or run the bring-up over it again."""
+    """Print the transactions of a log with register names, or repeat the bring-up over it."""
     from rtl_model.host import ReplayPort, default_map, is_pty
 
-    port = ReplayPort(log)  # refuses what is no log
+    port = ReplayPort(log)  # refuses a file that is not a log
     known = csr_map(csr)
     if judge:
         from rtl_model.bringup.run import BringUp, bring_up
         from scenarios.cli.board.bringup import print_stage
 
         simulated = is_pty(port.logged_port) if port.simulated is None else port.simulated
-        how = BringUp(
+        options = BringUp(
             baud=port.baud, csr=known, simulated=simulated, time_scale=port.time_scale or 1.0,
             frames=frames or port.frames or 8,
         )  # fmt: skip
-        report = bring_up(port, how, (lambda stage: None) if json else print_stage)
+        report = bring_up(port, options, (lambda stage: None) if json else print_stage)
         if json:
             print_document(report.document())
         elif not report.ok:
@@ -67,7 +67,7 @@ def board_replay(
 
 
 def _text(event: LogEvent, names: dict[int, str]) -> str:
-    """The event in a line."""
+    """The event in one line."""
     from rtl_model.host.log_events import Answer, Opened, Request, Stray
 
     if isinstance(event, Request):
@@ -79,7 +79,7 @@ def _text(event: LogEvent, names: dict[int, str]) -> str:
         fault = f", FAULT {event.fault}" if event.fault else ""
         return f"  answer {_words(bytes.fromhex(event.hex))}{fault}"
     if isinstance(event, Stray):
-        return f"  unasked {event.hex}"
+        return f"  stray {event.hex}"
     if isinstance(event, Opened):
         return f"{event.port} at {event.baud} baud, {event.wall}"
     return f"{event.event} {event.value}"
@@ -89,4 +89,4 @@ def _words(data: bytes) -> str:
     if not data:
         return "nothing"
     words = [data[n : n + 4].hex() for n in range(0, len(data), 4)]
-    return " ".join(words[:_SHOWN]) + (f" .. ({len(words)})" if len(words) > _SHOWN else "")
+    return " ".join(words[:_PRINTED]) + (f" .. ({len(words)})" if len(words) > _PRINTED else "")

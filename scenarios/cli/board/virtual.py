@@ -1,15 +1,17 @@
-"""`viform board virtual`: a board that exists only as Verilog, behind a serial port."""
+"""`viform board virtual`: starts a simulated board behind a serial port."""
 
 from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
 
 if TYPE_CHECKING:
@@ -19,66 +21,74 @@ if TYPE_CHECKING:
 __all__ = ["board_virtual"]
 
 
-def board_virtual(
-    link: Annotated[Path | None, typer.Option(help="a symlink to make for the port")] = None,
-    imager: Annotated[
-        str | None,
-        typer.Option(
-            help="a conventional imager in the board's place: adaptive-exposure, ebaps or emccd, "
-            "with the size and clock of its own, at level model"
-        ),
-    ] = None,
-    level: Annotated[
-        str | None,
-        typer.Option(
-            help="bytes (the default), pins (baud and noise exist), or model (no Verilator)"
-        ),
-    ] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="what is wrong with it, repeatable: drop|flip|extra:rx|tx@N or %N, cut@N, "
-            "power-cycle@N, silent, slow=MS, baud=PERCENT, noise=SHARE, stuck=ROW,COLUMN, foreign"
-        ),
-    ] = None,
-    rows: Annotated[
-        int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")
-    ] = None,
+@dataclass(frozen=True)
+class BuildOptions:
+    """Options of the simulated build."""
+
+    rows: Annotated[int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")] = (
+        None
+    )
     columns: Annotated[
         int | None, typer.Option(min=1, max=4096, help="of pixels, 32 when absent")
-    ] = None,
+    ] = None
     lanes: Annotated[
-        int | None, typer.Option(help="pixels a clock computes, 32 (when absent) or 64")
-    ] = None,
+        int | None, typer.Option(help="pixels computed in a clock, 32 (when absent) or 64")
+    ] = None
     clock: Annotated[
         int | None,
         typer.Option(
             min=10_000,
             max=1_000_000_000,
-            help="nominal clock of the board, Hz; when absent, one that a simulator keeps up with",
+            help="nominal clock of the board, Hz; when absent, one that a simulator reaches",
+        ),
+    ] = None
+
+
+@expand_options
+def board_virtual(
+    build: BuildOptions,
+    link: Annotated[Path | None, typer.Option(help="symbolic link to create for the port")] = None,
+    imager: Annotated[
+        str | None,
+        typer.Option(
+            help="simulate a conventional imager instead: adaptive-exposure, ebaps or emccd, with "
+            "its size and clock, at level model"
         ),
     ] = None,
-    baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of its line")] = 115_200,
-    csr: Annotated[Path | None, typer.Option(help="a csr.csv to write for host tools")] = None,
+    level: Annotated[
+        str | None,
+        typer.Option(
+            help="bytes (the default), pins (with baud and noise), or model (no Verilator)"
+        ),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="fault to inject, repeatable: drop|flip|extra:rx|tx@N or %N, cut@N, "
+            "power-cycle@N, silent, slow=MS, baud=PERCENT, noise=SHARE, stuck=ROW,COLUMN, foreign"
+        ),
+    ] = None,
+    baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of the line")] = 115_200,
+    csr: Annotated[Path | None, typer.Option(help="csr.csv to write for host tools")] = None,
     json: Json = False,
 ) -> None:
-    """Start a board, or an imager's registers, behind a pty and serve it until Ctrl-C."""
+    """Start a simulated board, or an imager's registers, behind a pty until Ctrl-C."""
     from cosim import InputError
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
     from rtl_model.registers import csr_csv
     from rtl_model.virtual import nominal_clock
 
-    if lanes not in (None, 32, 64):
-        raise InputError("--lanes", "32 or 64", str(lanes), "choose one")
+    if build.lanes not in (None, 32, 64):
+        raise InputError("--lanes", "32 or 64", str(build.lanes), "choose one")
     text = ""
     if imager is not None:
         from rtl_model.imagers.catalogue import design
 
-        if any(given is not None for given in (rows, columns, lanes, clock)):
+        if build != BuildOptions():
             raise InputError(
                 "--rows, --columns, --lanes and --clock", "left out with --imager", "given",
-                "an imager has its own",
+                "an imager has its own size and clock",
             )  # fmt: skip
         level = level or "model"
         kind = design(imager)
@@ -86,14 +96,14 @@ def board_virtual(
         text = kind.csr_csv()
     else:
         level = level or "bytes"
-        clock = clock or nominal_clock(checked_level(level), baud)
-        geometry = Geometry(rows or 32, columns or 32, lanes or 32, clock, baud)
-    made = virtual_board(
+        clock = build.clock or nominal_clock(checked_level(level), baud)
+        geometry = Geometry(build.rows or 32, build.columns or 32, build.lanes or 32, clock, baud)
+    simulated = virtual_board(
         baud=baud, level=level, faults=fault, geometry=geometry, link=link, imager=imager
     )
     if level != "model" and not json:
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
-    with suppress(KeyboardInterrupt), made as board:
+    with suppress(KeyboardInterrupt), simulated as board:
         if csr is not None:
             with whole(csr) as part:
                 part.write_text(text or csr_csv(geometry), encoding="utf-8")
@@ -123,7 +133,7 @@ def _text(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> str:
         f"port       {board.port}, {geometry.baud} baud",
         f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
         f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
-        f"speed      {board.clocks_per_second / 1e6:.3g} million clocks a second; a host should "
+        f"speed      {board.clocks_per_second / 1e6:.3g} million clocks per second; a host should "
         f"wait {board.time_scale:.1f} times as long",
     ]
     if csr is not None:

@@ -53,11 +53,11 @@ class _Brush:
 
     def oval(
         self, x: float, y: float, a: float, b: float, tone: float,
-        begin: float = 0.0, end: float = 360.0, inner: float = 0.0, turn: float = 0.0,
+        part: tuple[float, float] = (0.0, 360.0), inner: float = 0.0, turn: float = 0.0,
     ) -> None:  # fmt: skip
-        """An ellipse, a part of it from `begin` to `end` degrees clockwise from the right, or with
-        `inner` (0 to 1) a ring."""
-        angle = np.radians(np.linspace(begin, end, 181))
+        """An ellipse, a part of it (degrees clockwise from the right), or with `inner` (0 to 1) a
+        ring."""
+        angle = np.radians(np.linspace(*part, 181))
         around = np.stack([a * np.cos(angle), b * np.sin(angle)], axis=1)
         outline = np.concatenate([around, inner * around[::-1]]) if inner else around
         c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
@@ -178,7 +178,7 @@ def _face(brush: _Brush, x: float, y: float, r: float) -> None:
     for side in (-1, 1):
         brush.oval(x + 0.70 * r * side, y + 0.10 * r, 0.13 * r, 0.20 * r, 0.50)  # ear
     brush.oval(x, y + 0.12 * r, 0.68 * r, 0.86 * r, 0.62)
-    brush.oval(x, y - 0.46 * r, 0.66 * r, 0.40 * r, 0.05, 180, 360)  # fringe
+    brush.oval(x, y - 0.46 * r, 0.66 * r, 0.40 * r, 0.05, (180, 360))  # fringe
     brush.oval(x - 0.22 * r, y - 0.42 * r, 0.46 * r, 0.20 * r, 0.05, turn=-14)
     brush.oval(x + 0.33 * r, y - 0.45 * r, 0.27 * r, 0.13 * r, 0.05, turn=24)
     for side in (-1, 1):
@@ -190,8 +190,8 @@ def _face(brush: _Brush, x: float, y: float, r: float) -> None:
         brush.oval(x + 0.40 * r * side, y + 0.36 * r, 0.15 * r, 0.10 * r, 0.50)  # cheek
     brush.oval(x, y + 0.26 * r, 0.085 * r, 0.15 * r, 0.46)  # nose
     brush.oval(x - 0.02 * r, y + 0.20 * r, 0.055 * r, 0.15 * r, 0.66)
-    brush.oval(x, y + 0.50 * r, 0.30 * r, 0.22 * r, 0.10, 0, 180)  # mouth
-    brush.oval(x, y + 0.50 * r, 0.26 * r, 0.08 * r, 0.95, 0, 180)
+    brush.oval(x, y + 0.50 * r, 0.30 * r, 0.22 * r, 0.10, (0, 180))  # mouth
+    brush.oval(x, y + 0.50 * r, 0.26 * r, 0.08 * r, 0.95, (0, 180))
 
 
 def _star(brush: _Brush, x: float, y: float, r: float) -> None:

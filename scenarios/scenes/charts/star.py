@@ -24,7 +24,7 @@ from scenarios.scenes.drawing.canvas import (
     check_number,
     check_shape,
     ellipse,
-    polygon,
+    everywhere,
 )
 from scenarios.scenes.drawing.shapes import Array, Cam, Win, cover, grid, lay, square_mean
 
@@ -74,24 +74,20 @@ def _wave(phase: Any, width: Any, profile: Profile) -> Array:
 
 
 @lru_cache(maxsize=192)
-def _geometry(win: Win, cam: Cam, x: float, y: float, radius: float, n: int) -> tuple[Any, ...]:
+def _geometry(win: Win, cam: Cam, n: int) -> tuple[Any, ...]:
     """What of a star's disc stays while it turns: phase and width of the pixels, and the part of
     them within the disc. A picture is painted in bands; this holds some 3 million pixels of them,
     in float32 (1e-6 of a period)."""
     px, py = grid(win, cam)
-    px, py = px - x, py - y
-    part = cover((np.sqrt(px * px + py * py) - radius) / cam[0])
+    part = cover((np.sqrt(px * px + py * py) - RADIUS) / cam[0])
     return tuple(a.astype(np.float32) for a in (*_phase(px, py, cam[0], n), part))
 
 
-def paint_star(
-    image: Any, win: Win, cam: Cam, x: float, y: float, radius: float, n: int, turn: float,
-    profile: Profile, mean: float, contrast: float,
-) -> None:  # fmt: skip
-    """Lay a star's disc: tone = mean (1 + contrast wave)."""
-    phase, width, part = _geometry(win, cam, x, y, radius, n)
-    wave = _wave(phase - np.float32(turn), width, profile)
-    lay(image, win, part, np.float32(mean) * (1 + np.float32(contrast) * wave))
+def paint_star(image: Any, win: Win, cam: Cam, star: Star, turn: float) -> None:
+    """Lay a star's disc: tone = mean (1 + contrast wave). turn: by so many spokes."""
+    phase, width, part = _geometry(win, cam, star.spokes)
+    wave = _wave(phase - np.float32(turn), width, star.profile)
+    lay(image, win, part, np.float32(star.mean) * (1 + np.float32(star.contrast) * wave))
 
 
 def paint_wedge(image: Any, win: Win, cam: Cam, inner: float, outer: float) -> None:
@@ -206,7 +202,7 @@ class Star(Drawn):
 def _canvas(star: Star) -> Canvas:
     """The chart's layers: kept beside the star, so that this stays a plain value."""
     still = [
-        polygon([(-1e4, -1e4), (1e4, -1e4), (1e4, 1e4), (-1e4, 1e4)], PAPER),
+        everywhere(PAPER),
         *_corners(),
         ellipse(0, 0, RING_OUT + 0.012, RING_OUT + 0.012, BLACK),
         Item((-RING_OUT, -RING_OUT, RING_OUT, RING_OUT), paint_wedge, (RING_IN, RING_OUT)),
@@ -215,8 +211,7 @@ def _canvas(star: Star) -> Canvas:
 
     def disc(t: float) -> list[Item]:
         turn = star.angle(t) / TAU * star.spokes
-        rest = (0.0, 0.0, RADIUS, star.spokes, turn, star.profile, star.mean, star.contrast)
-        return [Item(extent, paint_star, rest)]
+        return [Item(extent, paint_star, (star, turn))]
 
     speed = star.speed() / min(star.shape)
     return Canvas(

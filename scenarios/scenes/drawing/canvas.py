@@ -23,7 +23,7 @@ from scenarios.scenes.drawing.shapes import Surface
 
 __all__ = [
     "Canvas", "Drawn", "Item", "Layer", "View", "blob", "body", "check_instant",
-    "check_number", "check_shape", "ellipse", "polygon", "shadow",
+    "check_number", "check_shape", "ellipse", "everywhere", "shadow",
 ]  # fmt: skip
 
 NOTHING: Box = (0, 0, 0, 0)
@@ -259,32 +259,24 @@ def shadow(rows: Any, soft: float, depth: float, blend: float = 1e-6) -> Item:
     return Item(_extent(parts, blend + soft), bodies.paint_shadow, (parts, blend, soft, depth))
 
 
+def everywhere(tone: float) -> Item:
+    """One tone over the whole picture."""
+    return Item((-1e4, -1e4, 1e4, 1e4), shapes.paint_all, (float(tone),))
+
+
 def ellipse(
-    x: float, y: float, a: float, b: float, tone: float, turn: float = 0.0, ring: float = 0.0,
-    lit: float = 0.0, shine: float = 0.0,
-) -> Item:  # fmt: skip
-    """An ellipse, or with ring > 0 a wire of that half width along it."""
-    rest = tuple(map(float, (x, y, a, b, turn, ring, tone, lit, shine)))
-    return Item(_oval(x, y, a + ring, b + ring, turn), shapes.paint_ellipse, rest)
-
-
-def polygon(
-    corners: Any, tone: float, radius: float = 0.0, across: float = 0.0, down: float = 0.0,
-    grain: Surface | None = None,
-) -> Item:  # fmt: skip
-    """A flat convex polygon, corners (x, y) clockwise as seen."""
-    points = np.ascontiguousarray(corners, dtype=np.float64)
-    low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
-    rest = (points, float(radius), float(tone), float(across), float(down), grain or Surface(1.0))
-    extent = float(low[0]), float(low[1]), float(high[0]), float(high[1])
-    return Item(extent, shapes.paint_polygon, rest)
+    x: float, y: float, a: float, b: float, tone: float, lit: float = 0.0, shine: float = 0.0
+) -> Item:
+    """An ellipse of semi-axes a and b; see `Ellipse`."""
+    shape = shapes.Ellipse(*map(float, (x, y, a, b, tone, lit, shine)))
+    return Item(_oval(x, y, a, b, 0.0), shapes.paint_ellipse, (shape,))
 
 
 def blob(x: float, y: float, a: float, b: float, gain: float, turn: float = 0.0) -> Item:
     """A soft shadow (gain < 0) or glow; a and b are standard deviations."""
     r = shapes.BLOB_REACH
-    rest = tuple(map(float, (x, y, a, b, turn, gain)))
-    return Item(_oval(x, y, r * a, r * b, turn), shapes.paint_blob, rest)
+    shape = shapes.Blob(*map(float, (x, y, a, b, turn, gain)))
+    return Item(_oval(x, y, r * a, r * b, turn), shapes.paint_blob, (shape,))
 
 
 class Drawn(ABC):

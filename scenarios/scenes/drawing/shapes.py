@@ -24,9 +24,9 @@ import numpy.typing as npt
 from numba import vectorize
 
 __all__ = [
-    "BLOB_REACH", "CHECK", "GRAIN", "HAIR", "PLAIN", "SKIN", "STRIPES", "Array", "Cam", "Surface",
+    "BLOB_REACH", "CHECK", "HAIR", "PLAIN", "SKIN", "Array", "Blob", "Cam", "Ellipse", "Surface",
     "Win", "cover", "cover_solid", "diffuse", "grid", "highlight", "lattice", "lay", "noise",
-    "paint_blob", "paint_ellipse", "paint_polygon", "pattern", "square_mean", "visible", "wrinkles",
+    "paint_all", "paint_blob", "paint_ellipse", "pattern", "square_mean", "visible", "wrinkles",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ AMBIENT, KEY_PART, FILL_PART, WRAP = 0.15, 0.84, 0.13, 0.22
 BLOB_REACH = 3.5
 """Standard deviations to which a blob reaches; it ends at zero there, without a step."""
 
-PLAIN, CHECK, STRIPES, HAIR, SKIN, GRAIN = range(6)
+PLAIN, CHECK, HAIR, SKIN = range(4)
 """Patterns of a surface."""
 
 
@@ -154,8 +154,6 @@ def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
         a = square_mean(u / p, w) + square_mean(v / p, w)
         fine = square_mean(2 * u / p + 0.2, 2 * w) + square_mean(2 * v / p + 0.2, 2 * w)
         return 1.0 + s.contrast * (a - 1.0 + 0.35 * (fine - 1.0))
-    if s.pattern == STRIPES:
-        return 1.0 + 2 * s.contrast * (square_mean(u / p, w) - 0.5)
     if s.pattern == HAIR:  # strands run along v
         a = (noise(u / p, v / (14 * p), 5) - 0.5) * visible(p, pixel)
         a += noise(u / (4 * p), v / (30 * p), 6) - 0.5
@@ -163,13 +161,6 @@ def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
     if s.pattern == SKIN:
         a = (noise(u / p, v / p, 7) - 0.5) * visible(p, pixel)
         a += noise(u / (9 * p), v / (9 * p), 8) - 0.5
-        return 1.0 + s.contrast * a
-    if s.pattern == GRAIN:  # wood: year rings cut lengthwise, along u
-        warp = 1.6 * noise(u / (14 * p), v / (2.2 * p), 9)
-        a = 0.5 * np.sin(2 * math.pi * (v / p + warp)) * visible(0.5 * p, pixel)
-        fine = noise(u / (2.5 * p), v / (0.12 * p), 10) - 0.5
-        a += 0.8 * fine * visible(0.12 * p, pixel)
-        a += noise(u / (20 * p), v / (1.5 * p), 11) - 0.5
         return 1.0 + s.contrast * a
     return 1.0
 
@@ -218,79 +209,74 @@ def highlight(tx: Array, ty: Array, shine: float, gloss: float) -> Any:
     return shine * np.maximum(spot / np.sqrt(np.maximum(t2, 1.0)) / half, 0.0) ** gloss
 
 
-def _axes(win: Win, cam: Cam, x: float, y: float, turn: float) -> tuple[Array, Array]:
-    """Coordinates (u, v) of the window's pixels in axes at (x, y), turned clockwise as seen."""
-    px, py = grid(win, cam)
-    px, py = px - x, py - y
-    cos, sin = math.cos(turn), math.sin(turn)
-    return cos * px + sin * py, cos * py - sin * px
+class Ellipse(NamedTuple):
+    """An ellipse that is not turned.
 
-
-def paint_ellipse(
-    image: Any, win: Win, cam: Cam, x: float, y: float, a: float, b: float, turn: float,
-    ring: float, tone: float, lit: float, shine: float,
-) -> None:  # fmt: skip
-    """Lay an ellipse, semi-axes a and b, turned by `turn` radians clockwise; ring > 0 leaves only
-    a wire of that half width along its edge.
-
-    lit: 0 flat, 1 shaded as a half sphere (a wire: as a round one), between: a shallower dome.
-    Distance is that to first order, F / |grad F|, exact for circles.
+    Attributes:
+        x, y: centre.
+        a, b: semi-axes along x and y.
+        tone: reflectance.
+        lit: 0 flat, 1 shaded as a half sphere, between: a shallower dome.
+        shine: height of the highlight.
     """
+
+    x: float
+    y: float
+    a: float
+    b: float
+    tone: float
+    lit: float
+    shine: float
+
+
+class Blob(NamedTuple):
+    """A soft shadow or glow: the factor 1 + gain exp(-q / 2), q = (u / a)^2 + (v / b)^2.
+
+    Attributes:
+        x, y: centre.
+        a, b: standard deviations.
+        turn: of its axes (u, v), radians, clockwise as seen.
+        gain: below 0 for a shadow.
+    """
+
+    x: float
+    y: float
+    a: float
+    b: float
+    turn: float
+    gain: float
+
+
+def paint_all(image: Any, win: Win, cam: Cam, tone: float) -> None:
+    """Lay one tone over the window."""
+    lay(image, win, np.ones((1, 1)), tone)
+
+
+def paint_ellipse(image: Any, win: Win, cam: Cam, shape: Ellipse) -> None:
+    """Lay an ellipse. Distance is that to first order, F / |grad F|, exact for circles."""
+    x, y, a, b, tone, lit, shine = shape
     pixel = cam[0]
-    u, v = _axes(win, cam, x, y, turn)
+    u, v = grid(win, cam)
+    u, v = u - x, v - y
     gx, gy = u / (a * a), v / (b * b)
     q = np.sqrt(u * gx + v * gy)
     slope = np.sqrt(gx * gx + gy * gy) + 1e-12
     d = np.where(q > 1e-9, (q - 1.0) * q / slope, -min(a, b))
-    lean = q
-    if ring > 0.0:
-        lean, d = np.clip(d / ring, -1.0, 1.0), np.abs(d) - ring
-    part = cover_solid(d / pixel, (ring or min(a, b)) / pixel)
+    part = cover_solid(d / pixel, min(a, b) / pixel)
     light, spot = 1.0, 0.0
     if lit > 0.0:
-        gx, gy = gx / slope * lean * lit, gy / slope * lean * lit
-        cos, sin = math.cos(turn), math.sin(turn)
-        tx, ty = cos * gx - sin * gy, sin * gx + cos * gy
+        tx, ty = gx / slope * q * lit, gy / slope * q * lit
         light, spot = diffuse(tx, ty), highlight(tx, ty, shine, 30.0)
     lay(image, win, part, tone * light + spot)
 
 
-def paint_polygon(
-    image: Any, win: Win, cam: Cam, corners: Array, radius: float, tone: float, across: float,
-    down: float, grain: Surface,
-) -> None:  # fmt: skip
-    """Lay a flat convex polygon, corners (n, 2) clockwise as seen, grown by `radius` with rounded
-    corners.
-
-    The tone changes by `across` and `down` per metre from its value at the corners' mean. With
-    radius 0 the distance outside a corner is to the nearer edge's line: corners stay sharp.
-    """
-    x, y = grid(win, cam)
-    mx, my = corners.mean(axis=0)
-    d, near = np.full((1, 1), -np.inf), np.full((1, 1), np.inf)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        ex, ey = bx - ax, by - ay
-        px, py = x - ax, y - ay
-        d = np.maximum(d, (ey * px - ex * py) / math.hypot(ex, ey))
-        if radius > 0.0:
-            h = np.clip((px * ex + py * ey) / (ex * ex + ey * ey), 0.0, 1.0)
-            near = np.minimum(near, (px - h * ex) ** 2 + (py - h * ey) ** 2)
-    if radius > 0.0:
-        d = np.where(d > 0.0, np.sqrt(near), d) - radius
-    value = tone + across * (x - mx) + down * (y - my)
-    if grain.pattern != PLAIN:
-        u, v = _axes(win, cam, grain.x, grain.y, grain.turn)
-        value = value * pattern(grain, u, v, cam[0])
-    lay(image, win, cover(d / cam[0]), value)
-
-
-def paint_blob(
-    image: Any, win: Win, cam: Cam, x: float, y: float, a: float, b: float, turn: float, gain: float
-) -> None:
-    """Multiply by 1 + gain exp(-q/2), q = (u/a)^2 + (v/b)^2: a soft shadow (gain < 0) or glow,
-    which may exceed 1 until the whole picture is clipped."""
+def paint_blob(image: Any, win: Win, cam: Cam, blob: Blob) -> None:
+    """Multiply by a blob's factor, which may exceed 1 until the whole picture is clipped."""
     y0, y1, x0, x1, top, left = win
-    u, v = _axes(win, cam, x, y, turn)
-    e = np.exp(-0.5 * ((u / a) ** 2 + (v / b) ** 2)) - math.exp(-0.5 * BLOB_REACH**2)
+    px, py = grid(win, cam)
+    px, py = px - blob.x, py - blob.y
+    cos, sin = math.cos(blob.turn), math.sin(blob.turn)
+    u, v = cos * px + sin * py, cos * py - sin * px
+    e = np.exp(-0.5 * ((u / blob.a) ** 2 + (v / blob.b) ** 2)) - math.exp(-0.5 * BLOB_REACH**2)
     under = image[y0 - top : y1 - top, x0 - left : x1 - left]
-    under *= 1.0 + gain * np.maximum(e, 0.0)
+    under *= 1.0 + blob.gain * np.maximum(e, 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim import PS, Clock, InputError, seconds_to_ps
 from cosim.files.whole import whole
-from cosim.run.folder import check_room, claimed, output_folder
+from cosim.run.folder import check_room, claim_folder, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import dumps, viform_version
 from scenarios.assemble.view import make_view
@@ -49,7 +49,7 @@ def run_compare(
     instant = round(AT * seconds_to_ps(seconds))
     place = output_folder(f"compare-{what.name}", out, False)
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * what.spike.sensor.clock))
-    with claimed(f"compare-{what.name}", out, False, goes_on=False) as folder:
+    with claim_folder(f"compare-{what.name}", out, False, goes_on=False) as folder:
         cameras, lens, truth = film_spikes(what.spike, folder / "spike", instant, device, progress)
         white = what.spike.scene.illuminance * lens.gain
         mean = white * float(np.mean(truth(0)))

@@ -8,8 +8,9 @@ sensor/latched/pixel/interval.py). A run begins with every pixel empty, at its f
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -81,6 +82,17 @@ class AsynchronousPixels:
             np.full(n, -1, np.int64),
         )  # fmt: skip
         self._known: list[tuple[npt.NDArray[np.float32], Rates]] = []
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next step depends on."""
+        kept = {f"pixels{n}": array.copy() for n, array in enumerate(self._state)}
+        return kept | {"fired": np.array(self._fired)}
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        for n, array in enumerate(self._state):
+            array[:] = state[f"pixels{n}"]
+        self._fired = int(state["fired"])
 
     def rate(self, plane: npt.NDArray[np.float32]) -> Rates:
         """Electrons a second of every pixel under a plane of light, (n,)."""

@@ -5,13 +5,16 @@ Each set is run by the engine, or in closed form where a pixel sends but once.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.light.light import Light
+from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import FEWER, AsynchronousPixels
 from sensor.asynchronous.pixel.closed import ClosedPixels
@@ -80,6 +83,21 @@ class PlannedPixels:
                 self._pixels.append(
                     AsynchronousPixels(model, shape, gain, device, most=most, numbers=group)
                 )
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next step depends on."""
+        state = {"fired": np.array(self._fired)}
+        for n, pixels in enumerate(self._pixels):
+            if isinstance(pixels, AsynchronousPixels):  # those that send once have no state
+                state |= {f"{n}/{key}": value for key, value in pixels.state().items()}
+        return state
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self._fired = int(state["fired"])
+        for n, pixels in enumerate(self._pixels):
+            if isinstance(pixels, AsynchronousPixels):
+                pixels.restore(section(state, f"{n}"))
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""

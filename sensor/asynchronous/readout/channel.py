@@ -14,13 +14,15 @@ served in order.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim.stage import section
 from sensor.asynchronous.model import Firings
 
 __all__ = ["Channel", "ChannelModel", "Sent"]
@@ -146,6 +148,16 @@ class Channel:
         self._free, self._row = 0, -1
         self._held = Firings.join([])
         self.offered = self.lost = 0
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything the next step depends on."""
+        counts = np.array([self._free, self._row, self.offered, self.lost])
+        return {"counts": counts} | {f"held/{k}": v for k, v in self._held.state().items()}
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self._free, self._row, self.offered, self.lost = (int(n) for n in state["counts"])
+        self._held = Firings.of_state(section(state, "held"))
 
     @property
     def waiting(self) -> int:

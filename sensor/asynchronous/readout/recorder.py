@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +12,7 @@ import numpy.typing as npt
 from cosim import Events
 from cosim.compute.memory import check_memory
 from cosim.run.result import Metric
+from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.readout.channel import Channel
 
@@ -61,7 +64,7 @@ class Output:
     def lost(self) -> int:
         return 0 if self.channel is None else self.channel.lost
 
-    def take(self, firings: Firings, start: int, stop: int) -> None:
+    def step(self, firings: Firings, start: int, stop: int) -> None:
         """What fired from `start` to `stop`, ps."""
         self.offered += len(firings)
         self.turns += firings.work
@@ -73,6 +76,31 @@ class Output:
         self.parts.append(sent.firings)
         self.leaves.append(sent.leaves)
 
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """The recording so far, and what the next step depends on."""
+        self.parts, self.leaves = [Firings.join(self.parts)], [self._left()]
+        state = {
+            "counts": np.array([self.offered, self.turns]), "fired": self.fired,
+            "leaves": self.leaves[0],
+        }  # fmt: skip
+        parts = {"crossed": self.parts[0].state()}
+        if self.channel is not None:
+            parts["channel"] = self.channel.state()
+        for name, part in parts.items():
+            state |= {f"{name}/{key}": value for key, value in part.items()}
+        return state
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from a `state`."""
+        self.offered, self.turns = (int(n) for n in state["counts"])
+        self.fired, self.leaves = state["fired"], [state["leaves"]]
+        self.parts = [Firings.of_state(section(state, "crossed"))]
+        if self.channel is not None:
+            self.channel.restore(section(state, "channel"))
+
+    def _left(self) -> Instants:
+        return np.concatenate([*self.leaves, np.zeros(0, np.int64)])
+
     def crossed(self) -> tuple[Firings, Instants]:
         """What the stream holds, in the order it left, and when it left, ps."""
         if self.channel is not None and not self.stamped_late:
@@ -83,9 +111,10 @@ class Output:
         check_memory(f"the {count:,} events", STREAM_BYTES * count, _FEWER)
         firings = Firings.join(self.parts)
         if self.channel is None:
+            self.parts = [firings]
             return firings, firings.instant
-        leaves = np.concatenate([*self.leaves, np.zeros(0, np.int64)])
-        self.leaves.clear()
+        leaves = self._left()
+        self.parts, self.leaves = [firings], [leaves]  # a checkpoint may still be written
         inside = leaves <= (self.stop if self.stamped_late else _DRAINED)
         if inside.all():
             return firings, leaves

@@ -17,7 +17,7 @@ from sensor.circuit.lumped import lump
 from sensor.circuit.section import CircuitSection
 from sensor.latched.effects.costs import circuit_cost
 from sensor.latched.effects.effect import ALL_READOUTS, Key, Operation, PixelEffect, Setting
-from sensor.latched.effects.windows import bound_of, contrast, shifted
+from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
 __all__ = ["LEAK", "OVERSHOOT"]
 
@@ -89,7 +89,7 @@ class _Overshoot(PixelEffect):
         # overshoot / Q.
         share = abs(setting.overshoot) / scene.threshold
         shift = share * scene.brightest * scene.cycles / scene.threshold
-        return bound_of(scene, share * contrast(scene) + shifted(scene, shift), True)
+        return bound_of(scene, share * light_contrast(scene) + shift_error(scene, shift), True)
 
     def cost(self, scene: Summary) -> Any:
         return circuit_cost(scene)
@@ -106,7 +106,7 @@ class _Leak(PixelEffect):
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         lost = abs(setting.leak * float(setting.clock.period))
-        moved = shifted(scene, lost * scene.cycles / scene.threshold)
+        moved = shift_error(scene, lost * scene.cycles / scene.threshold)
         return bound_of(scene, scene.relative(lost) + moved, True)
 
     def cost(self, scene: Summary) -> Any:

@@ -13,7 +13,7 @@ from sensor.device.crosstalk import crosstalk_map
 from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import crosstalk_cost
 from sensor.latched.effects.effect import ALL_READOUTS, Key, PixelEffect, Setting
-from sensor.latched.effects.windows import bound_of, shifted
+from sensor.latched.effects.windows import bound_of, shift_error
 
 __all__ = ["CROSSTALK"]
 
@@ -36,7 +36,7 @@ class _Crosstalk(PixelEffect):
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         # A dark pixel among the brightest receives the share `crosstalk` of the difference.
         gained = setting.crosstalk * (scene.brightest - scene.darkest)
-        moved = shifted(scene, gained * scene.cycles / scene.threshold)
+        moved = shift_error(scene, gained * scene.cycles / scene.threshold)
         return bound_of(scene, scene.relative(gained) + moved, True)
 
     def cost(self, scene: Summary) -> Any:

@@ -14,7 +14,7 @@ from sensor.device.silicon import Sized
 from sensor.latched.effects.costs import dead_time_cost
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.sampling import check_within_cycle
-from sensor.latched.effects.windows import bound_of, shifted
+from sensor.latched.effects.windows import bound_of, shift_error
 
 __all__ = ["DEAD_TIME"]
 
@@ -50,7 +50,7 @@ class _DeadTime(PixelEffect):
         # max(r)^1.5 / sqrt(mean(r)).
         uneven = np.sqrt(scene.relative(scene.brightest))
         gained = (spikes + 1 / scene.window) * cycles * uneven
-        moved = shifted(scene, spikes * spikes * cycles * scene.cycles)
+        moved = shift_error(scene, spikes * spikes * cycles * scene.cycles)
         return bound_of(scene, gained + moved, True)
 
     def cost(self, scene: Summary) -> Any:

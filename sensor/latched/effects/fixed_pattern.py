@@ -28,7 +28,7 @@ from sensor.latched.effects.effect import (
     PixelEffect,
     Setting,
 )
-from sensor.latched.effects.windows import bound_of, contrast, shifted
+from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
 __all__ = ["DARK", "DEFECTS", "PATTERN_EFFECTS", "PRNU", "THRESHOLD_FPN"]
 
@@ -50,7 +50,7 @@ def _inverse_spread(fpn: float) -> float:
 def _gain_bound(spread: float, scene: Summary) -> Bound:
     """Bound of a gain with this relative spread: the spread, times the contrast of the light."""
     shift = spread * scene.brightest * scene.cycles / scene.threshold
-    value = spread * contrast(scene) + shifted(scene, shift)
+    value = spread * light_contrast(scene) + shift_error(scene, shift)
     return bound_of(scene, value, False, spread < 0.04)
 
 
@@ -159,7 +159,7 @@ class _Dark(_PatternEffect):
         charge = pattern.dark * period * math.hypot(1, pattern.dsnu)
         shift = charge * scene.cycles / scene.threshold
         proof = pattern.dsnu == 0 and pattern.threshold_fpn == 0
-        return bound_of(scene, scene.relative(charge) + shifted(scene, shift), proof)
+        return bound_of(scene, scene.relative(charge) + shift_error(scene, shift), proof)
 
     def dark_charge(self, setting: Setting) -> float:
         pattern, period = setting.pattern, float(setting.clock.period)
@@ -220,7 +220,7 @@ class _Defects(_PatternEffect):
         pattern, period = setting.pattern, float(setting.clock.period)
         share = [max(s, 1 / _TILE_PIXELS) if s else 0.0 for s in (pattern.hot, pattern.dead)]
         hot = math.sqrt(share[0]) * scene.relative(pattern.hot_current * period)
-        value = np.hypot(hot, math.sqrt(share[1]) * contrast(scene))
+        value = np.hypot(hot, math.sqrt(share[1]) * light_contrast(scene))
         return bound_of(scene, value, False, False)
 
 

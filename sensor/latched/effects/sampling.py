@@ -16,7 +16,7 @@ from cosim.plan.effects import Bound, Summary
 from sensor.device.silicon import USUAL, Sized
 from sensor.latched.effects.costs import sampling_cost
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
-from sensor.latched.effects.windows import bound_of, shifted
+from sensor.latched.effects.windows import bound_of, shift_error
 from sensor.latched.sampling import row_delays
 
 __all__ = ["COMPARATOR_DELAY", "ROW_SAMPLING", "check_within_cycle"]
@@ -36,7 +36,7 @@ def _moved(cycles: float, scene: Summary) -> Bound:
     light at the other: at most the range of the light for that time, and none under constant light.
     """
     span = (scene.brightest - scene.darkest) * cycles * (np.asarray(scene.planes) > 0)
-    moved = shifted(scene, span / scene.threshold)
+    moved = shift_error(scene, span / scene.threshold)
     return bound_of(scene, scene.relative(span / scene.window) + moved, True)
 
 

@@ -9,7 +9,7 @@ from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Summary
 from sensor.latched.effects.costs import noise_cost
 from sensor.latched.effects.effect import PixelEffect, Setting
-from sensor.latched.effects.windows import bound_of, lost, noisy
+from sensor.latched.effects.windows import bound_of, lost_spikes, noise_error
 
 __all__ = ["SHOT_NOISE"]
 
@@ -26,8 +26,8 @@ class _ShotNoise(PixelEffect):
         # The rate of a window has the noise of its intervals, 1/sqrt(Q) each, in total
         # 1/sqrt(electrons). With noise, two spikes may fall in one cycle, which the latch counts as
         # one.
-        value = noisy(scene, 1 / math.sqrt(scene.threshold))
-        return bound_of(scene, value + scene.relative(lost(scene) * scene.threshold), False)
+        value = noise_error(scene, 1 / math.sqrt(scene.threshold))
+        return bound_of(scene, value + scene.relative(lost_spikes(scene) * scene.threshold), False)
 
     def cost(self, scene: Summary) -> Any:
         return noise_cost(scene)

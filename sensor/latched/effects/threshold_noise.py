@@ -22,7 +22,7 @@ from sensor.device.ktc import ktc_electrons
 from sensor.device.silicon import Sized
 from sensor.latched.effects.costs import noise_cost
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
-from sensor.latched.effects.windows import bound_of, noisy, shifted
+from sensor.latched.effects.windows import bound_of, noise_error, shift_error
 
 __all__ = ["THRESHOLD_NOISE"]
 
@@ -72,7 +72,7 @@ class _ThresholdNoise(PixelEffect):
         # The spikes move against their draws as a random walk.
         spread = setting.threshold_noise / scene.threshold
         walked = spread * np.sqrt(scene.brightest / scene.threshold * scene.cycles)
-        return bound_of(scene, noisy(scene, spread) + shifted(scene, walked), False)
+        return bound_of(scene, noise_error(scene, spread) + shift_error(scene, walked), False)
 
     def cost(self, scene: Summary) -> Any:
         return noise_cost(scene)

@@ -15,14 +15,22 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Bound, Summary
 
-__all__ = ["bound_of", "clipped", "contrast", "lost", "noisy", "saturated", "shifted"]
+__all__ = [
+    "bound_of",
+    "clipped_tiles",
+    "light_contrast",
+    "lost_spikes",
+    "noise_error",
+    "saturated_tiles",
+    "shift_error",
+]
 
 Values = npt.NDArray[np.float64]
 _CLEAR = 8.0
 """Standard deviations by which light exceeds the threshold of a pixel that fires in every cycle."""
 
 
-def saturated(scene: Summary) -> npt.NDArray[np.bool_]:
+def saturated_tiles(scene: Summary) -> npt.NDArray[np.bool_]:
     """Tiles in which every pixel fires in every cycle, whatever the noise: light exceeds the
     threshold by _CLEAR standard deviations, and with shot noise the Chernoff bound P(Poi(mu) < Q)
     <= exp(-mu) (e mu / Q)^Q over all cycles is below 1e-6."""
@@ -33,13 +41,13 @@ def saturated(scene: Summary) -> npt.NDArray[np.bool_]:
     return np.asarray(clear & ((scene.spread == 0) | ((mu > q) & (tail < np.log(1e-6)))))
 
 
-def clipped(scene: Summary) -> npt.NDArray[np.bool_]:
+def clipped_tiles(scene: Summary) -> npt.NDArray[np.bool_]:
     """Tiles with light near or above one threshold a cycle, where the latch limits the rate."""
     edge = scene.threshold * (1 - min(_CLEAR * scene.spread, 0.5))
     return np.asarray(np.asarray(scene.brightest) > 0.9 * edge)
 
 
-def lost(scene: Summary) -> Values:
+def lost_spikes(scene: Summary) -> Values:
     """Spikes a cycle that are lost because another spike falls in the same cycle, at the brightest.
 
     For a stationary pixel with Gamma(shape) intervals, shape = 1 / spread^2, this is the integral
@@ -72,7 +80,7 @@ def _share(amount: Any, scene: Summary, total: Any = None) -> Values:
     return np.where(amount > 0, share, 0.0)
 
 
-def shifted(scene: Summary, spikes: Any) -> Values:
+def shift_error(scene: Summary, spikes: Any) -> Values:
     """Relative error of a window whose spikes are shifted against their noisy thresholds.
 
     The window contains other draws at its ends. The error is sqrt(2) spread x shift for shifts
@@ -93,13 +101,13 @@ def shifted(scene: Summary, spikes: Any) -> Values:
     ends = np.minimum(ends, np.sqrt(np.maximum(n, 1)))
     noise = np.sqrt(2) * scene.spread * ends
     cycles = np.minimum(2 * shift * scene.window / np.maximum(n, 1e-300), 1)
-    latch = np.sqrt(2 * lost(scene) * scene.window * cycles) if scene.spread else 0.0
+    latch = np.sqrt(2 * lost_spikes(scene) * scene.window * cycles) if scene.spread else 0.0
     # The light lost in dead time counts at the spike, and moves with it over a window's end.
     cost = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.dead
     return _share(noise + latch + cost * np.sqrt(2 * np.minimum(shift, 1)), scene)
 
 
-def noisy(scene: Summary, spread: float) -> Values:
+def noise_error(scene: Summary, spread: float) -> Values:
     """RMS relative error of a window whose intervals lack a noise of this relative spread.
 
     It is sqrt(n) spread for n intervals, and n spread for a part n of one, relative to n or the
@@ -114,7 +122,7 @@ def noisy(scene: Summary, spread: float) -> Values:
     return _share(spread * np.sqrt(np.minimum(high, 1) * mean), scene, mean)
 
 
-def contrast(scene: Summary) -> Values:
+def light_contrast(scene: Summary) -> Values:
     """Upper limit of RMS over mean (or floor) of the light, for any light within its range."""
     low = np.asarray(scene.darkest, np.float64)
     high = np.asarray(scene.brightest, np.float64)
@@ -137,8 +145,8 @@ def bound_of(scene: Summary, value: Any, proof: bool, held: bool = True) -> Boun
             their bound is 0.
     """
     value = np.asarray(value, np.float64)
-    value = value + np.where(clipped(scene) & (value > 0), _share(1.0, scene), 0.0)
+    value = value + np.where(clipped_tiles(scene) & (value > 0), _share(1.0, scene), 0.0)
     if held:
-        value = np.where(saturated(scene), 0.0, value)
+        value = np.where(saturated_tiles(scene), 0.0, value)
     smooth = scene.spread == 0 and scene.dead == 0
     return Bound(value, "proof" if proof and smooth else "estimate")

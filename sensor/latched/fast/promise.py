@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Summary
 from cosim.plan.planner import ESTIMATE_WEIGHT
-from sensor.latched.effects.windows import saturated, shifted
+from sensor.latched.effects.windows import saturated_tiles, shift_error
 from sensor.latched.fast.bound import rate_bound
 from sensor.latched.fast.units import units_of
 from sensor.latched.setting import CameraSetting
@@ -30,8 +30,8 @@ def fast_bound(setting: CameraSetting, scene: Summary) -> float:
     spikes = np.asarray(scene.brightest, np.float64) / q
     roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
     cycle = unit / 2 + roundings * spikes + units.error * unit * spikes
-    estimate = scene.relative(cycle * q) + shifted(scene, cycle * scene.cycles)
-    twice = ESTIMATE_WEIGHT * np.where(saturated(scene), 0.0, estimate)
+    estimate = scene.relative(cycle * q) + shift_error(scene, cycle * scene.cycles)
+    twice = ESTIMATE_WEIGHT * np.where(saturated_tiles(scene), 0.0, estimate)
     return min(ESTIMATE_WEIGHT * _fast_proof(setting, scene), float(np.max(twice)))
 
 

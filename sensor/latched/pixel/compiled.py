@@ -16,7 +16,7 @@ from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import NO_TABLE
 from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
 from sensor.latched.pixel.span import Span
-from sensor.latched.pixel.transfer import transferred
+from sensor.latched.pixel.transfer import transfer_spans
 
 __all__ = ["CompiledPixels"]
 
@@ -76,7 +76,7 @@ class CompiledPixels:
     def expose(self, spans: Iterable[Span], cycles: int) -> npt.NDArray[np.uint32]:
         words = np.zeros((words_for(cycles), self._pixels.size), np.uint32)
         model, state = self._model, self._state
-        for span in transferred(spans, model.transfers) if model.transfers else spans:
+        for span in transfer_spans(spans, model.transfers) if model.transfers else spans:
             ramp = span.slope is not None
             _expose(
                 state.deficit, state.spikes, self._pixels, span.charge,

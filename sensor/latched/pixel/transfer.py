@@ -16,7 +16,7 @@ import numpy as np
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.latched.pixel.span import Span
 
-__all__ = ["Transfer", "charge_source", "light_source", "transferred", "transferred_light"]
+__all__ = ["Transfer", "charge_source", "light_source", "transfer_light", "transfer_spans"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def _charge(transfers: Sequence[Transfer], charge: Charge) -> Charge:
     return charge
 
 
-def transferred(spans: Iterable[Span], transfers: Sequence[Transfer]) -> Iterator[Span]:
+def transfer_spans(spans: Iterable[Span], transfers: Sequence[Transfer]) -> Iterator[Span]:
     """The spans with their charge mapped; changing light becomes one span a cycle."""
     for span in spans:
         if span.slope is None:
@@ -90,7 +90,7 @@ def light_source(transfers: Sequence[Transfer], ratio: float) -> str:
     )
 
 
-def transferred_light(transfers: Sequence[Transfer], light: Any, ratio: float) -> Any:
+def transfer_light(transfers: Sequence[Transfer], light: Any, ratio: float) -> Any:
     """numpy form of `light_source`, for float32 or float64 arrays, in their precision."""
     kind = light.dtype.type
     if ratio != 1:

@@ -11,7 +11,7 @@ from numba import njit
 
 from sensor.device.charge import exposure
 
-__all__ = ["gathered", "here", "latch_of", "piece_at"]
+__all__ = ["first_latch", "integrate", "piece_at", "rate_at"]
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,7 +26,7 @@ def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def here(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-def]
+def rate_at(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-def]
     """(rate, slope, end) at the instant tick + part (ps) in piece i: electrons a picosecond, its
     change a picosecond, and the instant up to which both are valid."""
     if i < 0:
@@ -38,12 +38,12 @@ def here(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def gathered(begins, ends, first, last, i, tick, part, until):  # type: ignore[no-untyped-def]
+def integrate(begins, ends, first, last, i, tick, part, until):  # type: ignore[no-untyped-def]
     """Electrons from the instant tick + part (ps) in piece i to a later whole picosecond."""
     total = 0.0
     while tick < until:
         i = piece_at(begins, ends, i, tick)
-        rate, slope, end = here(begins, ends, first, last, i, tick, part)
+        rate, slope, end = rate_at(begins, ends, first, last, i, tick, part)
         stop = until if end < tick + 1 or until < end else end  # the last piece runs on
         total += exposure(rate, slope, float(stop - tick) - part)
         tick, part = stop, 0.0
@@ -51,7 +51,7 @@ def gathered(begins, ends, first, last, i, tick, part, until):  # type: ignore[n
 
 
 @njit(cache=True, error_model="numpy")
-def latch_of(edges, offset, tick, part):  # type: ignore[no-untyped-def]
+def first_latch(edges, offset, tick, part):  # type: ignore[no-untyped-def]
     """The first cycle whose latch, edges[c + 1] + offset, is not before the instant tick + part;
     edges.size - 1 if there is none."""
     cycles = edges.size - 1

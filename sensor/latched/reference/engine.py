@@ -17,7 +17,7 @@ from cosim.compute.streams import Stream
 from sensor.device.charge import crossing, exposure, later
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import JUMP, ROOM
-from sensor.latched.reference.course import gathered, here, latch_of, piece_at
+from sensor.latched.reference.course import first_latch, integrate, piece_at, rate_at
 from sensor.latched.reference.law import draw
 
 __all__ = ["expose"]
@@ -35,7 +35,7 @@ _PILED = float(LARGEST)
 def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
     """The instant tick + part, moved to a latch within the rounding error of `span` (ps)."""
     near = tick + 1 if part > 0.5 else tick
-    c = latch_of(edges, offset, near, 0.0)
+    c = first_latch(edges, offset, near, 0.0)
     if c < edges.size - 1 and edges[c + 1] + offset == near:
         away = abs(part - 1.0) if part > 0.5 else part
         if away <= span * _SAME + _INSTANT:
@@ -85,7 +85,7 @@ def expose(  # type: ignore[no-untyped-def]
                 break
             need = goal - charge
             i = piece_at(begins, ends, i, tick)
-            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
             if need <= goal * _SAME:
                 at, at_part = tick, part
             else:
@@ -102,14 +102,14 @@ def expose(  # type: ignore[no-untyped-def]
                     tick, part = end, 0.0
                     continue
                 if x > 2.0 * (float(stop - tick) + 2.0):
-                    held[p] = charge + gathered(begins, ends, rate0, rate1, i, tick, part, stop)
+                    held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
                 at, at_part = later(tick, part, x)
                 at, at_part = snapped(edges, offset, at, at_part, x)
                 if at > stop or (at == stop and at_part > 0.0):
-                    held[p] = charge + gathered(begins, ends, rate0, rate1, i, tick, part, stop)
+                    held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
-            c = latch_of(edges, offset, at, at_part)
+            c = first_latch(edges, offset, at, at_part)
             if rule > 0:
                 c = max(c, done + 1)
                 if c >= cycles:
@@ -125,7 +125,7 @@ def expose(  # type: ignore[no-untyped-def]
                 fresh = draw(kind, q, sigma, table, functions, word)
             if rule > 0:
                 if rule == 2:
-                    charge += gathered(begins, ends, rate0, rate1, i, tick, part, latch) - goal
+                    charge += integrate(begins, ends, rate0, rate1, i, tick, part, latch) - goal
                     charge = min(charge, fresh + _PILED)
                 else:
                     charge = 0.0
@@ -135,7 +135,7 @@ def expose(  # type: ignore[no-untyped-def]
             goal, charge = fresh, 0.0
             if dead == 0.0:
                 tick, part = at, at_part
-                rest = gathered(begins, ends, rate0, rate1, i, tick, part, latch) - goal
+                rest = integrate(begins, ends, rate0, rate1, i, tick, part, latch) - goal
                 if rest > ROOM * q:
                     # Take whole thresholds off at once, as the exact tier does at this latch. The
                     # current interval stands for all of them; JUMP are left to be drawn.
@@ -147,7 +147,7 @@ def expose(  # type: ignore[no-untyped-def]
             # Skip whole intervals of the mean length, threshold / light + dead time, up to the
             # latch or the end of the piece.
             i = piece_at(begins, ends, i, tick)
-            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
             left = float(min(latch, end) - tick) - part
             if left > 0.0:
                 mean = rate + 0.5 * slope * left

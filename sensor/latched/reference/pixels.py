@@ -15,7 +15,7 @@ from cosim.spikes.viform import words_for
 from sensor.circuit.circuit import Circuit
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.transfer import transferred_light
+from sensor.latched.pixel.transfer import transfer_light
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
@@ -144,7 +144,7 @@ class ReferencePixels:
             )
         met = [p for p in light.pieces if p.stop > first and p.start < last] or [light.pieces[0]]
         if self._model.transfers:
-            return self._transferred(met, first, last)
+            return self._transferred_course(met, first, last)
         begins = np.array([p.start for p in met], np.int64)
         ends = np.array([p.stop for p in met], np.int64)
         rates = np.empty((2, n, len(met)))
@@ -153,7 +153,7 @@ class ReferencePixels:
             rates[1, :, i] = self._level(piece.last)
         return begins, ends, rates[0], rates[1]
 
-    def _transferred(
+    def _transferred_course(
         self, pieces: list[Piece], first: int, last: int
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Values, Values]:
         """`_course` with the transfers applied to the rate.
@@ -174,7 +174,7 @@ class ReferencePixels:
                 cuts = sorted({*cuts, *(e for e in inside if piece.start < e < piece.stop)})
             length = piece.stop - piece.start
             levels = [
-                transferred_light(
+                transfer_light(
                     model.transfers, (a + (b - a) * ((t - piece.start) / length)) * per_threshold, 1
                 ) / per_threshold
                 for t in cuts

@@ -15,7 +15,7 @@ from cosim.compute.streams import Stream
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
 from sensor.device.charge import later
 from sensor.latched.pixel.model import JUMP, ROOM
-from sensor.latched.reference.course import here, latch_of, piece_at
+from sensor.latched.reference.course import first_latch, piece_at, rate_at
 from sensor.latched.reference.engine import snapped
 from sensor.latched.reference.law import draw
 
@@ -40,7 +40,7 @@ def _stored(  # type: ignore[no-untyped-def]
     if phase == DELAY:
         while tick < stop:
             i = piece_at(begins, ends, i, tick)
-            rate, slope, end = here(begins, ends, first, last, i, tick, part)
+            rate, slope, end = rate_at(begins, ends, first, last, i, tick, part)
             until = min(end, stop) if end > tick else stop
             left = float(until - tick) - part
             charge += (rate + 0.5 * slope * left) * left
@@ -48,7 +48,7 @@ def _stored(  # type: ignore[no-untyped-def]
         return charge
     while tick < stop:
         i = piece_at(begins, ends, i, tick)
-        rate, slope, end = here(begins, ends, first, last, i, tick, part)
+        rate, slope, end = rate_at(begins, ends, first, last, i, tick, part)
         until = min(end, stop) if end > tick else stop
         left = float(until - tick) - part
         _, charge, volts = within(phase, charge, volts, wait, math.inf, rate, slope, left, circuit)
@@ -80,7 +80,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         i = np.int64(-1)  # a literal would compile `piece_at` a second time
         while True:
             i = piece_at(begins, ends, i, tick)
-            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
+            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
             left = max(float(end - tick) - part, 0.0)
             if phase == INTEGRATE and goal - charge <= goal * _SAME:
                 t, after, output = 0.0, goal, 0.0
@@ -116,7 +116,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                 phase, volts = DELAY, 0.0
                 continue
             if phase == DELAY:
-                c = latch_of(edges, offset, tick, part)
+                c = first_latch(edges, offset, tick, part)
                 words[c >> 5, p] |= np.uint32(1 << (c & 31))
                 k += np.uint64(1)
                 goal = q
@@ -130,8 +130,8 @@ def expose_circuit(  # type: ignore[no-untyped-def]
             # Skip whole intervals of the mean threshold, under the mean light up to the latch or
             # the end of the piece.
             i = piece_at(begins, ends, i, tick)
-            rate, slope, end = here(begins, ends, rate0, rate1, i, tick, part)
-            c = latch_of(edges, offset, tick, part)
+            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
+            c = first_latch(edges, offset, tick, part)
             if c >= cycles:
                 continue
             left = float(min(edges[c + 1] + offset, end) - tick) - part

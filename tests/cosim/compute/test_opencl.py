@@ -1,4 +1,4 @@
-"""Finding a device, saying when there is none, compiling once, caches that can be written."""
+"""OpenCL: choice of a device, messages without one, compilation once, writable caches."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ kernel void multiply(global int *x) { x[get_global_id(0)] *= STEP; }
 
 @pytest.fixture
 def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No variable names a cache; temporary files go below the folder that is returned."""
+    """No variable sets a cache; temporary files are below the returned folder."""
     caches = ("VIFORM_CACHE", "POCL_CACHE_DIR", "MPLCONFIGDIR", "NUMBA_CACHE_DIR")
     for name in (*caches, "XDG_CACHE_HOME", "HOME"):
         monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile

@@ -1,4 +1,4 @@
-"""Philox4x32-10 against its authors' vectors and their own code."""
+"""Philox4x32-10 against the test vectors and the code of its authors."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ kernel void theirs(global const uint *c, global uint *out, uint k0, uint k1)
 
 @pytest.fixture(scope="module")
 def counters() -> np.ndarray:
-    """(4, 1e5) uint32, the vectors' first."""
+    """(4, 1e5) uint32, the test vectors first."""
     words = np.random.default_rng(1).integers(0, 2**32, (4, 100_000), np.uint32)
     words[:, : len(VECTORS)] = np.transpose([counter for counter, _, _ in VECTORS])
     return words

@@ -1,4 +1,4 @@
-"""Random streams: one number each, given out once, and nowhere but in the table."""
+"""Random streams: each has a number of its own, which is defined only in the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures as a reader has them."""
+"""Text of figures with units."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Quantities as text: what each kind takes, what it refuses, and that nothing is lost."""
+"""Quantities as text: accepted and refused units of each kind, and round trips."""
 
 from __future__ import annotations
 

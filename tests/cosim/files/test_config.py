@@ -1,4 +1,4 @@
-"""config.yaml: what public sets write, what it settles, what is refused, never overwritten."""
+"""config.yaml: content of public sets, size of frames, refused content; never overwritten."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cosim import InputError
 from cosim.files import open_stream, write_stream
-from cosim.files.config_yaml import Config, config_beside, read_config, recording_of, write_config
+from cosim.files.config_yaml import Config, adjacent_config, read_config, recording_of, write_config
 
 PUBLIC = """filename: BSS
 spike_w: 8
@@ -63,11 +63,11 @@ def test_the_size_comes_from_beside(folder: Path, random_stream, text: str, give
 def test_a_config_of_another_recording_or_program_says_nothing(folder: Path) -> None:
     (folder / "b.dat").write_bytes(bytes(12_500))
     config(folder, LABELED)
-    assert config_beside(folder / "b.dat") is None
+    assert adjacent_config(folder / "b.dat") is None
     assert open_stream(folder / "b.dat").shape == (250, 400)
     for text in ("learning_rate: 0.1\n", "- 1\n- 2\n", "", "just a text"):
         config(folder, text)
-        assert config_beside(folder / "a.dat") is None
+        assert adjacent_config(folder / "a.dat") is None
 
 
 def test_a_config_that_names_nothing_stands_for_the_only_recording(folder: Path) -> None:
@@ -155,7 +155,7 @@ def test_what_is_written_is_read_and_is_what_others_expect(folder: Path) -> None
         "filename": "a", "spike_w": 8, "spike_h": 3, "is_labeled": False,
         "labeled_data_type": [0], "labeled_data_suffix": "None",
     }  # fmt: skip
-    assert config_beside(folder / "a.dat") == Config("a", (8, 3))
+    assert adjacent_config(folder / "a.dat") == Config("a", (8, 3))
 
 
 @pytest.mark.parametrize("name", ["yes", "1e3", "null", "a: b", "- x", "#", "öäü", "'", "*a"])

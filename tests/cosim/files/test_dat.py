@@ -1,4 +1,4 @@
-"""`.dat`: the packing formula byte for byte, a real recording, and files that are none."""
+"""`.dat`: the packing formula byte for byte, a real recording, and other files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cosim.spikes.viform import count_spikes, words_for
 
 
 def formula(planes: np.ndarray) -> bytes:
-    """The format as its users write it: (T, H, W) of 0 and 1 to bytes."""
+    """The format from its definition: (T, H, W) of 0 and 1 to bytes."""
     flat = planes[:, ::-1].reshape(len(planes), -1)
     return np.packbits(flat, axis=1, bitorder="little").tobytes()
 

@@ -1,4 +1,4 @@
-"""Which size a `.dat` has: with head, by --size, by a config.yaml beside it, by its length."""
+"""Size of a `.dat`: with head, from --size, from a config.yaml, from its length."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def planes() -> np.ndarray:
 
 
 def with_head(planes: np.ndarray, seed: int | None = None) -> bytes:
-    """The format as its users write it; columns 400 to 415 hold noise where there is a seed."""
+    """The format from its definition; with a seed, columns 400 to 415 are noise."""
     frames = np.zeros((len(planes), 250, 416), np.uint8)
     if seed is not None:
         frames[:, :, 400:] = np.random.default_rng(seed).random((len(planes), 250, 16)) < 0.5

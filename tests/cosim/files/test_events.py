@@ -1,4 +1,4 @@
-"""`.events.npz`: nothing lost, planes where planes can hold the events, a part at a time."""
+"""`.events.npz`: round trips, planes if they can hold the events, reading in parts."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_widths_that_planes_do_not_keep_are_counted(
 
 
 class Long:
-    """A stream of 100 words of 16 pixels, made as it is read; counts how much was asked for."""
+    """A stream of 100 words of 16 pixels, computed on demand; counts the words that are read."""
 
     shape, cycles, clock, most = (4, 4), 3200, Clock(40_000), 0
 

@@ -1,4 +1,4 @@
-"""`.npz`: nothing lost, archives of others read, everything else refused in one line."""
+"""`.npz`: round trips, archives of other programs, one-line errors for other files."""
 
 from __future__ import annotations
 

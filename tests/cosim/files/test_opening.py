@@ -1,4 +1,4 @@
-"""Any stream in any format: nothing lost between them, nothing half-written, one-line errors."""
+"""Any stream in any format: round trips, atomic writing, one-line errors."""
 
 from __future__ import annotations
 

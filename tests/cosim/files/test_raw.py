@@ -28,7 +28,7 @@ def planes() -> np.ndarray:
 
 
 def formula(planes: np.ndarray) -> bytes:
-    """The format as it is described: rows of 1024 bits, the marker last in each half of them."""
+    """The format from its definition: rows of 1024 bits, with a marker at the end of each half."""
     rows = np.zeros((len(planes), 1000, 1024), np.uint8)
     rows[..., :500], rows[..., 512:1012] = planes[..., :500], planes[..., 500:]
     for row in range(1000):

@@ -23,7 +23,7 @@ SHAPE = (2, 3)
 
 
 def pieces(stream: Viform, sizes: list[int], first: int = 0) -> Iterator[tuple[Viform, Block]]:
-    """The stream from cycle `first` on in blocks of these sizes, over and over."""
+    """Records the stream from cycle `first` on in blocks of these sizes, repeated."""
     planes = stream.planes()
     n = 0
     while first < stream.cycles:

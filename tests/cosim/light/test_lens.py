@@ -1,4 +1,4 @@
-"""The lens: how much light arrives, and how sharp, against closed forms."""
+"""The lens: illuminance and blur against closed forms."""
 
 from __future__ import annotations
 

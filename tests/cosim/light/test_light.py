@@ -1,4 +1,4 @@
-"""Light: its closed-form integral, its jumps, and relays that map every level once."""
+"""Light: its integral in closed form, jumps, and relays, which map each level once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EPS = float(np.finfo(np.float32).eps)
 
 
 def plane(level: float, shape: tuple[int, int] = (2, 3)) -> np.ndarray:
-    """Not flat: pixel (i, j) has level times 1 + its number."""
+    """A plane in which each pixel has `level` times 1 + its number."""
     return (level * (1 + np.arange(shape[0] * shape[1])).reshape(shape)).astype(np.float32)
 
 
@@ -51,7 +51,7 @@ def test_integral_of_a_ramp_is_that_worked_by_hand() -> None:
 
 @st.composite
 def lights(draw: st.DrawFn) -> Light:
-    """Up to six pieces between whole microseconds, constant, joined or jumping."""
+    """Up to six pieces between whole microseconds: constant, continuous or with jumps."""
     knots = sorted(draw(st.sets(st.integers(0, 1000), min_size=2, max_size=7)))
     levels = st.floats(0, 1e4, width=32)
     made: list[Piece] = []
@@ -120,7 +120,7 @@ def test_light_that_is_none_is_refused() -> None:
 
 
 class Counted:
-    """Doubles planes and counts how often it is asked."""
+    """Doubles planes and counts its calls."""
 
     def __init__(self) -> None:
         self.calls: list[np.ndarray] = []

@@ -1,4 +1,4 @@
-"""The planner: which effects a scene needs for a tolerance."""
+"""The planner: effects that a scene needs for a tolerance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def plan(effects, tolerance, tiles=1, **more):
 
 
 def test_the_linear_sum_of_bounds_stays_within_half_the_tolerance():
-    """Every set within the half is tried by hand; the cheapest one is the plan."""
+    """The plan is the cheapest of all sets whose bounds fit in half the tolerance."""
     rng = np.random.default_rng(1)
     for _ in range(200):
         bounds = 10 ** rng.uniform(-4, -1, 6)
@@ -102,8 +102,8 @@ def test_tiles_decide_for_themselves_and_a_plane_goes_by_its_worst():
 
 def test_the_tier_s_own_error_takes_its_part():
     one = [effect("a", 0.4)]
-    assert plan(one, 1.0, own=0.1).left_out == ("a",)
-    assert plan(one, 1.0, own=0.11).left_out == ()
+    assert plan(one, 1.0, tier_error=0.1).left_out == ("a",)
+    assert plan(one, 1.0, tier_error=0.11).left_out == ()
 
 
 def test_an_infinite_bound_is_never_left_out_and_darkness_changes_nothing():

@@ -1,4 +1,4 @@
-"""Pictures in files: the names that are refused."""
+"""Picture files: refused names."""
 
 from pathlib import Path
 

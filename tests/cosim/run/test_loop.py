@@ -1,4 +1,4 @@
-"""The run loop: blocks in order, and a run that stops and goes on ends as one that did not."""
+"""The run loop: blocks in order, and equal results for an interrupted and resumed run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CYCLES = 300
 
 
 class Numbers:
-    """First stage: the numbers of a block's cycles."""
+    """First stage: the numbers of the cycles of a block."""
 
     def step(self, data: None, block: Block) -> np.ndarray:
         assert data is None
@@ -27,7 +27,7 @@ class Numbers:
 
 
 class Mixer:
-    """Second stage: a running state in which order and every cycle count."""
+    """Second stage: a state that depends on all cycles and their order."""
 
     def __init__(self) -> None:
         self.mixed = np.uint64(1)

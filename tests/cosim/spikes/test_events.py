@@ -1,4 +1,4 @@
-"""Event form: what it holds, and the way to planes and back."""
+"""Event form: checks of its content, and conversion to planes and back."""
 
 import numpy as np
 import pytest

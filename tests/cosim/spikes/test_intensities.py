@@ -1,4 +1,4 @@
-"""Absolute intensities: what they hold, their image, their file."""
+"""Absolute intensities: checks of their content, their image and their file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The word layout bit by bit, and what is counted in it."""
+"""The word layout bit by bit, and counts of spikes."""
 
 from __future__ import annotations
 

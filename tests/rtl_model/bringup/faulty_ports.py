@@ -1,4 +1,4 @@
-"""Boards of the cycle model with one thing wrong each."""
+"""Boards of the cycle model, each with one fault."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -10,7 +10,7 @@ SIZE = Geometry(rows=4, columns=40, lanes=32)
 
 
 class Silent(ModelPort):
-    """Nothing ever comes back."""
+    """Never answers."""
 
     def answer(self, data: bytes, clocks: Sequence[int]) -> None:
         pass
@@ -24,15 +24,14 @@ class Echo(ModelPort):
 
 
 class Console(ModelPort):
-    """Another device, which answers whatever it is sent with a prompt."""
+    """Another device, which answers all bytes with a prompt."""
 
     def write(self, data: bytes, deadline_s: float = 1.0) -> None:
         self.answer(b"\r\nlogin: ", [self._clock] * 9)
 
 
 class Changed(ModelPort):
-    """Reads of registers in `changed`, by byte address, are what the function there makes of
-    them."""
+    """Changes reads of registers by the functions in `changed`, by byte address."""
 
     changed: ClassVar = {}
 
@@ -50,8 +49,7 @@ class Changed(ModelPort):
 
 
 class EveryByte(ModelPort):
-    """Every `n`-th byte towards the board, or to the host, is dropped, doubled or has bit `bit`
-    turned over."""
+    """Drops or doubles every `n`-th byte in one direction, or inverts its bit `bit`."""
 
     def __init__(self, kind: str, way: str, n: int, bit: int = 2, **more: object) -> None:
         self.kind, self.way, self.n, self.bit = kind, way, n, bit
@@ -59,11 +57,11 @@ class EveryByte(ModelPort):
         super().__init__(SIZE, **more)
 
     def hits(self) -> bool:
-        """Whether the byte counted last is one of them."""
+        """Whether the last counted byte is affected."""
         return self.count % self.n == 0
 
     def _spoil(self, data: list) -> list:
-        made = []
+        result = []
         for item in data:
             self.count += 1
             hit = self.hits()
@@ -72,8 +70,8 @@ class EveryByte(ModelPort):
             if hit and self.kind == "flip":
                 mask = 1 << self.bit
                 item = (item[0] ^ mask, item[1]) if isinstance(item, tuple) else item ^ mask
-            made += [item, item] if hit and self.kind == "extra" else [item]
-        return made
+            result += [item, item] if hit and self.kind == "extra" else [item]
+        return result
 
     def to_board(self, data: bytes) -> list[tuple[int, bool]]:
         heard = super().to_board(data)

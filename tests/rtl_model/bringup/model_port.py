@@ -1,9 +1,7 @@
-"""The cycle model as a port, in this process and in its own time: a whole board that needs neither
-Verilator nor a pty, and that does the same twice.
+"""The cycle model as a port: a complete, reproducible board without Verilator or a pty.
 
-Time is simulated: `now()` is the board's clock, waiting costs none of ours. Both lines are 8N1
-with a receiver that samples mid-bit from the start bit's edge, so a wrong baud does what it does on
-a board.
+Time is simulated: `now()` is the board's clock, and waits take no wall time. Both lines are 8N1.
+The receivers sample mid-bit from the edge of the start bit, so a wrong baud acts as on a board.
 """
 
 from __future__ import annotations
@@ -20,25 +18,32 @@ _BITS = 10
 
 
 def received(data: Sequence[int], ratio: float) -> list[tuple[int, bool]]:
-    """Returns what a receiver makes of bytes sent back to back: (byte, whether its stop bit was
-    high). ratio: a bit of the receiver in bits of the sender; 1 is no error."""
+    """Bytes that a receiver reads from bytes sent back to back: (byte, stop bit is high).
+
+    Args:
+        data: bytes sent.
+        ratio: bit of the receiver divided by that of the sender.
+    """
     line = [bit for byte in data for bit in (0, *(byte >> n & 1 for n in range(8)), 1)]
-    made: list[tuple[int, bool]] = []
-    free = 0.0  # from then on a falling edge is a start bit
+    decoded: list[tuple[int, bool]] = []
+    free = 0.0  # from here on a falling edge is a start bit
     for edge, bit in enumerate(line):
         if bit or edge < free or (edge and not line[edge - 1]):
             continue
         samples = [int(edge + (n + 0.5) * ratio) for n in range(1, _BITS)]
         values = [line[at] if at < len(line) else 1 for at in samples]
-        made.append((sum(value << n for n, value in enumerate(values[:8])), values[8] == 1))
+        decoded.append((sum(value << n for n, value in enumerate(values[:8])), values[8] == 1))
         free = edge + 9.5 * ratio
-    return made
+    return decoded
 
 
 class ModelPort:
     """A port on a board of the cycle model.
 
-    baud: of the host, at first; the board's is its geometry's times `1 + baud_error`.
+    Args:
+        geometry: of the board.
+        baud: initial rate of the host; the geometry's if None.
+        baud_error: relative error of the board's rate.
     """
 
     def __init__(
@@ -61,7 +66,7 @@ class ModelPort:
         self._coming: deque[tuple[int, int]] = deque()
 
     def write(self, data: bytes, deadline_s: float = 1.0) -> None:
-        """Sends bytes, which takes their time on the line."""
+        """Sends bytes, which advances the clock by their duration."""
         for byte, whole in self.to_board(data):
             self._clock += round(_BITS * self.geometry.clock_hz / self.baud)
             if not whole:
@@ -71,7 +76,7 @@ class ModelPort:
             self.answer(reply.data, reply.clocks)
 
     def to_board(self, data: bytes) -> list[tuple[int, bool]]:
-        """What the board's receiver makes of the host's bytes: (byte, stop bit high)."""
+        """The host's bytes as the board receives them: (byte, whether its stop bit is high)."""
         # The board counts in its own clock, whose error is its baud's.
         fast = self.board_baud / self.geometry.baud
         low = round(self.geometry.clock_hz * fast / self.baud)
@@ -80,8 +85,10 @@ class ModelPort:
         return received(data, self.baud / self.board_baud)
 
     def to_host(self, data: bytes) -> bytes:
-        """What the host's receiver makes of the board's bytes; those with a low stop bit it
-        hands on too, as common adapters do."""
+        """The board's bytes as the host receives them.
+
+        Bytes with a low stop bit are passed on too, as by common adapters.
+        """
         return bytes(byte for byte, _ in received(data, self.board_baud / self.baud))
 
     def answer(self, data: bytes, clocks: Sequence[int]) -> None:
@@ -94,7 +101,7 @@ class ModelPort:
             self._coming.append((begun + step, byte))
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that come within `deadline_s` simulated seconds."""
+        """Returns `count` bytes, or those that arrive within `deadline_s` of simulated time."""
         end = self._clock + int(deadline_s * self.geometry.clock_hz)
         got = b""
         while len(got) < count:
@@ -108,7 +115,7 @@ class ModelPort:
         return got
 
     def drain(self) -> bytes:
-        """Returns what has come by now."""
+        """Returns the bytes that have arrived."""
         got = b""
         while self._coming and self._coming[0][0] <= self._clock:
             got += bytes([self._coming.popleft()[1]])
@@ -119,8 +126,8 @@ class ModelPort:
         self.baud = baud
 
     def now(self) -> float:
-        """Returns simulated seconds."""
+        """Simulated time, s."""
         return self._clock / self.geometry.clock_hz
 
     def close(self) -> None:
-        """Does nothing: there is no port to give back."""
+        """Does nothing: no port is open."""

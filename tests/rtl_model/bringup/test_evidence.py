@@ -1,5 +1,5 @@
-"""One byte of the line lost, changed or added: the direction that the bring-up names is never
-wrong, and where the board's counters can tell it, it is named."""
+"""One lost, changed or added byte: the bring-up never names a wrong direction, and names the right
+one whenever the board's counters determine it."""
 
 from __future__ import annotations
 
@@ -21,43 +21,43 @@ OF_WAY = {
     "bytes-lost": "rx", "bytes-added": "rx", "framing-errors": "rx", "watchdog-aborts": "rx",
     "unknown-commands": "rx",
 }  # fmt: skip
-"""Kinds of stages that name a way by themselves."""
+"""Kinds of faults that imply a direction."""
 
 
 class OneByte(EveryByte):
-    """The `n`-th byte of a way alone, from 1."""
+    """Affects only the `n`-th byte of a direction, from 1."""
 
     def hits(self) -> bool:
         return self.count == self.n
 
 
-def seen(kind: str, way: str, number: int) -> tuple[str, str]:
-    """What became of the fault: (found, missed, open or the stage's own kind; the cause)."""
+def result_of(kind: str, way: str, number: int) -> tuple[str, str]:
+    """Result of a fault ("named", "open", "unseen" or the stage's kind), and the cause."""
     port = OneByte(kind, way, number, number % 8)
     report = bring_up(port, BringUp(simulated=True, frames=2))
     if port.count < number:
         return "not met", ""
-    told = f"{kind}:{way}@{number}: {report.cause}"
+    text = f"{kind}:{way}@{number}: {report.cause}"
     if report.ok:
-        return "unseen", told
+        return "unseen", text
     stage = report.failed
-    assert stage is not None and stage.kind != "restarted", told
+    assert stage is not None and stage.kind != "restarted", text
     if stage.kind in OF_WAY:
-        assert OF_WAY[stage.kind] == way, told
+        assert OF_WAY[stage.kind] == way, text
     line = stage.figures.get("line")
     if line is None:
-        return stage.kind or "", told
-    assert set(line["directions"]) <= {WAYS[way]}, told
+        return stage.kind or "", text
+    assert set(line["directions"]) <= {WAYS[way]}, text
     if not line["directions"]:
-        return "open", told
+        return "open", text
     field = f"{WAYS[way].replace('-', '_')}_{DID[kind]}"
-    assert line[field] >= 1, told
+    assert line[field] >= 1, text
     assert f"{WAYS[way].replace('-', ' ')}".replace("to ", "to the ").replace(
         "from ", "from the "
-    ) in str(stage.cause), told
+    ) in str(stage.cause), text
     if kind != "flip":
-        assert line[field] == 1, told
-    return "named", told
+        assert line[field] == 1, text
+    return "named", text
 
 
 @pytest.mark.parametrize("kind", DID)
@@ -71,10 +71,10 @@ def test_the_direction_named_is_never_wrong(kind, way, first, last, step):
     counts: Counter[str] = Counter()
     others = []
     for number in range(first, last, step):
-        became, told = seen(kind, way, number)
-        counts[became] += 1
-        if became not in ("named", "not met"):
-            others.append(f"{became}: {told}")
+        result, text = result_of(kind, way, number)
+        counts[result] += 1
+        if result not in ("named", "not met"):
+            others.append(f"{result}: {text}")
     print(f"\n{kind}:{way}", dict(counts), *others, sep="\n  ")
     assert counts["named"] > 0
     if kind != "flip":
@@ -82,7 +82,7 @@ def test_the_direction_named_is_never_wrong(kind, way, first, last, step):
 
 
 class Late(ModelPort):
-    """Answers come two seconds late."""
+    """Answers two seconds late."""
 
     def answer(self, data: bytes, clocks: Sequence[int]) -> None:
         super().answer(data, [clock + 2 * SIZE.clock_hz for clock in clocks])
@@ -100,8 +100,8 @@ def test_a_board_that_answers_late_is_slow(simulated):
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_line_that_is_cut_at_once_is_told(way):
-    """While the counters are first read: a board that was just switched on counts from 0."""
+def test_a_line_that_is_cut_at_once_is_reported(way):
+    """At the first reading of the counters, which start from 0 at power-on."""
 
     class Cut(OneByte):
         def _spoil(self, data: list) -> list:
@@ -113,8 +113,8 @@ def test_a_line_that_is_cut_at_once_is_told(way):
     assert report.failed.figures["line"]["directions"] == [WAYS[way]], report.cause
 
 
-def test_a_board_that_began_anew_has_lost_no_bytes():
-    """Though it counted fewer than were sent, and nothing had been written or cut before."""
+def test_a_board_that_restarted_has_lost_no_bytes():
+    """It counted fewer bytes than were sent, without a write or a cut before."""
     port = ModelPort(SIZE)
     bone = Uartbone(port)
     bone.read(0)
@@ -123,13 +123,13 @@ def test_a_board_that_began_anew_has_lost_no_bytes():
     assert line.take_evidence().clean
     port._power_on()
     bone.read(0)
-    found = line.take_evidence()
-    assert not found.known
-    assert found.directions == []
+    evidence = line.take_evidence()
+    assert not evidence.known
+    assert evidence.directions == []
 
 
 def test_nine_thousand_six_hundred_baud_are_within_the_times():
-    """With an adapter that holds each answer back by 16 ms as well."""
+    """Also with an adapter that delays each answer by 16 ms."""
     port = ModelPort(SIZE._replace(baud=9600))
     report = bring_up(port, BringUp(baud=9600, simulated=False, frames=8))
     assert report.ok, report.cause

@@ -1,4 +1,4 @@
-"""The bring-up on boards of the cycle model: a good one passes, each fault is named where it is."""
+"""The bring-up on boards of the cycle model: a good board passes, each fault fails its stage."""
 
 import pytest
 
@@ -53,7 +53,7 @@ def test_thresholds_are_swept_as_the_closed_form_says(good):
 
 
 @pytest.mark.slow
-def test_a_simulated_board_is_told_as_one():
+def test_a_simulated_board_is_reported_as_one():
     report = brought_up(ModelPort(SIZE))
     assert "simulated" in report.figure("timing", "note")
     assert report.figure("timing", "clock_error_ppm") is None
@@ -113,7 +113,7 @@ def test_a_fault_is_named_at_its_stage(make, stage, kind, says):
 @pytest.mark.parametrize("way", ["rx", "tx"])
 @pytest.mark.parametrize("kind", ["drop", "flip", "extra"])
 @pytest.mark.parametrize("n", [37, pytest.param(1009, marks=pytest.mark.slow)])
-def test_a_line_that_spoils_bytes_never_passes_unseen(kind, way, n):
+def test_a_line_that_spoils_bytes_never_passes(kind, way, n):
     report = brought_up(EveryByte(kind, way, n), allowed_s=20)
     repeats = [stage.figures.get("reads_repeated", 0) for stage in report.stages]
     assert not report.ok or any(repeats), "spoilt bytes were taken for good ones"
@@ -145,7 +145,7 @@ def test_what_follows_a_stage_that_ran_out_of_time_is_not_blamed_for_it(monkeypa
 
 
 def test_a_count_of_bytes_may_run_over():
-    """It is read near 2^32 first, and beyond it at last."""
+    """The first reading is near 2^32, the last beyond it."""
     place = default_map().register("uart_rx_bytes").address
     report = brought_up(changed(place, lambda v: v + 2**32 - 1500))
     assert report.ok, report.cause
@@ -184,14 +184,14 @@ def test_junit_counts_the_stages():
     assert suite.find("testcase/failure").attrib["type"] == "silent"
 
 
-def test_a_board_that_starts_anew_is_told_as_such():
+def test_a_board_that_restarts_is_reported_as_such():
     port = changed(4, lambda v: 0x12345678)
     report = brought_up(port)
     assert (report.failed_stage, report.failed.kind) == ("counters", "restarted"), report.cause
 
 
 class PowerLost(ModelPort):
-    """Loses its power once, at the `at`-th byte, so early that the uptime passes what it was."""
+    """Loses its power at the `at`-th byte, so early that the uptime exceeds its old value."""
 
     at = 0
 
@@ -204,7 +204,7 @@ class PowerLost(ModelPort):
 
 
 @pytest.mark.parametrize(("at", "stage"), [(200, "identity"), (300, "identity")])
-def test_a_restart_that_the_uptime_cannot_tell_shows_in_the_lines_counters(at, stage):
+def test_a_restart_that_the_uptime_hides_shows_in_the_lines_counters(at, stage):
     port = PowerLost(SIZE)
     port.at = at
     report = brought_up(port)
@@ -212,16 +212,16 @@ def test_a_restart_that_the_uptime_cannot_tell_shows_in_the_lines_counters(at, s
 
 
 @pytest.mark.parametrize(
-    ("first", "last", "told"),
+    ("first", "last", "text"),
     [(50_000, 49_000, True), (50_000, 50_000, False), (2**32 - 9, 5, False)],
 )
-def test_an_uptime_that_fell_is_a_restart_unless_it_ran_over(first, last, told):
+def test_an_uptime_that_fell_is_a_restart_unless_it_ran_over(first, last, text):
     values = iter([first, last, last])
     port = changed(0x24, lambda v: next(values))
     guarded = DeadlinePort(port)
     watch = Uptime(Bench(guarded, Uartbone(guarded, baud=115_200), default_map(), True, 115_200))
     fault = watch.restarted()
-    assert (fault is not None) == told
+    assert (fault is not None) == text
     assert fault is None or (fault.kind, fault.figures["uptime_after"]) == ("restarted", last)
 
 
@@ -232,19 +232,19 @@ def test_a_build_is_this_programs_verilog_or_not(change, matches):
     bench = Bench(guarded, Uartbone(guarded, baud=115_200), default_map(), True, 115_200)
     figures = check_identity(bench)
     assert figures["build_matches"] is matches
-    told = summary(Stage("identity", "ok", None, figures, 0.0))
+    text = summary(Stage("identity", "ok", None, figures, 0.0))
     said_so = {None: "", True: ", this program's Verilog", False: ", other Verilog"}
-    assert told.partition(f"build {said:08x}")[2].startswith(said_so[matches])
-    assert ("Verilog" in told) == (matches is not None)
+    assert text.partition(f"build {said:08x}")[2].startswith(said_so[matches])
+    assert ("Verilog" in text) == (matches is not None)
 
 
-def test_a_long_search_is_told_before_it_begins():
-    told = []
-    report = brought_up(ModelPort(SIZE, baud_error=0.06), note=told.append)
+def test_a_long_search_is_announced():
+    text = []
+    report = brought_up(ModelPort(SIZE, baud_error=0.06), note=text.append)
     assert report.failed.kind == "baud"
-    assert len(told) == 1 and "looking for the board's baud" in told[0]
-    assert brought_up(Console(SIZE), note=told.append).failed.kind == "text"
-    assert len(told) == 1
+    assert len(text) == 1 and "looking for the board's baud" in text[0]
+    assert brought_up(Console(SIZE), note=text.append).failed.kind == "text"
+    assert len(text) == 1
 
 
 def test_one_lost_byte_fails_the_stage_that_repeats_the_read():
@@ -275,3 +275,19 @@ def test_a_noisy_line_is_not_taken_for_a_wrong_baud(good):
     report = brought_up(Noisy(SIZE))
     assert (report.failed_stage, report.failed.kind) == ("bytes", "short"), report.cause
     assert "were complete" in report.cause
+
+
+def test_counters_that_fall_to_nothing_are_a_fault_and_no_division():
+    """As after a restart between two readings of the threshold stage."""
+    reached = []
+
+    def frames(value):
+        if value >= 48:
+            reached.append(value)
+        return 0 if len(reached) > 1 else value
+
+    port = changed(0x32C, frames)
+    port.changed[0x334] = lambda value: 0 if reached else value
+    report = brought_up(port)
+    assert not report.ok and report.stages[-1].outcome != "ok"
+    assert "the frame counter fell to 0 after it had reached 48" in report.cause

@@ -1,4 +1,4 @@
-"""Wrong bits: where the first is and what shape they have."""
+"""Wrong bits: the first one, and the location that all share."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ TRUE = np.random.Generator(np.random.Philox(5)).random(SHAPE) < 0.5
 
 
 def spoilt(place, value=None):
-    made = TRUE.copy()
-    made[place] = ~made[place] if value is None else value
-    return compare(made, TRUE, 32)
+    captured = TRUE.copy()
+    captured[place] = ~captured[place] if value is None else value
+    return compare(captured, TRUE, 32)
 
 
 def test_equal_planes_have_no_wrong_bit():
@@ -41,7 +41,7 @@ def test_the_shape_is_found(place, value, shape, where, stuck):
     assert wrong.remedy
 
 
-def test_the_first_wrong_bit_is_told():
+def test_the_first_wrong_bit_is_named():
     wrong = spoilt((slice(2, None), 3, 7))
     assert (wrong.frame, wrong.row, wrong.column, wrong.bits) == (2, 3, 7, 4)
     assert "the first in frame 2, row 3, column 7" in wrong.text
@@ -53,8 +53,10 @@ def test_the_closed_form_is_the_models(rule, select):
     size = Geometry(1, 32)
     for level in (0, 3, 15):
         for electrons in (0, 1, 97, 200, 255):
-            made = planes(size, Settings(level, select, rule, None, None, 1, electrons), None, 90)
-            assert made[:, 0, 0].sum() == count_spikes(90, electrons << select, level, rule)
+            captured = planes(
+                size, Settings(level, select, rule, None, None, 1, electrons), None, 90
+            )
+            assert captured[:, 0, 0].sum() == count_spikes(90, electrons << select, level, rule)
 
 
 def test_which_bits_of_a_word():

@@ -1,4 +1,4 @@
-"""The sensor one rising edge at a time in numpy: slow, and the reference of the compiled scan.
+"""The sensor in numpy, one rising edge at a time: the slow reference of the compiled scan.
 
 `EdgeByEdgeSensor.edge` does what the Verilog does at one rising edge.
 """
@@ -45,7 +45,7 @@ class EdgeByEdgeSensor:
         return np.array(made, TILE)
 
     def edge(self, address: int | None, value: int) -> list[tuple[int, int, int, int, int]]:
-        """One rising edge, at which `value` is written to `address` unless that is None."""
+        """One rising edge, at which `value` is written to `address` if that is not None."""
         tiles = []
         seen = self.fetched  # read at the edge before
         self.fetched = self.memory

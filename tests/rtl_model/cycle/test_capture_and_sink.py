@@ -17,7 +17,7 @@ WIDE = SMALL._replace(columns=70, lanes=64)
 
 
 class Board(System):
-    """A system whose registers go by their names."""
+    """A system with registers by name."""
 
     def get(self, name):
         return self.read(ADDRESS[name])
@@ -37,7 +37,7 @@ def running(geometry, **settings):
 
 
 def records(words, geometry):
-    """Splits a drained memory into (sequence, frame, row, bits of the row), CRCs checked."""
+    """Splits a drained memory into (sequence, frame, row, bits of the row) and checks the CRCs."""
     made = []
     for record in np.array(words, ">u4").reshape(-1, geometry.record_words):
         assert zlib.crc32(record[:-1].tobytes()) == record[-1]
@@ -47,7 +47,7 @@ def records(words, geometry):
 
 
 def test_crc_is_the_one_with_this_check_value():
-    """The catalogue's CRC-32: 0xCBF43926 of "123456789" (Williams, 1993), of words as of bytes."""
+    """CRC-32 of "123456789" is 0xCBF43926 (Williams, 1993), for words as for bytes."""
     assert zlib.crc32(b"123456789") == 0xCBF43926
     board = Board(SMALL)
     board.put("sink_run", 1)

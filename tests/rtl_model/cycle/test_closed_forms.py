@@ -23,7 +23,7 @@ def burst(settings, frames, pattern=ALL_STEPS, geometry=STRIP):
 @pytest.mark.parametrize("level", range(16))
 @pytest.mark.parametrize("rule", [RESIDUAL, SUBTRACT])
 def test_constant_light_gives_floor_of_collected_over_threshold(level, rule):
-    """Charge is conserved, so after n ticks of p there are floor(n p / q) spikes: q > p always."""
+    """Charge is conserved, so n ticks of p electrons give floor(n p / q) spikes; q > p always."""
     frames, q = 200, quantum(level)
     counted = burst(Settings(threshold=level, reset_rule=rule), frames).cumsum(axis=0)
     n = np.arange(1, frames + 1)[:, None]
@@ -32,7 +32,7 @@ def test_constant_light_gives_floor_of_collected_over_threshold(level, rule):
 
 @pytest.mark.parametrize("level", [0, 1, 7, 15])
 def test_at_20_khz_a_tick_collects_twice(level):
-    """floor(2 n p / q) where 2p < q; a tick gives at most one spike, residual drops the rest."""
+    """floor(2 n p / q) spikes if 2p < q; a tick gives one at most, residual drops the rest."""
     q, frames = quantum(level), 150
     for rule in (RESIDUAL, SUBTRACT):
         settings = Settings(threshold=level, clock_select=1, reset_rule=rule)

@@ -1,4 +1,4 @@
-"""The compiled scan against its twin in plain numpy: the same tiles, to the bit and the clock."""
+"""The compiled scan gives the same tiles as the numpy reference, to the bit and the clock."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ GEOMETRIES = [
 
 
 def random_writes(geometry, seed, clocks):
-    """Writes of all sorts at random clocks, several a frame, of values that matter."""
+    """All kinds of writes at random clocks, several in a frame, with critical values."""
     rng = np.random.default_rng(seed)
     writes = [
         (n, PATTERN + 4 * n, int(rng.integers(1 << 32))) for n in range(geometry.pattern_bytes // 4)
@@ -66,10 +66,10 @@ def test_random_writes_at_random_clocks(geometry, seed):
     clocks = 4000
     writes = random_writes(geometry, seed, clocks)
     truth = EdgeByEdgeSensor(geometry).run(clocks, writes)
-    made = System(geometry).run(clocks, writes)
+    tiles = System(geometry).run(clocks, writes)
     assert truth.size > 150
     assert np.bitwise_count(truth["bits"]).sum() > 150
-    np.testing.assert_array_equal(made, truth)
+    np.testing.assert_array_equal(tiles, truth)
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_every_threshold_and_rule(threshold, rule):
     ]
     clocks = 3000
     truth = EdgeByEdgeSensor(geometry).run(clocks, writes)
-    made = System(geometry).run(clocks, writes)
-    np.testing.assert_array_equal(made, truth)
+    tiles = System(geometry).run(clocks, writes)
+    np.testing.assert_array_equal(tiles, truth)
     assert truth["bits"].any()
 
 

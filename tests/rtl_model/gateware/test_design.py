@@ -1,4 +1,4 @@
-"""Targets, bauds, memories, and the folder that is there whole or not at all."""
+"""Targets, bauds, memories, and the atomic writing of the folder."""
 
 import shutil
 
@@ -10,8 +10,8 @@ from rtl_model.gateware.baud import TOLERANCE, baud_error, check_baud
 from rtl_model.gateware.block_ram import block_rams
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
-from rtl_model.synthesis import VERILOG, synthesise
-from rtl_model.verilated import build_crc
+from rtl_model.synthesis import synthesise
+from rtl_model.verilated import VERILOG, build_crc
 
 ULX3S = TARGETS["ulx3s-25f"]
 
@@ -81,8 +81,8 @@ def test_block_rams_in_closed_form(geometry, blocks):
 @pytest.mark.slow
 @pytest.mark.parametrize(("depth", "bits"), [(800, 10), (1500, 11), (3000, 12)])
 def test_deep_memories_mix_shapes_as_yosys_does(depth, bits):
-    """Pattern and charges of four pixels: what one more group of lanes adds, with 32 bits more of
-    the copy that the bus reads."""
+    """One more group of lanes adds pattern and charges of four pixels, and 32 bits of the copy that
+    the bus reads."""
     cells = synthesise("ecp5", top="viform_pixels", settings={"DEPTH": depth, "ADDRESS_BITS": bits})
     tall = Geometry(rows=depth, columns=32)
     alone = block_rams(tall) - block_rams(Geometry(rows=1))
@@ -140,7 +140,7 @@ def test_an_empty_folder_is_filled_and_any_other_refused(tmp_path):
 @pytest.mark.parametrize("there", [False, True])
 @pytest.mark.parametrize("name", ["viform_sink.v", "Makefile"])
 def test_what_fails_midway_leaves_nothing(tmp_path, monkeypatch, there, name):
-    """The disk fills while files are moved in."""
+    """The disk becomes full while files are moved."""
     from rtl_model.gateware import folder
 
     real = folder.os.replace

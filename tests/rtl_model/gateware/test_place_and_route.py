@@ -1,4 +1,4 @@
-"""A generated folder really becomes a bitstream, with tools that the environment names.
+"""Builds the bitstream of a generated folder, with tools that the environment names.
 
 VIFORM_NEXTPNR_ECP5 names nextpnr-ecp5 (YoWASP's will do), VIFORM_ECPPACK ecppack where that is not
 called so. The tools are no dependency of the project: without the variable this says so and skips.

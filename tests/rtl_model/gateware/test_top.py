@@ -1,4 +1,4 @@
-"""Every target's top: accepted by three tools without a remark, and answering over its own pins."""
+"""The top of every target passes three tools without a warning and answers over its pins."""
 
 import re
 import shutil
@@ -22,7 +22,7 @@ def needs(program):
 
 
 def written(folder, design):
-    """Writes a design's files, plainly."""
+    """Writes the files of a design."""
     for name, text in design.files().items():
         (folder / name).write_text(text)
     return folder

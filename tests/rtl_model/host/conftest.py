@@ -10,7 +10,7 @@ SMALL = Geometry(rows=3, columns=40, clock_hz=1_000_000, baud=50_000, capture_wo
 
 
 class ModelPort:
-    """The model behind a line whose bytes take their time; no wall time passes.
+    """The model behind a line with a duration in simulated time; no wall time passes.
 
     faults: {("rx" to the board or "tx" from it, number of the byte): "drop", "flip" or "extra"}.
     """

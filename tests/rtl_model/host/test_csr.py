@@ -1,4 +1,4 @@
-"""csr.csv of any LiteX design: our own, a foreign one, a broken one, anything at all."""
+"""csr.csv of the Viform board, of another LiteX design, a broken one, and any text."""
 
 import pytest
 from hypothesis import given
@@ -25,7 +25,7 @@ interrupt,uart,0,,
 
 def test_our_own_map_is_the_table(tmp_path):
     csr = default_map()
-    assert csr.ours and csr.data_width == 32
+    assert csr.is_viform_board and csr.data_width == 32
     assert {name: entry.address for name, entry in csr.registers.items()} == {
         register.name: register.address for register in REGISTERS
     }
@@ -35,7 +35,7 @@ def test_our_own_map_is_the_table(tmp_path):
 
 
 class Words:
-    """A port whose words are known: answers reads, keeps writes."""
+    """A port with known words: it answers reads and records writes."""
 
     name, baud = "words", 115_200
 
@@ -65,7 +65,7 @@ class Words:
 def test_a_register_of_eight_bytes_is_read_most_significant_first(tmp_path):
     (tmp_path / "csr.csv").write_text(FOREIGN)
     csr = read_csr(tmp_path / "csr.csv")
-    assert not csr.ours and csr.constants["config_cpu_family"] == "None"
+    assert not csr.is_viform_board and csr.constants["config_cpu_family"] == "None"
     assert csr.memories["sram"] == (0x10000000, 8192, "cached")
     held = {0xF0001000 + 4 * n: n + 1 for n in range(8)} | {0xF0000004: 0}
     board = Board(Uartbone(Words(held)), csr)

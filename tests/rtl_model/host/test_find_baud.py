@@ -1,4 +1,4 @@
-"""How far a board's baud is off: the true deviation lies within the uncertainty that is told."""
+"""Baud of a board: the true deviation lies within the reported uncertainty."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.rtl_model.virtual.hosts import needs_verilator
 
 
 class Counted(ModelPort):
-    """Counts the packets it is sent."""
+    """Counts the packets that it receives."""
 
     sent = 0
 
@@ -40,7 +40,7 @@ def test_the_true_deviation_is_within_the_uncertainty(percent, bit_clocks):
 @pytest.mark.parametrize("bit_clocks", [4, 7, 32])
 @pytest.mark.parametrize("fault", [-12, -8, -5, -4, -2, 1, 3, 4, 5, 8, 12])
 def test_on_pins_too(fault, bit_clocks):
-    """The fault is of the host's rate: in its own, the board's is off by the inverse."""
+    """The host's rate is wrong, so by its clock the board's is off by the inverse."""
     size = Geometry(
         rows=8, columns=40, clock_hz=62_500 * bit_clocks, baud=62_500, capture_words=256
     )

@@ -1,5 +1,5 @@
-"""Answers that a line has spoilt in every manner, in simulated time: each transaction ends within
-its time, and what is read twice is right or refused."""
+"""Random errors in answers, in simulated time: each transaction ends within its time limit, and a
+word that is read twice is right or refused."""
 
 import random
 
@@ -12,8 +12,8 @@ BYTE_S = 10 / BAUD
 
 
 class SpoilingPort:
-    """Memory whose word at a is a function of a, behind a line that spoils `share` of its answers.
-    Takes reads alone; no wall time passes."""
+    """A memory whose words are a function of the address, behind a line that spoils a share of the
+    answers. It accepts reads only; no wall time passes."""
 
     name = "spoilt"
     baud = BAUD

@@ -1,5 +1,5 @@
-"""A dropped, flipped or added byte at every place of a transaction: no hang, no wrong data as
-good. All on the cycle model, in simulated time."""
+"""A dropped, changed or added byte at any position of a transaction neither hangs the host nor
+passes as right data. All tests use the cycle model in simulated time."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ KINDS = ("drop", "flip", "extra")
 
 
 def attempts(make_port, act, prepare=lambda board: None, step=1):
-    """Yields (fault, port, board, result or LineFault) of `act` with a fault at each byte that it
-    sends or gets (or every `step`-th) when nothing is wrong."""
+    """Yields (fault, port, board, result or LineFault) of `act` with a fault at every `step`-th
+    byte that it sends or receives without faults."""
     clean = make_port()
     board = Board(Uartbone(clean))
     prepare(board)
@@ -46,7 +46,7 @@ def test_a_register_that_stands_still_is_never_read_wrong(make_port):
 
 
 def test_a_plain_read_of_a_block_with_lost_or_added_bytes_is_told_and_mended(make_port):
-    """Of an answer; what a flipped bit does, only a second reading can tell."""
+    """Faults of an answer. Only a second reading detects a changed bit."""
     good = [0x53504B32, 0x12345678, 0x10000]
     for fault, _, board, result in attempts(make_port, lambda board: board.bone.read(0, 3)):
         way, kind, _ = fault
@@ -56,7 +56,7 @@ def test_a_plain_read_of_a_block_with_lost_or_added_bytes_is_told_and_mended(mak
 
 
 def test_a_checked_write_holds_or_says_so(make_port):
-    """Where nothing is raised the register holds the value, and no other has changed."""
+    """If nothing is raised, the register has the value and no other has changed."""
 
     def act(board):
         board.write("sensor_level", 0xA5)
@@ -88,7 +88,7 @@ def test_a_fifo_is_never_read_again_after_a_fault(make_port):
     "step", [211, pytest.param(13, marks=pytest.mark.slow)], ids=["some bytes", "many bytes"]
 )
 def test_a_capture_is_right_or_refused(make_port, step):
-    """Faults at bytes from arming to the last reading; planes are held against the model."""
+    """Faults at bytes from arming to the last reading; planes are compared with the model."""
     image = np.random.default_rng(7).integers(0, 256, (3, 40))
     wanted = planes(make_port().geometry, Settings(threshold=0), image, 2)
 

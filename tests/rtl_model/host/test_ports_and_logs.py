@@ -1,4 +1,4 @@
-"""Ports of every kind and what is wrong with them; logs, and their replay without a board."""
+"""Ports of every kind with their faults; logs, and their replay without a board."""
 
 import json
 import os
@@ -141,7 +141,7 @@ def test_a_dead_board_is_silent_and_soon_said_to_be(port):
     with pytest.raises(LineFault) as fault:
         Board(Uartbone(port)).info()
     assert fault.value.cause is Cause.SILENT and port.now() < 4
-    with pytest.raises(LineFault, match="no board of ours answers on model within 20 %"):
+    with pytest.raises(LineFault, match="no Viform board answers on model within 20 %"):
         find_baud(port, 50_000)
 
 

@@ -110,7 +110,7 @@ def test_the_host_knows_it_by_its_first_register(name, tmp_path):
 def test_the_spike_board_is_still_itself():
     port = ModelPort()
     known = recognised(Uartbone(port))
-    assert known.ours
+    assert known.is_viform_board
     assert known.imager is None
     with pytest.raises(LineFault, match="not emccd"):
         Board(Uartbone(port), imager_map("emccd")).imager_info()

@@ -1,4 +1,4 @@
-"""What the checks against LiteX need: a Python that has it, and Verilator."""
+"""Requirements of the comparison with LiteX: a Python with LiteX, and Verilator."""
 
 import os
 import shutil

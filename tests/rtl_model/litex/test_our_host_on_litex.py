@@ -53,7 +53,7 @@ def board(design):
 
 @pytest.mark.slow
 def test_registers_identifier_and_memory_of_a_foreign_design(board):
-    assert not board.csr.ours and not board.verify
+    assert not board.csr.is_viform_board and not board.verify
     assert board.identifier() == "LiteX behind its own UARTBone"
     assert board.read("ctrl_scratch") == 0x12345678
     assert board.read("wide_value") == 0x0123456789ABCDEF

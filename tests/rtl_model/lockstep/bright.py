@@ -1,4 +1,4 @@
-"""A program that fills the charges: the random one does so once in some 10^7 pixel-cycles."""
+"""A program that saturates the charges, which random programs do once in some 10^7 pixel-cycles."""
 
 from rtl_model.lockstep import Program
 from rtl_model.lockstep.program import ADDRESS, Chunk, Write
@@ -18,8 +18,10 @@ _SETTINGS = {
 
 
 class Bright(Program):
-    """Light that fills every charge, then darkness in which what was held fires: each pixel fires
-    in all `FRAMES` of light, and `HELD` times after it."""
+    """Light that saturates every charge, then darkness in which the residual charge fires.
+
+    Each pixel fires in all `FRAMES` frames of light and `HELD` times after them.
+    """
 
     @property
     def pixels(self) -> int:

@@ -24,7 +24,7 @@ from rtl_model.virtual.simulators import Simulator, make_simulator
 __all__ = ["FUZZED", "Fuzz", "fuzz"]
 
 FUZZED = Geometry(4, 32, 32, clock_hz=8000, baud=1000, capture_words=64, sink_words=16)
-"""The build that is fuzzed: its watchdog of 800 clocks is soon waited for."""
+"""The build, with a short watchdog of 800 clocks."""
 
 _PATIENCE = FUZZED.clock_hz // 10
 _LONGEST = 16 * _PATIENCE  # clocks in which any answer has ended, cut by the watchdog or not
@@ -36,8 +36,11 @@ _REST = [
 
 
 class Fuzz(NamedTuple):
-    """What a run came to. `counters` are the nine registers from uart_rx_bytes on; `failure` says
-    in one line what went wrong, "" where nothing did."""
+    """Result of a run.
+
+    `counters` are the nine registers from uart_rx_bytes on. `failure` is the difference in one
+    line, "" if there is none.
+    """
 
     packets: int
     sent: int
@@ -48,7 +51,7 @@ class Fuzz(NamedTuple):
 
 
 def fuzz(packets: int, *, seed: int = 0, progress: Callable[[int], None] | None = None) -> Fuzz:
-    """Sends `packets` random packets to both, the counters being asked for after every 50th.
+    """Sends `packets` random packets to both, and reads the counters after every 50th.
 
     Raises InputError where Verilator is missing.
     """
@@ -114,7 +117,7 @@ class _Pair:
         return made
 
     def silence(self, clocks: int) -> None:
-        """Lets time pass."""
+        """Advances the clock."""
         if clocks > 0 and not self.failure:
             self.verilog.step(b"", clocks)
             self.model.wait(self.verilog.clock)
@@ -125,7 +128,7 @@ def _short(data: bytes) -> str:
 
 
 def _send(pair: _Pair, rng: np.random.Generator) -> None:
-    """One packet in one or two pieces, and what follows it."""
+    """One packet in one or two pieces, and the pause after it."""
     packet = _packet(rng)
     pair.began = pair.verilog.clock
     cut = int(rng.integers(1, len(packet) + 1)) if rng.random() < 0.3 else len(packet)
@@ -141,7 +144,7 @@ def _send(pair: _Pair, rng: np.random.Generator) -> None:
 
 
 def _packet(rng: np.random.Generator) -> bytes:
-    """A packet, perhaps spoiled."""
+    """A packet, possibly with an error."""
     kind = rng.random()
     if kind < 0.05:
         return rng.bytes(int(rng.integers(1, 24)))
@@ -170,7 +173,7 @@ def _packet(rng: np.random.Generator) -> bytes:
 
 
 def _address(rng: np.random.Generator) -> int:
-    """A word address, most often of something."""
+    """A word address, mostly a valid one."""
     kind = rng.random()
     if kind < 0.75:
         return REGISTERS[rng.integers(len(REGISTERS))].address // 4

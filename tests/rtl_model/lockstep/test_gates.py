@@ -1,5 +1,5 @@
-"""The netlist that yosys makes for an ice40, in lockstep with the cycle model: what goes into an
-FPGA is what was compared as source."""
+"""Lockstep of the cycle model with the netlist that yosys maps to an ice40, so that the synthesis
+is compared and not only the source."""
 
 import re
 import shutil
@@ -38,7 +38,7 @@ PIXELS = 3e5
 
 
 def netlist(sources, folder):
-    """A folder with viform_system.v as a netlist, and the models of its cells behind it."""
+    """A folder with viform_system.v as a netlist, and the models of its cells."""
     folder.mkdir()
     names = " ".join(path.name for path in sorted(sources.glob("*.v")))
     settings = "".join(
@@ -74,8 +74,11 @@ def test_the_netlist_is_the_model(tmp_path):
     outcome = lockstep.run(PROGRAM, pixels=PIXELS, sources=sources)
     assert outcome.difference is None, str(outcome.difference)
     assert outcome.pixels >= PIXELS
-    seen = outcome.coverage
-    assert min(seen.spikes, seen.reads, seen.writes, seen.sink_tiles, seen.bursts) > 0
+    coverage = outcome.coverage
+    assert (
+        min(coverage.spikes, coverage.reads, coverage.writes, coverage.sink_tiles, coverage.bursts)
+        > 0
+    )
 
 
 def test_a_fault_in_the_source_is_caught_in_the_netlist(tmp_path):

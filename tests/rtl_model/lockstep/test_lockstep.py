@@ -1,4 +1,4 @@
-"""Verilog and cycle model agree to the bit and the clock, whatever is written when."""
+"""Verilog and cycle model agree to the bit and the clock under all writes."""
 
 import numpy as np
 import pytest
@@ -14,17 +14,19 @@ WIDE = lockstep.Program(rows=12, columns=1000, lanes=64, seed=3)
 
 
 def covered(outcome, windows):
-    """Everything that must have been seen while it was compared."""
-    seen = outcome.coverage
+    """Checks that the comparison has covered everything."""
+    coverage = outcome.coverage
     assert outcome.difference is None, str(outcome.difference)
-    assert seen.pixels.sum() == outcome.pixels
+    assert coverage.pixels.sum() == outcome.pixels
     for axis in range(4):  # threshold, reset rule, pattern, clock
         rest = tuple(other for other in range(4) if other != axis)
-        assert (seen.pixels.sum(rest) > outcome.pixels // 1000).all()
-    assert (seen.pixels.sum((1, 2)) > 0).all()  # each threshold at both clocks
-    assert set(seen.windows) >= windows
-    assert 0.001 * outcome.pixels < seen.spikes < outcome.pixels
-    assert min(seen.bursts, seen.sink_tiles, seen.reads // 50, seen.writes // 50) > 10
+        assert (coverage.pixels.sum(rest) > outcome.pixels // 1000).all()
+    assert (coverage.pixels.sum((1, 2)) > 0).all()  # each threshold at both clocks
+    assert set(coverage.windows) >= windows
+    assert 0.001 * outcome.pixels < coverage.spikes < outcome.pixels
+    assert (
+        min(coverage.bursts, coverage.sink_tiles, coverage.reads // 50, coverage.writes // 50) > 10
+    )
 
 
 WINDOWS = {"whole", "one pixel", "partly-filled tile", "one tile", "part", "no column"}
@@ -73,12 +75,12 @@ def test_a_charge_saturates():
     assert outcome.coverage.spikes == BRIGHT.rows * BRIGHT.columns * (FRAMES + HELD)
 
 
-def test_a_run_ends_where_it_is_told_and_says_how_far_it_is():
-    told = []
-    outcome = lockstep.run(SMALL, until=30_001, progress=lambda *so_far: told.append(so_far))
+def test_a_run_ends_at_its_clock_and_reports_its_progress():
+    reports = []
+    outcome = lockstep.run(SMALL, until=30_001, progress=lambda *so_far: reports.append(so_far))
     assert outcome.clock <= 30_001
     assert outcome.difference is None
-    clocks, pixels = np.array(told).T
+    clocks, pixels = np.array(reports).T
     assert (np.diff(clocks) > 0).all()
     assert (np.diff(pixels) >= 0).all()
 

@@ -9,14 +9,14 @@ pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.j
 
 
 def check(packets, seed):
-    told = []
-    outcome = packet_fuzz.fuzz(packets, seed=seed, progress=told.append)
+    reports = []
+    outcome = packet_fuzz.fuzz(packets, seed=seed, progress=reports.append)
     assert outcome.failure == ""
-    assert outcome.packets == packets == told[-1]
+    assert outcome.packets == packets == reports[-1]
     assert outcome.sent > 8 * packets
     assert outcome.answered > 8 * packets
     assert len(outcome.counters) == 9
-    assert len(told) == packets // 50
+    assert len(reports) == packets // 50
 
 
 def test_the_verilog_and_the_bridge_answer_alike():
@@ -29,7 +29,7 @@ def test_a_hundred_thousand_packets():
 
 
 def test_the_comparison_would_notice(monkeypatch):
-    """With a bridge whose watchdog is a clock late, the fuzz must fail, and say where."""
+    """With a bridge whose watchdog is a clock late, the comparison must fail and name the place."""
     real = packet_fuzz.Bridge
 
     def late_watchdog(**arguments):

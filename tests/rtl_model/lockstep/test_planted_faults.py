@@ -1,4 +1,4 @@
-"""A fault of one bit in a copy of the Verilog is caught, and found where it is."""
+"""A fault of one bit in a copy of the Verilog is detected and located."""
 
 import itertools
 import re
@@ -19,7 +19,7 @@ PROGRAM = lockstep.Program(rows=4, columns=40, lanes=32, seed=1)
 
 
 class Fault(NamedTuple):
-    """What is replaced in which file, and where the difference must be seen first."""
+    """A replacement in a file, and the value in which the first difference must appear."""
 
     file: str
     good: str
@@ -127,7 +127,7 @@ def planted(fault, folder):
 
 
 def again(reproducer, sources):
-    """Runs what the line says, on the Verilog that it names."""
+    """Runs the command of a reproducer on the Verilog that it names."""
     words = shlex.split(reproducer)
     assert words[:4] == ["viform", "board", "compare", "--lockstep"]
     given = {name[2:]: value for name, value in zip(words[4::2], words[5::2], strict=True)}

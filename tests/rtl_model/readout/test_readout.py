@@ -1,4 +1,4 @@
-"""The row scan: bytes that the reader of the sensor's files takes, bit-true to numpy, on time."""
+"""The row scan: its bytes pass the reader of the sensor's files and equal numpy's; its timing."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_the_kernel_is_bit_true_to_numpy(device: Device, window: Window) -> None
 
 
 def test_a_window_is_the_same_rows_of_the_whole_frame(device: Device) -> None:
-    """Its blocks are those of the whole frame's, markers and all, dark outside its columns."""
+    """Its blocks equal those of the full frame, with markers, and read 0 outside its columns."""
     words, window = random_words(3), Window((450, 549), (30, 700))
     kept = words.copy()
     kept[:, :, :30] = kept[:, :, 701:] = 0
@@ -86,8 +86,8 @@ def test_one_spike_stands_where_the_layout_says(device: Device) -> None:
 
 
 def test_a_frame_takes_a_40_khz_cycle() -> None:
-    """1000 rows of 1024 bits at 40.96 Gbit/s are 25 us: block after block, cycle after cycle,
-    without a gap and without a picosecond of drift."""
+    """1000 rows of 1024 bits at 40.96 Gbit/s take 25 us, without gaps between blocks or cycles and
+    without drift."""
     assert (BIT_RATE, BLOCK_PS) == (40_960_000_000, 12_500)
     timing = ScanTiming(CLOCK)
     assert timing.scan_ps == 25_000_000

@@ -1,4 +1,4 @@
-"""The register map: sound in itself, and what is made from it."""
+"""The register map is consistent, and the files generated from it are right."""
 
 import csv
 import io

@@ -1,5 +1,5 @@
-"""A board in the sensor's and in the display's place, over the cycle model behind a port of its
-own: on a line without duration, and on one that takes its time."""
+"""A board as sensor and as display, over the cycle model behind a port, on lines with and without
+duration."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ SMALL = Geometry(rows=5, columns=40, capture_words=128, sink_words=64, baud=3_00
 
 
 class BridgePort:
-    """The cycle model of a board as a port: bytes at their clocks, and no waiting.
+    """The cycle model of a board as a port with simulated time.
 
-    falter: clocks by which the line stands still once, in the middle of the write after next.
+    Attributes:
+        falter: clocks of a single pause of the line, in the middle of the write after next.
     """
 
     name, baud = "the model", 3_000_000
@@ -68,8 +69,7 @@ def place(geometry: Geometry = SMALL, byte_clocks: int | None = 1) -> OpenBoard:
 @pytest.mark.parametrize("byte_clocks", [1, None])
 @pytest.mark.parametrize("reset", ["residual", "hard", "subtract"])
 def test_bursts_join_without_a_missing_frame(byte_clocks: int | None, reset: str) -> None:
-    """23 ticks in bursts of 5, then other light: the planes of one unbroken run, whatever the line.
-    The truth is plain numpy's."""
+    """23 ticks in bursts of 5, then other light, give the planes of one run in numpy."""
     rng = np.random.default_rng(3)
     steps = rng.integers(0, 256, (2, 5, 40)).astype(np.uint8)
     sensor = BoardSensor(place(byte_clocks=byte_clocks), 1, reset, 30)
@@ -87,7 +87,7 @@ def test_bursts_join_without_a_missing_frame(byte_clocks: int | None, reset: str
 
 
 def test_a_pixels_rate_is_its_step_over_the_threshold() -> None:
-    """Closed form: with the residual carried, n ticks of e electrons bring floor(n e / Q)."""
+    """With the residual charge kept, n ticks of e electrons give floor(n e / Q) spikes."""
     steps = np.arange(200, dtype=np.uint8).reshape(5, 40)
     sensor = BoardSensor(place(), 0, "residual", 60)
     counts = sensor.expose(steps, 60).sum(axis=0)
@@ -95,7 +95,7 @@ def test_a_pixels_rate_is_its_step_over_the_threshold() -> None:
 
 
 def test_a_line_that_pauses_within_a_pulse_is_reported() -> None:
-    """The pulse then lasts more than a tick and makes frames that no one asked for."""
+    """The pulse then lasts longer than a tick and starts surplus frames."""
     board = place()
     sensor = BoardSensor(board, 0, "residual", 10)
     port = board.board.bone.port
@@ -106,7 +106,7 @@ def test_a_line_that_pauses_within_a_pulse_is_reported() -> None:
 
 
 def test_wrong_bits_are_counted() -> None:
-    """A pixel whose electrons change behind the host's back, in 2 of its 6 ticks."""
+    """The electrons of a pixel change without the host's knowledge in 2 of its 6 ticks."""
     board = place()
     sensor = BoardSensor(board, 0, "residual", 10)
     steps = np.full((5, 40), 254, np.uint8)
@@ -140,7 +140,7 @@ def test_planes_are_shown_and_come_back(byte_clocks: int | None) -> None:
 
 
 def test_a_sink_that_shows_something_else_is_found() -> None:
-    """Another plane's word, pushed before ours: every word is shown a place late."""
+    """A foreign word is pushed first, so every word is displayed one position late."""
     board = place()
     display = BoardDisplay(board)
     board.board.write("sink_data", 0)

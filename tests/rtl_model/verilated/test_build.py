@@ -1,4 +1,4 @@
-"""The library of a design: what it needs, and that it is built once and safely."""
+"""The library of a design: requirements, caching and concurrent builds."""
 
 import os
 import shutil
@@ -106,7 +106,7 @@ def test_the_first_error_is_found():
 
 
 def test_libraries_long_unused_are_removed(tmp_path, monkeypatch):
-    """One that is open goes on; those beyond the size go, longest unused first."""
+    """A loaded one still works. Beyond the size limit the longest unused are removed first."""
     monkeypatch.setenv("VIFORM_CACHE", str(tmp_path))
     folder = tmp_path / "verilated"
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""A host of a few lines, for tests of the board: bare pyserial, no retries, no mercy."""
+"""A minimal host for tests of the board: pyserial without retries."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ LEVELS = ["model", pytest.param("bytes", marks=needs_verilator)]
 # Each fault of the design is a build of its own.
 PLANTED = ["model", pytest.param("bytes", marks=[needs_verilator, pytest.mark.slow])]
 SMALL = Geometry(rows=8, columns=40, lanes=32, clock_hz=1_000_000, baud=62_500, capture_words=256)
-"""Sixteen clocks a bit; a tick is as short as it can be."""
+"""Sixteen clocks a bit, and the shortest tick."""
 
 ADDRESS = {register.name: register.address for register in REGISTERS}
 MAGIC_BYTES = MAGIC.to_bytes(4, "big")
 
 
 PATIENCE_S = 20.0
-"""An answer that must come is waited for through a busy machine and a first compilation."""
+"""Wait for an answer, s, which allows for a busy machine and a first compilation."""
 
 
 class Host:
-    """One connection. patience: seconds it waits for an answer that may well be short."""
+    """One connection. `patience` is the wait for an answer that may be incomplete, s."""
 
     def __init__(self, port: str, baud: int, patience: float) -> None:
         self._serial = serial.Serial(port, baud, write_timeout=PATIENCE_S)
@@ -48,7 +48,7 @@ class Host:
         self._serial.baudrate = baud
 
     def forget(self) -> None:
-        """Throws away what has come and was not read."""
+        """Discards unread bytes."""
         self._serial.reset_input_buffer()
 
     def answer(self, count: int, short: bool = False) -> bytes:
@@ -79,7 +79,7 @@ class Host:
         raise AssertionError(f"{name} stays {value:#x}")
 
     def until_scanned(self, seconds: float = 20.0) -> int:
-        """Of a stopped sensor with no window: reads until its last frame is whole; the frames."""
+        """Waits for the last frame of a stopped sensor without a window; returns its frames."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             frames = self.read("sensor_frames")
@@ -89,8 +89,10 @@ class Host:
 
 
 def pass_time(made: VirtualBoard, seconds: float) -> None:
-    """Waits for that much of the board's own time, which the wall clock runs away from where the
-    machine is busy. Not across a loss of power."""
+    """Waits for a duration in the board's time, which lags behind the wall clock on a busy machine.
+
+    There must be no loss of power meanwhile.
+    """
     until = made.clock + round(seconds * made.geometry.clock_hz)
     end = time.monotonic() + PATIENCE_S
     while made.clock < until:
@@ -102,7 +104,7 @@ def pass_time(made: VirtualBoard, seconds: float) -> None:
 def board(
     level: Level, *faults: str, geometry: Geometry = SMALL, baud: int | None = None
 ) -> Iterator[tuple[VirtualBoard, Host]]:
-    """A board and a host that speaks to it."""
+    """A board and a connected host."""
     with VirtualBoard(geometry, level=level, faults=faults) as made:
         host = Host(made.port, baud or geometry.baud, 0.3 * made.time_scale)
         try:

@@ -132,7 +132,7 @@ def test_another_design_answers_with_another_word(level: Level) -> None:
 
 @pytest.mark.parametrize("level", PLANTED)
 def test_stuck_pixels_show_and_are_counted(level: Level) -> None:
-    """Pixels get no electrons: none but the stuck one fires; then all but the other one."""
+    """In the dark only the pixel stuck at 1 fires; in light all but the one stuck at 0."""
     with board(level, "stuck=3,33", "stuck=5,2,0") as (_, host):
         host.write("capture_arm", 1)
         host.write("sensor_run", 1)
@@ -195,8 +195,8 @@ def test_a_byte_level_board_has_no_baud_to_be_wrong() -> None:
 @needs_verilator
 @pytest.mark.parametrize("error", [0.0, 4.0, -4.0, 6.0, -6.0])
 def test_four_percent_of_baud_are_well_and_six_are_not(error: float) -> None:
-    """Sampled in the middle of its bit, the last bit of data is read 8.5 bits after its byte began:
-    4 % are a third of a bit there, 6 % more than half of one."""
+    """The last data bit is sampled 8.5 bits after the start of its byte, where 4 % are a third of a
+    bit, and 6 % more than half a bit."""
     with board("pins", f"baud={error}") as (_, host):
         host.write("ctrl_scratch", 0x5AA5C33C)
         answers = [host.ask(name, short=True) for name in ("ctrl_magic", "ctrl_scratch")]
@@ -214,8 +214,8 @@ def test_the_baud_is_the_one_the_host_has_set() -> None:
 
 @needs_verilator
 def test_six_percent_garble_the_answer_as_well() -> None:
-    """The host of 4 % asks; of what it hears, nothing changes at 4 %, and a byte whose last bits
-    are 1 and 0 does at 6 %: the two ways of the line are alike."""
+    """A host with an error of 4 % sends the request. An answer is right at 4 %, and wrong at 6 % if
+    the last bits of a byte are 1 and 0. Both directions of the line behave alike."""
     with board("pins", "baud=4") as (made, host):
         host.write("ctrl_scratch", 0x40404040)
         assert host.ask("ctrl_scratch") == b"@@@@"

@@ -1,4 +1,4 @@
-"""Faults: what may be written, what becomes of the bytes, how many bits noise inverts."""
+"""Faults: their notation, their effect on bytes, and the number of bits that noise inverts."""
 
 from __future__ import annotations
 

@@ -22,7 +22,6 @@ from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
-from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.run import ContinuousRun
 from sensor.continuous.shots import PixelLight
 from sensor.device.crosstalk import side_share
@@ -185,16 +184,6 @@ def test_the_scenario_in_the_folder_makes_the_same_reports(whole, tmp_path):
     assert other.views.reports != run.views.reports
 
 
-def test_an_interrupted_run_leaves_nothing_that_looks_whole(tmp_path, monkeypatch):
-    def stop(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(ContinuousCamera, "step", stop)
-    with pytest.raises(Interrupted, match="run it afresh"):
-        shoot(tmp_path / "run", *SMALL)
-    assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["scenario.toml"]
-
-
 def test_an_interrupt_in_the_report_leaves_nothing_that_looks_whole(tmp_path):
     def stop(machine: Machine, run: Run) -> list[str]:
         raise KeyboardInterrupt
@@ -305,12 +294,12 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(
-    ("flags", "says"), [(("--resume",), "--resume"), (("--device", "x"), "--device")]
-)
-def test_options_of_the_other_camera_are_refused(refused, tmp_path, flags, says):
+def test_a_device_is_refused(refused, tmp_path):
+    flags = ("--device", "x")
     readout = ("--set", "sensor.readout=continuous")
-    assert refused("run", "step", "--out", tmp_path / "run", *readout, *flags).startswith(says)
+    assert refused("run", "step", "--out", tmp_path / "run", *readout, *flags).startswith(
+        "--device"
+    )
 
 
 def test_too_many_reports_end_with_advice(viform, tmp_path):

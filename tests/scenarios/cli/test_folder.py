@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cosim import InputError
-from cosim.run.folder import check_room, claimed
+from cosim.run.folder import check_room, claim_folder
 from scenarios.cli.entry import _main
 
 
@@ -20,7 +20,7 @@ def test_two_runs_that_start_at_once_get_two_folders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with claimed("film", None, False) as one, claimed("film", None, False) as two:
+    with claim_folder("film", None, False) as one, claim_folder("film", None, False) as two:
         assert (one, two) == (Path("runs/film-1"), Path("runs/film-2"))
         assert one.is_dir() and two.is_dir()
 
@@ -41,16 +41,16 @@ def test_a_name_taken_between_looking_and_making_is_not_shared(
         return place
 
     monkeypatch.setattr(cosim.run.folder, "output_folder", slow)
-    with claimed("film", None, False) as folder:
+    with claim_folder("film", None, False) as folder:
         assert folder == Path("runs/film-2")
 
 
 def test_a_folder_that_a_run_is_writing_is_refused(tmp_path: Path) -> None:
-    with claimed("film", tmp_path / "d", False):
-        second = claimed("film", tmp_path / "d", True)
+    with claim_folder("film", tmp_path / "d", False):
+        second = claim_folder("film", tmp_path / "d", True)
         with pytest.raises(InputError, match="that no other run is writing"):
             second.__enter__()
-    with claimed("film", tmp_path / "d", True) as folder:  # free again
+    with claim_folder("film", tmp_path / "d", True) as folder:  # free again
         assert folder == tmp_path / "d"
 
 

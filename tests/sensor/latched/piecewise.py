@@ -1,4 +1,4 @@
-"""Light in pieces at any knots, and the charge that an exposure makes of it, cycle by cycle."""
+"""Light in pieces between any knots, and the charge of each cycle from an exposure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def level(shape: tuple[int, int], seed: int, peak: float = 700.0) -> np.ndarray:
 
 
 def light_between(shape: tuple[int, int], knots: list[int], jumps: bool) -> Light:
-    """Pieces from knot to knot, every third of them constant; they join unless it jumps."""
+    """Pieces between knots, every third of them constant. Without `jumps` they are continuous."""
     made: list[Piece] = []
     for n, (a, b) in enumerate(itertools.pairwise(knots)):
         first = level(shape, 2 * n) if jumps or not made else made[-1].last
@@ -25,7 +25,7 @@ def light_between(shape: tuple[int, int], knots: list[int], jumps: bool) -> Ligh
 
 
 def charges(exposure: Exposure, light: Light, start: int, cycles: int) -> np.ndarray:
-    """Charge of every cycle, (cycles, n) integers; each cycle must be in one span alone."""
+    """Charge of each cycle, (cycles, n) integers. Asserts that each cycle is in one span only."""
     rows = np.zeros((cycles, light.shape[0] * light.shape[1]), np.int64)
     filled = np.zeros(cycles, int)
     for span in exposure.spans(light, start, cycles):

@@ -1,4 +1,4 @@
-"""Random small scenes and cameras, for tests of what a plan promises."""
+"""Random small scenes and cameras, for tests of bounds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PERIOD = PS // 40_000
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One tile, its camera with every effect, its light on the chip, what a plan reads of it."""
+    """One tile: its camera with all effects, its light on the chip, and its summary."""
 
     setting: CameraSetting
     plane: PatchPlane
@@ -30,7 +30,7 @@ class Scene:
 
 
 def random_scene(seed: int) -> Scene:
-    """Anything from Q = 1 to 1e5 electrons, from dark to saturated, still or changing."""
+    """A scene with Q = 1 to 1e5 electrons, from dark to saturated, constant or changing."""
     rng = np.random.default_rng(seed)
     chip = replace(CHIPS["spiketwo"], width=3 * TILE, height=3 * TILE)
 
@@ -92,7 +92,7 @@ def random_scene(seed: int) -> Scene:
 
 
 def rates(scene: Scene, setting: CameraSetting, tier: str = "exact") -> np.ndarray:
-    """Spikes a cycle of every pixel in the window."""
+    """Spikes a cycle of each pixel in the window."""
     camera = PatchCamera(setting, scene.plane, tier)  # type: ignore[arg-type]
     cut = Light(tuple(_cut(scene.plane, scene.light)))
     marks, at = [], 0

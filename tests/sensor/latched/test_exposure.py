@@ -1,4 +1,4 @@
-"""From light to charge: exact integrals, any knots, any split, with or without the changed box."""
+"""Exposure: exact integrals for any knots and any split, with and without the changed box."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_every_number_of_a_chip_says_where_it_is_from() -> None:
 
 
 def test_a_flash_shorter_than_a_cycle_may_be_brighter_than_a_cycle_can_hold() -> None:
-    # 1 ns of 3e12 e/s is 3000 e; a whole cycle of it, 7.5e7 e, would be held at 2^21 e.
+    # 1 ns of 3e12 e/s is 3000 e; a whole cycle of it, 7.5e7 e, would be clipped to 2^21 e.
     dark, flash = np.zeros(SHAPE, np.float32), plane(3).copy()
     flash[0, 0], flash[1, 2] = 3e12, 3e15
     at = 7 * PERIOD + 12_345
@@ -159,7 +159,7 @@ def test_a_flash_shorter_than_a_cycle_may_be_brighter_than_a_cycle_can_hold() ->
     due = [round(min(Fraction(float(v)) / 10**9, LARGEST) * ONE) for v in flash.ravel()]
     assert found[7] == pytest.approx(due, rel=1e-12, abs=1)
     assert not np.delete(found, 7, axis=0).any()
-    # Where nothing is held, not a bit is otherwise than without such a neighbour.
+    # Pixels that are not clipped have the same bits as without such a neighbour.
     flash[0, 0] = flash[1, 2] = 0
     alone = charges(Exposure(CLOCK, 1.0), light, 0, 20)[7]
     kept = flash.ravel() > 0

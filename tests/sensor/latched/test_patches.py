@@ -1,4 +1,4 @@
-"""Patches of the chip have the bits that they have on the whole chip, in every tier."""
+"""Patches have the same bits as on the whole chip, in every tier."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHAPE = (50, 70)
 
 
 def camera(**more: object) -> CameraSetting:
-    """Every effect that a camera can have."""
+    """A camera with all effects."""
     chip = replace(CHIPS["spikeone"], height=SHAPE[0], width=SHAPE[1])
     pattern = DevicePattern(prnu=0.05, dark=1e4, dsnu=0.3, threshold_fpn=0.02, hot=0.01,
                             hot_current=1e6, dead=0.01, device_seed=4)  # fmt: skip
@@ -34,7 +34,7 @@ def camera(**more: object) -> CameraSetting:
 
 
 def light(setting: CameraSetting) -> Light:
-    """A texture, then another one that it runs into from the middle of a cycle."""
+    """A constant texture that changes linearly to another one from the middle of a cycle on."""
     rng = np.random.default_rng(3)
     white = 1 / setting.rate(1.0)
     first, last = (

@@ -109,7 +109,7 @@ def test_the_front_door_is_this_chart():
     assert np.array_equal(light.at(0), Chart((40, 50)).reflectance(0.0) * np.float32(700))
     _, film = load("film")
     other = film.scene.source(SceneGrid((40, 50), CLOCK, 2560))
-    assert isinstance(other, AnalyticSource) and other.pursuit is None
+    assert isinstance(other, AnalyticSource) and other.pursuit == PURSUIT
 
 
 def test_a_scene_that_says_nothing_is_measured():

@@ -1,5 +1,4 @@
-"""Clips as scenes: linear light, cover and crop, interpolation in time, clips that are none; the
-step, and how an analytic scene becomes light."""
+"""Clips as scenes: linear light, cover and crop, interpolation in time, clips that are none."""
 
 from __future__ import annotations
 
@@ -17,13 +16,8 @@ from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock, InputError
 from cosim.stage import blocks
-from scenarios.scenes.charts.step import BARS, StepSource
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.film import FilmSource
-from scenarios.scenes.drawing.analytic import AnalyticSource
-from scenarios.scenes.drawing.points import spread_points
-from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
 
 CLOCK = Clock(40_000)
 SHAPE = (8, 16)
@@ -219,9 +213,10 @@ def test_what_is_no_clip_is_refused_by_name(tmp_path, name):
     NO_CLIPS[name](tmp_path / name)
     with pytest.raises(InputError) as caught:
         Clip(tmp_path / name, SHAPE)
+    assert caught.value.actual.startswith(f"{tmp_path / name} (")
     said = str(caught.value)
     assert said.startswith(
-        f"scene.path must be a clip or image that can be decoded, not {tmp_path / name} ("
+        f"scene.path must be a clip or image that can be decoded, not {str(tmp_path / name)[:100]}"
     )
     assert said.endswith("); check the file, or leave scene.path out for the built-in scene")
 
@@ -396,131 +391,3 @@ def test_the_real_clip_opens(shared_data):
     assert 0.05 < truth.mean() < 0.8
     assert truth.std() > 0.1
     assert source.notes[0].startswith("bikes.mp4: 25 frames/s")
-
-
-# The step.
-
-
-def step(at: float, *, before: float = 0.2, after: float = 0.8, cycles: int = 200) -> StepSource:
-    return StepSource((4, 32), LUX, before, after, at, CLOCK.edge(cycles))
-
-
-def test_the_step_shows_eight_bars_of_equal_steps_before_and_after():
-    source = step(1e-3)
-    bars = np.repeat(np.arange(1, BARS + 1) / BARS, 4)
-    for ps, level in ((0, 0.2), (10**9 - 1, 0.2), (10**9, 0.8), (10**15, 0.8)):
-        np.testing.assert_allclose(source.truth(ps), np.tile(level * bars, (4, 1)), rtol=1e-6)
-        light = source.step(None, Block(0, 1)).at(ps)
-        np.testing.assert_allclose(light, LUX * source.truth(ps), rtol=1e-6)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.4, 0.999])
-def test_a_jump_inside_a_cycle_lands_as_the_exact_mixed_charge(share):
-    source, gain = step((50 + share) * 25e-6), 1e6
-    spans = Exposure(CLOCK, gain).spans(source.step(None, Block(40, 20)), 40, 20)
-    before, after = (
-        source.step(None, Block(40, 20)).at(CLOCK.edge(c)).astype(np.float64).ravel() * gain * 25e-6
-        for c in (40, 59)
-    )
-    charge = np.concatenate([np.tile(span.charge, (span.cycles, 1)) for span in spans])
-    assert all(span.slope is None for span in spans)
-    expected = np.array([before] * 10 + [share * before + (1 - share) * after] + [after] * 9)
-    assert charge.shape == expected.shape
-    # Rounding to 2^-40 of two levels and of their sum, each by half a unit.
-    np.testing.assert_allclose(charge / ONE, expected, atol=1.5 / ONE, rtol=1e-15)
-
-
-def test_a_jump_at_the_very_start_leaves_only_the_light_after_it():
-    source = step(0.0)
-    assert len(source.step(None, Block(0, 1)).pieces) == 1
-    np.testing.assert_allclose(source.truth(0)[:, -1], 0.8, rtol=1e-6)
-
-
-def test_a_jump_behind_the_end_of_the_run_is_said():
-    assert step(4.999e-3).degraded == []
-    assert step(5e-3).degraded == ["the run ends before the light jumps: lengthen duration"]
-
-
-# Analytic scenes.
-
-
-class Slide:
-    """A grey ramp that slides to the right: reflectance (column - speed x t) / width, held in
-    [0, 1]; only columns 4 to 28 of 32 are seen to move."""
-
-    shape = (6, 32)
-
-    def __init__(self, speed: float) -> None:
-        self._speed = speed
-
-    def reflectance(self, t: float) -> np.ndarray:
-        column = np.clip((np.arange(32) - self._speed * t) / 32, 0, 1).astype(np.float32)
-        column[:4], column[28:] = 0.5, 0.5
-        return np.tile(column, (6, 1))
-
-    def speed(self) -> float:
-        return self._speed
-
-    def moving(self, start: float, stop: float) -> tuple[int, int, int, int]:
-        return (0, 6, 4, 28)
-
-    def points(self) -> list[tuple[int, int, str]]:
-        return [(3, 16, "middle")]
-
-
-@pytest.mark.parametrize("speed", [0.0, 1.0, 2_000.0, 30_000.0, 10**6])
-def test_an_analytic_scene_is_true_at_its_knots_and_linear_in_between(speed):
-    source = AnalyticSource(Slide(speed), LUX, CLOCK)
-    light = source.step(None, Block(0, 256))
-    for piece in light.pieces:
-        if piece.constant:
-            assert speed == 0
-            continue
-        for ps in (piece.start, piece.stop - 1):
-            np.testing.assert_allclose(light.at(ps), LUX * source.truth(ps), atol=LUX * 1e-6)
-        # A ramp that slides is linear in time, so the light must follow it wherever it is not
-        # held at black or white.
-        middle = (piece.start + piece.stop) // 2
-        if speed * piece.stop / PS < 4:
-            np.testing.assert_allclose(
-                light.at(middle), LUX * source.truth(middle), atol=LUX * 1e-6
-            )
-
-
-@pytest.mark.parametrize("speed", [1.0, 2_000.0, 30_000.0, 10**6])
-def test_an_edge_moves_at_most_a_pixel_between_knots_unless_a_cycle_is_longer(speed):
-    source = AnalyticSource(Slide(speed), LUX, CLOCK)
-    for piece in source.step(None, Block(0, 256)).pieces:
-        cycles = CLOCK.cycle_at(piece.stop) - CLOCK.cycle_at(piece.start)
-        assert CLOCK.edge(CLOCK.cycle_at(piece.start)) == piece.start
-        assert cycles == 1 or speed * cycles / CLOCK.hz <= 1
-
-
-@settings(max_examples=30)
-@given(st.integers(1, 300), st.integers(0, 299))
-def test_an_analytic_scene_does_not_depend_on_how_the_run_is_split(size, start):
-    whole = AnalyticSource(Slide(2_000.0), LUX, CLOCK).step(None, Block(0, 300))
-    source = AnalyticSource(Slide(2_000.0), LUX, CLOCK)
-    for block in blocks(300, size, start):
-        light = source.step(None, block)
-        for cycle in (block.start, block.stop - 1):
-            ps = CLOCK.middle(cycle)
-            np.testing.assert_array_equal(light.at(ps), whole.at(ps))
-
-
-def test_one_piece_serves_every_block_that_it_touches():
-    source = AnalyticSource(Slide(10.0), LUX, CLOCK)
-    first = source.step(None, Block(0, 32)).pieces[-1]
-    assert source.step(None, Block(32, 16)).pieces[0] is first
-    still = AnalyticSource(Slide(0.0), LUX, CLOCK)
-    assert still.step(None, Block(0, 1)).pieces[0] is still.step(None, Block(9999, 1)).pieces[0]
-    assert still.notes == ["analytic scene that does not move"]
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (250, 400), (1000, 1000), (3, 2000)])
-def test_spread_points_lie_on_the_plane_and_name_themselves(shape):
-    points = spread_points(shape)
-    assert len(points) == 10
-    for row, column, name in points:
-        assert 0 <= row < shape[0] and 0 <= column < shape[1]
-        assert name == f"row {row}, column {column}"

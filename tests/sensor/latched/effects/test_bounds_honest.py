@@ -1,4 +1,4 @@
-"""What leaving an effect out changes, beside what its bound promises, over random scenes."""
+"""Errors without an effect against its bound, over random scenes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sensor.latched.pixel import interval, model
 from tests.sensor.latched.random_scenes import random_scene, rates
 
 RULES = ("residual carried", "random initial charge")
-"""What the pixel is, not what it adds; they cost nothing and are never left out."""
+"""Effects without cost, which are never left out."""
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def quick_tables(monkeypatch):
 
 
 def excesses(seeds: range) -> list[tuple[int, str, str, float, float]]:
-    """(seed, effect, kind, changed, promised) wherever more changed than was promised."""
+    """(seed, effect, kind, error, bound) of all errors above their bound."""
     found = []
     tried = 0
     for seed in seeds:
@@ -42,7 +42,7 @@ def excesses(seeds: range) -> list[tuple[int, str, str, float, float]]:
             without = rates(scene, scene.setting.without([effect.name]))
             changed = float(np.sqrt(((without - full) ** 2).mean())) / base
             tried += 1
-            # Charge is held in units of 2^-40 electrons.
+            # Charge has units of 2^-40 electrons.
             if changed > promised * (1 + 1e-9) + 1e-9:
                 found.append((seed, effect.name, bound.kind, changed, promised))
     assert tried > 4 * len(seeds)

@@ -54,9 +54,9 @@ def test_the_forms_agree_under_every_reset_rule_and_dead_time(
 
 
 def test_reset_rules_differ_as_random_bits_on_the_light_show(device: Device) -> None:
-    # On-off light, Q = 100, ON 1.4 Q, OFF b Q a cycle, one bit a cycle. Hard: ON fails when fewer
-    # than Q electrons come, OFF when charge of OFF cycles adds up to Q. Residual: what is beyond Q
-    # in an ON cycle starts level, so OFF cycles fire once in Q / (b Q). Subtract: charge piles up
+    # On-off light, Q = 100, ON 1.4 Q, OFF b Q a cycle, one bit a cycle. Hard: ON fails if fewer
+    # than Q electrons arrive, OFF if the charge of OFF cycles adds up to Q. Residual: the excess of
+    # ON cycles is uniform, so OFF cycles fire at a rate of b. Subtract: charge accumulates
     # until all of it has fired: (1.4 + b)/2 - 1/2.
     n, cycles, q = 4000, 400, 100.0
     bits = np.random.default_rng(4).integers(0, 2, (cycles, n))
@@ -131,7 +131,7 @@ def test_a_camera_in_the_dark_counts_its_dark_current(celsius: float, dark: floa
     camera = SpikeCamera(setting, open_device())
     words = camera.step(Light((Piece(0, PS, black, black),)), Block(0, 640)).words
     expected = dark * 640 / 40_000 / 10.0 * 100_000
-    # Shot noise of the electrons, and a spike's rounding.
+    # Shot noise of the electrons, and rounding to whole spikes.
     spread = math.sqrt(expected * 10.0) / 10.0
     assert np.bitwise_count(words).sum() == pytest.approx(expected, abs=4.9 * spread + 100)
 

@@ -27,7 +27,7 @@ from sensor import CHIPS, CameraSetting, make_pixels
 from sensor.latched.effects.catalogue import CATALOGUE, register
 from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.residual import RESIDUAL
-from sensor.latched.effects.windows import bound_of, contrast, shifted
+from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.pixel.model import ExactModel
@@ -57,7 +57,7 @@ class LightGain(PixelEffect):
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         share = np.minimum(setting.gain_slope * scene.brightest / scene.threshold, 1.0)
         shift = share * scene.brightest * scene.cycles / scene.threshold
-        return bound_of(scene, share * contrast(scene) + shifted(scene, shift), True)
+        return bound_of(scene, share * light_contrast(scene) + shift_error(scene, shift), True)
 
     def cost(self, scene: Summary) -> Any:
         return 0.05

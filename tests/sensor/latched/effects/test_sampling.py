@@ -1,4 +1,4 @@
-"""Rows sampled one after another, and late comparators: the right light at the right row's time."""
+"""Row-by-row sampling and comparator delay: each row gets the light at its sampling instant."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ def test_the_changed_box_changes_no_bit() -> None:
 def test_a_light_step_lands_in_the_right_rows_right_cycle(
     device: Device, skew: float, delay: float
 ) -> None:
-    # From dark to `spikes` thresholds a cycle at instant `at`: row r has gathered one at
-    # at + T / spikes, and the first sampling at or after that is its first spike.
+    # From dark to `spikes` thresholds a cycle at instant `at`: each row reaches a threshold at
+    # at + T / spikes, and fires at its first sampling at or after this instant.
     chip, at = CHIPS["spikeone"], 7 * PERIOD + PERIOD // 3
     setting = CameraSetting(
         chip, CLOCK, 300.0, 1, effects=(RESIDUAL,), row_skew=skew, comparator_delay=delay
@@ -139,7 +139,7 @@ def test_the_bound_holds_where_the_light_changes_most() -> None:
         bound = effect.bound(Summary(dark, bright, 1000.0, window, 100))
         gained = (bright - dark) * 0.5 / (dark * window)
         assert gained <= bound.value <= gained * (1 + 1e-12) and bound.kind == "proof"
-        # Noisy thresholds are met elsewhere by a shifted window: more, and an estimate.
+        # With noisy thresholds, a shifted window has other draws: a larger bound, an estimate.
         noisy = effect.bound(Summary(dark, bright, 1000.0, window, 100, spread=0.03))
         assert noisy.kind == "estimate" and noisy.value > bound.value
         assert effect.bound(Summary(0.0, 0.0, 1000.0, window, 100)).value == 0

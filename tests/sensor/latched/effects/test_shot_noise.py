@@ -82,7 +82,7 @@ def test_window_counts_have_the_exact_law(q: float) -> None:
     n, cycles, mean = 200_000, 64, 6.5 * q
     model = ExactModel(q, 21, (RESIDUAL, SHOT_NOISE))
     pixels = KernelPixels(model, np.arange(n, dtype=np.uint32), open_device())
-    # As several spans, of which one is a ramp: the law depends on the light's integral alone.
+    # In several spans, one of them a ramp: the distribution depends only on the integral of light.
     # Charges mean/128, then rising by slope, then mean/128 again: chosen to sum to mean.
     flat = to_fixed(np.full(n, mean / 128))
     rise = np.full(n, int(mean / 2 / 31 / 16 * ONE / 2), np.int64)
@@ -129,7 +129,7 @@ def test_initial_charge_is_uniform_below_the_threshold() -> None:
     assert deficit.min() >= 0
     charge = (first - 1 - deficit) / first
     assert stats.kstest(charge, "uniform").pvalue > ALPHA
-    # With it pixels of one brightness do not fire together.
+    # With random initial charge, pixels of equal brightness do not fire in phase.
     model = ExactModel(1000.0, 3, (RESIDUAL, INITIAL_CHARGE))
     pixels = KernelPixels(model, np.arange(N, dtype=np.uint32), open_device())
     words = pixels.expose([Span(0, 1, np.full(N, 250 * ONE, np.int64))], 1)
@@ -138,8 +138,8 @@ def test_initial_charge_is_uniform_below_the_threshold() -> None:
 
 
 def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
-    # Left out, the rate of a window (spikes and the change of stored charge over Q) is off by the
-    # Poisson noise of the electrons gathered.
+    # Without shot noise, the error of a window's rate (spikes and the change of stored charge over
+    # Q) is the Poisson noise of the accumulated electrons.
     n, cycles, q, per_cycle = 100_000, 64, 100.0, 20.0
     scene = Summary(per_cycle, per_cycle, q, cycles, cycles, spread=1 / math.sqrt(q))
     model = ExactModel(q, 5, tuple(EFFECTS.values()))
@@ -147,16 +147,16 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
     before = noisy.state()
     noisy.expose([Span(0, cycles, np.full(n, int(per_cycle * ONE), np.int64))], cycles)
     after = noisy.state()
-    # Each interval's share done, in units of its own threshold, is the rescaled fraction.
+    # The fraction of each interval is relative to its own threshold.
     spikes = after.spikes.astype(float) - before.spikes.astype(float)
     variance = spikes.var() * (q / (per_cycle * cycles)) ** 2
     setting = CameraSetting(CHIPS["spiketwo"], Clock(40_000), q, 5, effects=(SHOT_NOISE,))
     bound = SHOT_NOISE.bound(setting, scene)
-    # The right size and no limit: a tile may be luckier or less lucky than the law's spread.
+    # An estimate and no limit: the noise of a tile may be above or below its expected size.
     assert bound.kind == "estimate"
-    # At a fifth of a threshold a cycle two spikes share a cycle almost never.
+    # At a fifth of a threshold a cycle, two spikes almost never fall in one cycle.
     assert bound.value == pytest.approx(1 / math.sqrt(per_cycle * cycles), rel=1e-6)
-    # Whole counts carry the rounding of a spike (at most 1/4) on top of the noise itself.
+    # Integer counts add the rounding of a spike (at most 1/4) to the noise.
     rounding = 0.25 * (q / (per_cycle * cycles)) ** 2
     assert bound.value**2 <= variance * 1.1
     assert variance <= (bound.value**2 + rounding) * 1.1
@@ -164,7 +164,7 @@ def test_the_bound_of_shot_noise_holds_and_is_not_loose() -> None:
 
 @pytest.mark.parametrize("q", [1.0, 10.0, 1000.0])
 def test_a_run_starts_in_the_stationary_law(q: float) -> None:
-    # Then the mean count of any window is light / Q exactly, from the first cycle on. A uniform
+    # The mean count of any window is exactly light / Q, from the first cycle on. A uniform
     # share of a plain Gamma(Q) threshold would give half an electron, 1/(2Q) spikes, too many.
     n, cycles, light = 1_000_000, 4, 0.7 * q / 4
     model = ExactModel(q, 13, tuple(EFFECTS.values()))

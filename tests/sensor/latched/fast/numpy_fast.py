@@ -1,4 +1,4 @@
-"""The fast tier in plain numpy: the truth that its kernels are held to, bit for bit.
+"""The fast tier in numpy: the golden model of its kernels, bit for bit.
 
 A cycle's light is float32, one rounding an operation, and becomes an integer; all else is integer.
 """
@@ -16,7 +16,7 @@ from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
 from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, draw_thresholds
-from sensor.latched.pixel.transfer import transferred_light
+from sensor.latched.pixel.transfer import transfer_light
 
 __all__ = ["NumpyFast"]
 
@@ -49,7 +49,7 @@ class NumpyFast:
                 yield steady
             return
         y0, y1, x0, x1 = course.box
-        # Whole groups, as the kernels do.
+        # Whole groups, as in the kernels.
         box = slice(y0, y1), slice(x0 // LANES * LANES, -(-x1 // LANES) * LANES)
         for segment in course.segments:
             base = self._level(segment.base)[box]
@@ -85,7 +85,7 @@ class NumpyFast:
         deficit = self._charge.astype(np.int64)
         if array.model.reset != "residual":
             return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
-        # Light that reaches any threshold in a cycle: thresholds come off at the mean.
+        # Light above the longest threshold: thresholds are subtracted at their mean.
         certain = mine & (add >= top + lost) & (deficit < add)
         whole = units.one + lost
         many = np.where(certain, -((deficit - add) // whole), 0)
@@ -132,7 +132,7 @@ class NumpyFast:
         for c, rate in enumerate(self._rates(course, cycles)):
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
-                rate = transferred_light(model.transfers, positive, self._array.ratio)
+                rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
             fired = self._phase(rate) | self._deficit(rate)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)

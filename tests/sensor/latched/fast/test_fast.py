@@ -1,4 +1,4 @@
-"""The fast tier: kernels against plain numpy bit for bit, and both against the exact tier."""
+"""The fast tier: kernels against numpy bit for bit, and both against the exact tier."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def bits(words: npt.NDArray[np.uint32], cycles: int) -> npt.NDArray[np.uint8]:
 
 
 def run(pixels: Any, light: Light, cuts: list[int]) -> npt.NDArray[np.uint8]:
-    """Flags of a run in several calls."""
+    """Bits of a run in several calls."""
     return np.concatenate(
         [bits(pixels.expose(light, a, b - a), b - a) for a, b in itertools.pairwise(cuts)]
     )
@@ -63,7 +63,7 @@ def test_first_charge_is_each_pixels_own_however_many_there_are() -> None:
 
 
 def boxed(seed: int, peak: float, count: int) -> Light:
-    """Pieces of random length that change a box each, jump, or stand still."""
+    """Pieces of random length: each changes a box, jumps, or is constant."""
     random = np.random.default_rng(seed)
     plane = level(SHAPE, seed, peak)
     made, at = [], 0
@@ -90,7 +90,7 @@ RULES += [(rule, *CASES[n]) for rule in ("hard", "subtract") for n in (1, 6, 9)]
 def test_kernels_agree_with_plain_numpy_on_every_bit(
     device: Device, reset: Reset, electrons: float, dead: float
 ) -> None:
-    # All four sets of flags, side by side; light from dark to 1.7 thresholds a cycle, rows apart.
+    # All four sets of flags in one plane; light from dark to 1.7 thresholds a cycle; row offsets.
     seed = CASES.index((electrons, dead))
     random = np.random.default_rng(seed)
     noise = min(electrons / 20, 500.0) if seed % 2 else 0.0
@@ -210,7 +210,7 @@ class TestClosedForms:
         pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
         found = run(pixels, light, [0, 39, 45, 100])
         assert found[:60].all() and not found[60:].any()
-        # No more than 64 thresholds are paid back.
+        # At most 64 thresholds accumulate.
         bright = Light((Piece(0, 40 * PERIOD, plane * 9, plane * 9), *light.pieces[1:]))
         pixels = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, 1000.0 * 40_000), device)
         assert (run(pixels, bright, [0, 40, 300]).sum(axis=0, dtype=int) == 40 + 64).all()
@@ -345,7 +345,7 @@ def test_the_bound_says_where_nothing_is_promised() -> None:
     piled = replace(hard, reset="subtract")
     assert rate_bound(piled, 300.0, 600.0, 100).value < 1e-4
     assert rate_bound(piled, 1e5, 1e6, 100).value == np.inf
-    # What every cycle adds is kept, and shows in a short window late in a long run.
+    # Errors of all cycles add up, and matter in a short window at the end of a long run.
     short = rate_bound(model, 300.0, 600.0, 100).value
     assert rate_bound(model, 300.0, 600.0, 100, cycles=10**6).value > 100 * short
 
@@ -378,7 +378,7 @@ def test_light_is_held_where_the_exact_tier_holds_it(device: Device) -> None:
     fast = FastPixels(PixelArray(model, (1, 16), numbers, CLOCK, 40_000.0), device)
     spans = Exposure(CLOCK, 40_000.0).spans(light, 0, 100)
     exact = bits(NumpyPixels(model, numbers).expose(spans, 100), 100)
-    # Phases of the two differ from saturation on.
+    # After saturation the phases differ.
     saturated = int(100 * (1 - 1e5 / LARGEST))
     found = run(fast, light, [0, 100])
     assert np.array_equal(found[: saturated - 1], exact[: saturated - 1])

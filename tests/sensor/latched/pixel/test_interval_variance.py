@@ -49,7 +49,7 @@ def intervals(
     """At least 2e5 latched intervals, and the mean interval of the pixel that each is from."""
     n = 4000
     cycles = 64 * math.ceil(mean * 60 / 64)
-    # Evenly spaced, in random order: the law of the means without a sampling error of its own.
+    # Evenly spaced, in random order: the distribution of means without sampling error.
     even = (np.arange(n) + 0.5) / n * 2 - 1
     means = mean + SPREAD * np.random.default_rng(1).permutation(even)
     pixels = KernelPixels(
@@ -65,7 +65,7 @@ def intervals(
 
 
 def error_of_variance(sample: np.ndarray) -> float:
-    """Standard error of a sample's variance, from its own fourth moment."""
+    """Standard error of the variance of a sample, from its fourth moment."""
     centred = (sample - sample.mean()) ** 2
     return float(centred.std() / math.sqrt(sample.size))
 
@@ -81,7 +81,7 @@ def test_latched_intervals_have_the_variance_of_the_closed_form(
 ) -> None:  # fmt: skip
     found, means = intervals(device, q, effects, noise, mean, "residual")
     error = error_of_variance(found - means)
-    # At Q = 100 the intervals are Gamma distributed, not normal: f's law differs by little.
+    # At Q = 100 the intervals are Gamma distributed, not normal: the law of f differs little.
     assert abs(np.mean((found - means) ** 2) - within(mean, relative)) < 4.9 * error + 1e-4
     # Without noise: f (1 - f) at half a cycle, |m - round m| less its square beside whole ones.
     half = 0.25 - SPREAD**2 / 3
@@ -92,9 +92,9 @@ def test_latched_intervals_have_the_variance_of_the_closed_form(
 def test_a_public_recording_is_reproduced_by_the_residual_rule_and_30_000_electrons(
     device: Device,
 ) -> None:
-    # The table does not say whether a column's variance is about each pixel's own mean or about the
-    # column's, which adds the spread of the means; so the recording must lie between the two,
-    # inside the sampling error of 2e5 intervals and half its last digit.
+    # The table does not state whether a variance is about the mean of each pixel or of the column,
+    # which adds the spread of the means. So the recording must lie between the two, within the
+    # sampling error of 2e5 intervals and half its last digit.
     def misfit(q: float, effects: tuple[Effect, ...], noise: float, reset: Reset) -> list[float]:
         beyond = []
         for mean, recorded in RECORDED.items():

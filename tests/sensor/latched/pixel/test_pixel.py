@@ -38,7 +38,7 @@ def light(
 def split(
     cuts: list[int], charge: npt.NDArray[np.int64], slope: npt.NDArray[np.int64] | None
 ) -> list[Span]:
-    """The same course of light as several spans."""
+    """The course of light, split into several spans."""
     return [Span(a, b - a, charge, slope, a) for a, b in itertools.pairwise(cuts)]
 
 
@@ -68,7 +68,7 @@ def test_the_three_forms_agree_with_plain_numpy_on_every_bit(
 
 
 def agree(device: Device, cycles: int, effects: tuple, ramp: bool, threshold: float) -> int:
-    """Wrong bits between OpenCL and numba over a megapixel, blocks against one whole run."""
+    """Bits that differ between OpenCL in blocks and numba in one run, over a megapixel."""
     n = 1_000_000
     pixels = np.arange(n, dtype=np.uint32)
     model = ExactModel(threshold, 11, effects)
@@ -163,7 +163,7 @@ class TestClosedForms:
         counts = np.bitwise_count(words).sum(axis=0)
         expected = np.array([int(c) * cycles // model.q for c in charge])
         assert np.array_equal(counts, expected)
-        # And charge is neither made nor lost: input = spikes Q + what is stored.
+        # Charge is conserved: input = spikes Q + stored charge.
         stored = model.q - 1 - made[form].state().deficit
         assert np.array_equal(charge * cycles, counts.astype(np.int64) * model.q + stored)
 
@@ -245,7 +245,7 @@ def test_light_that_changes_every_few_cycles_gives_the_same_bits(
     assert np.array_equal(kernel.state().deficit, plain.state().deficit)
     if noise:
         assert np.array_equal(kernel.state().spikes, plain.state().spikes)
-    # Cut within a word and within a span: what is left of it comes in the next call.
+    # Cut within a word and within a span: the rest follows in the next call.
     again, cut = KernelPixels(model, pixels, device), next(s for s in spans if s.cycles == 5)
     middle = cut.first + 2
     head = [s for s in spans if s.first < cut.first] + [replace(cut, cycles=2)]

@@ -1,4 +1,4 @@
-"""The reference pixel: closed forms, the exact tier's bits, any split, any hour, any brightness."""
+"""The reference pixel: closed forms, bits of the exact tier, any split, time and brightness."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class TestClosedForms:
         counted = np.bitwise_count(words).sum(axis=0)
         slow = (interval > 1 / 40e3) & ~near
         assert np.array_equal(counted[slow], k[slow])
-        # The phase too, also where tens of intervals fit into a cycle and are taken at once.
+        # The phase as well, also where tens of intervals fit in a cycle and are skipped at once.
         assert np.allclose(made.fraction()[~near], (light * rate / q)[~near], rtol=0, atol=1e-8)
         assert (counted[interval < 1 / 40e3] > 0.99 * cycles).all()
 
@@ -142,7 +142,7 @@ class TestClosedForms:
 
 
 class TestExactTier:
-    """Bit for bit where both must agree: no dead time, every reset, rows, knots and brightness."""
+    """Cases in which both must agree on all bits: no dead time, any reset, rows, light."""
 
     @pytest.mark.parametrize("seed", range(12))
     def test_every_bit_agrees_without_a_draw(self, seed: int) -> None:
@@ -157,8 +157,8 @@ class TestExactTier:
 
     @pytest.mark.parametrize("seed", range(9))
     def test_with_noise_only_the_tables_rounding_shows(self, seed: int) -> None:
-        # The exact tier's table is off by up to 1e-4 of a threshold's spread (see its own test):
-        # a bit is wrong where a crossing is that near a latch.
+        # The table of the exact tier has errors up to 1e-4 of a threshold's spread (see its test):
+        # a bit differs if a crossing is this close to a latch.
         random, cycles = np.random.default_rng(seed), 200
         model = ExactModel(
             float(random.choice([100.0, 1000.0, 3e4])), seed, ALL, 0.0,

@@ -1,4 +1,4 @@
-"""Reference pixels with a circuit: the bits of their closed-form trains, in any split of a run."""
+"""Reference pixels with a circuit: bits of closed-form spike trains, for any split of a run."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_a_circuit_without_faults_is_the_pixel_without_one() -> None:
 
 @pytest.mark.parametrize("brightness", [0.1, 0.8, 300.0])
 def test_a_reset_that_empties_the_pixel_is_dead_time(brightness: float) -> None:
-    # Beyond saturation whole intervals are taken at once by both.
+    # Beyond saturation both skip whole intervals.
     rate = np.full((1, N), 1000.0 * 40e3, np.float32) * np.linspace(0.5, 1, N, dtype=np.float32)
     light = Light((Piece(0, PS, rate, rate),))
     share = 0.02 / max(brightness, 1)
@@ -145,7 +145,7 @@ def test_a_hundred_thousand_lux_fire_in_every_cycle_at_their_inner_rate() -> Non
 
 
 def test_charge_that_the_resistance_holds_above_the_threshold_ends_in_bounded_work() -> None:
-    # I R > threshold: the pixel never empties, and fires as fast as comparator and switch allow.
+    # I R > threshold: the reset is incomplete, and comparator and switch limit the rate.
     circuit = Circuit(1e-15, 0.0, math.inf, 1e3, 1e10, 0.5, 1e9, 1e-8)
     plane = np.full((1, 2), 1e9, np.float32)
     made = ReferencePixels(

@@ -1,4 +1,4 @@
-"""The exact law of a threshold: against its definition, by other quadratures, in both tails."""
+"""The exact distribution of a threshold against its definition, by quadrature, in both tails."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORDS = np.concatenate(
 
 
 def tails(words: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper tail of each word, each to its own digits."""
+    """Lower and upper tail of each word, each with full precision."""
     return (words + 0.5) / 2.0**32, ((~words) + 0.5) / 2.0**32
 
 

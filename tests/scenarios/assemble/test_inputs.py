@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from cosim.run.folder import begin_folder
-from cosim.run.inputs import changed, digest, sealed
+from cosim.run.inputs import add_digests, changed_files, digest
 from rtl_model.imagers.run.chain import FrameChain
 from scenarios.assemble.schema.loading import load, to_toml
 
@@ -29,21 +29,21 @@ def scenario(sent: Path, name: str = "light-link", key: str = "link.file") -> An
 
 def test_a_file_is_told_by_its_content_and_a_change_of_it_is_seen(sent):
     text = to_toml(scenario(sent))
-    seal = sealed(text)
+    seal = add_digests(text)
     told = hashlib.sha256(b"of many words").hexdigest()
     assert seal == f"# link.file: sha256 {told}\n{text}"
-    assert changed(seal) == [] == changed(text)
+    assert changed_files(seal) == [] == changed_files(text)
     os.utime(sent, (1, 1))
-    assert changed(seal) == []
+    assert changed_files(seal) == []
     sent.write_bytes(b"of other word")  # as long as before
-    assert changed(seal) == [("link.file", str(sent))]
+    assert changed_files(seal) == [("link.file", str(sent))]
     sent.unlink()
-    assert changed(seal) == [] and digest(sent) is None and sealed(text) == text
+    assert changed_files(seal) == [] and digest(sent) is None and add_digests(text) == text
 
 
 def test_a_title_is_no_seal(sent):
     text = to_toml(scenario(sent).model_copy(update={"title": f"\n# link.file: sha256 {64 * '0'}"}))
-    assert changed(text) == []
+    assert changed_files(text) == []
 
 
 def test_a_run_s_folder_holds_a_scenario_that_can_be_run_again(sent, tmp_path):

@@ -14,6 +14,7 @@ import pytest
 from rtl_model.host import ReplayPort
 from rtl_model.verilated import VERILOG
 from rtl_model.virtual import VirtualBoard
+from tests.rtl_model.host.rfc2217_server import Rfc2217Server
 from tests.rtl_model.virtual.hosts import needs_verilator
 
 MODEL = ("--port", "virtual", "--level", "model")
@@ -27,8 +28,8 @@ def test_a_port_without_low_latency_is_told_in_a_line(viform):
         )  # fmt: skip
     assert (code, json.loads(out)["ok"]) == (0, True)
     assert err == (
-        f"viform: {board.port} has no low-latency mode, as ptys and sockets have none; going on "
-        "without\n"
+        f"viform: {board.port} has no low-latency mode, like all ptys and sockets; "
+        "continuing without it\n"
     )
 
 
@@ -133,3 +134,40 @@ def test_a_damaged_log_is_one_line_and_a_cut_one_is_replayed(viform, refused, tm
         assert (
             code in (1, 2) and f"line {n + 1} of the replay of {log}: the host sends" in out + err
         )
+
+
+def test_a_board_behind_a_serial_server_passes(viform):
+    """RFC 2217, negotiated; a socket does not say that a simulated board is behind it."""
+    with VirtualBoard(level="model") as board, Rfc2217Server(board.port) as server:
+        line = ("--port", server.url, "--time-scale", board.time_scale, "--simulated")
+        for command in ("identify", "regs", "prbs"):
+            code, out, _ = viform("board", command, *line, "--json")
+            assert (code, json.loads(out)["ok"]) == (0, True)
+        code, out, _ = viform("board", "bringup", *line, "--frames", "1", "--json")
+        document = json.loads(out)
+        assert (code, document["simulated"]) == (0, True)
+        assert {stage["outcome"] for stage in document["stages"]} == {"ok"}
+    assert server.bauds == [9600, 115_200]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("prbs", "--words", "8"),
+        ("regs", "--set", "sensor_threshold=3"),
+        ("capture", "--frames", "1", "--out", "a.npz"),
+        ("compare", "--frames", "1"),
+    ],
+)
+def test_nothing_is_written_to_a_foreign_design(viform, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    log = tmp_path / "line.log"
+    with VirtualBoard(level="model", faults=("foreign",)) as board:
+        line = (*words, "--port", board.port, "--time-scale", board.time_scale, "--log", log)
+        code, out, err = viform("board", *line)
+        assert (code, out) == (1, "")
+        assert "another design answers, and nothing was written to it; give the csr.csv" in err
+        assert '"command": "write' not in log.read_text()
+        viform("board", *line, "--force")
+        # A burst needs the size of a Viform board, which another design does not state.
+        assert ('"command": "write' in log.read_text()) == (words[0] in ("prbs", "regs"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtl_model.synthesis import VERILOG
+from rtl_model.verilated import VERILOG
 
 BENCH = Path(__file__).with_name("testbench.v")
 needs_icarus = pytest.mark.skipif(
@@ -16,8 +16,8 @@ needs_icarus = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory):
-    """Returns the lines that the bench prints; a warning of the compiler fails."""
+def lines_printed(tmp_path_factory):
+    """Lines that the test bench prints. A warning of the compiler fails."""
     program = tmp_path_factory.mktemp("icarus") / "bench.vvp"
     sources = [str(path) for path in sorted(VERILOG.glob("*.v"))]
     command = ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-I", str(VERILOG)]
@@ -33,16 +33,16 @@ def said(tmp_path_factory):
 
 
 @needs_icarus
-def test_magic_and_scratch_are_read_over_the_pins(said):
-    sent = "".join(line.split()[1] for line in said if line.startswith("byte "))
-    assert "framing" not in said
+def test_magic_and_scratch_are_read_over_the_pins(lines_printed):
+    sent = "".join(line.split()[1] for line in lines_printed if line.startswith("byte "))
+    assert "framing" not in lines_printed
     assert sent == "53504b3212345678"
 
 
 @needs_icarus
-def test_a_row_of_pixels_fires_when_its_electrons_add_up(said):
+def test_a_row_of_pixels_fires_when_its_electrons_add_up(lines_printed):
     """After n ticks of e electrons a residual pixel has fired floor(n e / 255) times."""
-    tiles = [line.split()[1:] for line in said if line.startswith("tile ")]
+    tiles = [line.split()[1:] for line in lines_printed if line.startswith("tile ")]
     assert {row for _, _, row, _, _ in tiles} == {"1"}
     frames = int(tiles[-1][1]) + 1
     assert frames >= 4

@@ -1,4 +1,4 @@
-"""The Verilog is what the table says, and Verilator has nothing to remark on it."""
+"""The Verilog agrees with the register table, and Verilator accepts it without a warning."""
 
 import shutil
 import subprocess
@@ -8,7 +8,7 @@ import pytest
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.registers.verilog import HEADER, verilog_header, write_verilog_header
-from rtl_model.synthesis import VERILOG
+from rtl_model.verilated import VERILOG
 
 
 def test_the_header_is_made_from_the_table(tmp_path):
@@ -18,7 +18,7 @@ def test_the_header_is_made_from_the_table(tmp_path):
 
 
 def test_every_register_stands_in_a_module():
-    """A name that only the header knows is a register that nobody built."""
+    """A name that occurs only in the header is a missing register."""
     text = "".join(path.read_text(encoding="utf-8") for path in VERILOG.glob("*.v"))
     # These answer by not being the others: they read 0 and keep nothing.
     missing = [r.name for r in REGISTERS if f"`VIFORM_{r.name.upper()}:" not in text]

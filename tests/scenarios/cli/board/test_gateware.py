@@ -6,14 +6,14 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import typer
 
 from rtl_model.gateware import TARGETS, Fit, design_for
 from rtl_model.geometry import Geometry
-from scenarios.cli.board.gateware import board_gateware
+from tests.scenarios.conftest import Answer
 
 COMMAND = [sys.executable, "-c", "from scenarios.cli import main; main()", "board", "gateware"]
 
@@ -89,19 +89,18 @@ def test_what_does_not_fit_is_told_and_not_written(
     json_wanted: bool,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    viform: Callable[..., Answer],
 ) -> None:
-    taken = Fit(25_000, 24_288, 2_000, 24_288, 36, 56)
-    monkeypatch.setattr("rtl_model.gateware.fit", lambda design: taken)
-    with pytest.raises(typer.Exit) as left:
-        board_gateware("ulx3s-25f", tmp_path / "board", cells=True, json=json_wanted)
-    assert left.value.exit_code == 1
-    said = capsys.readouterr().out
+    cells = Fit(25_000, 24_288, 2_000, 24_288, 36, 56)
+    monkeypatch.setattr("rtl_model.gateware.fit", lambda design: cells)
+    options = ["--out", tmp_path / "board", "--cells", *["--json"] * json_wanted]
+    code, out, _ = viform("board", "gateware", "ulx3s-25f", *options)
+    assert code == 1
     if json_wanted:
-        document = json.loads(said)
+        document = json.loads(out)
         assert (document["ok"], document["files"]) == (False, [])
-        assert document["cells"] == taken._asdict()
+        assert document["cells"] == cells._asdict()
     else:
-        assert "luts       25000 of 24288, 103 %\n" in said
-        assert said.endswith("is too small: nothing was written\n")
+        assert "luts       25000 of 24288, 103 %\n" in out
+        assert out.endswith("is too small: nothing was written\n")
     assert not (tmp_path / "board").exists()

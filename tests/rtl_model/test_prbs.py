@@ -1,4 +1,4 @@
-"""PRBS against what is known of maximal sequences, and the registers that give and check them."""
+"""PRBS against the properties of maximal sequences, and the registers that send and check them."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ ADDRESS = {register.name: register.address for register in REGISTERS}
 
 @pytest.mark.parametrize("order", [7, 15])
 def test_period_and_balance(order):
-    """A maximal sequence has period 2^n - 1, 2^(n-1) ones in it, and each window of n bits once."""
+    """A maximal sequence has period 2^n - 1, 2^(n-1) ones, and each window of n bits once."""
     period = (1 << order) - 1
     bits = np.array(Prbs(order).bits(2 * period + order))
     np.testing.assert_array_equal(bits[period : 2 * period], bits[:period])
@@ -25,7 +25,7 @@ def test_period_and_balance(order):
 
 @pytest.mark.parametrize("order", [7, 15, 23, 31])
 def test_linear_recurrence(order):
-    """b(t) = b(t - 1 - first tap) xor b(t - 1 - second tap), the state beginning as all ones."""
+    """b(t) = b(t - 1 - first tap) xor b(t - 1 - second tap), from a state of all ones."""
     sent = np.array([1] * order + Prbs(order).bits(2000))
     first, second = TAPS[order]
     t = np.arange(order, sent.size)

@@ -15,7 +15,7 @@ from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
-from tests.scenarios.test_display_plan import GLASS, SPANS
+from tests.scenarios.assemble.camera.test_display_plan import GLASS, SPANS
 
 
 @pytest.fixture(scope="module")
