@@ -24,7 +24,7 @@ def cells_section(link: LinkEvaluation, figures: Path) -> str:
     cells_figure(np.asarray(quality, np.float64), link.errors.by_cell, link.errors.symbols, path)
     facts = "".join(f"<li>{html.escape(each)}</li>" for each in _facts(link))
     return (
-        "<h2>Errors by cell</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
+        "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
         "of the panel's cells and the camera's pixels: a pixel with an edge in its middle receives "
         f"light of two cells.</p><ul>{facts}</ul>"
         + plot(path, "map of cells")

@@ -50,7 +50,7 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
     )
     at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
     return (
-        f"<h3>Eye diagram</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes "
+        f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes "
         "of a cell's pixels, each weighted by the cell's share of its light, "
         f"mean of a window of {link.mode.ticks} ticks that slides past the symbol, 1 if all "
         "fire. The phase of a symbol within the camera's ticks differs by row and, because of the "

@@ -63,7 +63,7 @@ def _view(link: LinkEvaluation, figures: Path) -> str:
     detected = link.outline is not None
     outcome = "was detected by its four AprilTags" if detected else "was not detected"
     return (
-        f"<h2>View of the camera</h2><p>Spikes a cycle, mean over the run. The panel {outcome}. "
+        f"<h2>What the camera saw</h2><p>Spikes a cycle, mean over the run. The panel {outcome}. "
         f"Distance {link.setting.air.distance:g} m, {link.setting.scale:.3g} camera pixels to a "
         "panel pixel.</p>" + plot(path, "average image with the panel's outline")
     )
@@ -127,7 +127,7 @@ def _choice(link: LinkEvaluation) -> str:
         "predicted goodput",
     ]
     return (
-        "<h3>Choice of the mode</h3><p>A strip of such a panel was filmed through the same "
+        "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
         "air with pilots. Reed-Solomon and fountain code were rated by the wrong bytes, 1.5 times "
         f"their upper limit. {rest} modes were not tried, because they are slower than one that "
         "works or require more than one that fails. The best:</p>" + table(head, rows)
@@ -145,7 +145,7 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
         for row in link.latency
     ]
     return (
-        "<h2>Latency of a byte</h2><p>Time in the simulated machine. Encoder: a byte "
+        "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
         "as the group. Panel: the group is shown. Air: time of flight. Readout: until the camera's "
         "row and cycle are latched. Decoder: until the receiver has verified the group; computing "

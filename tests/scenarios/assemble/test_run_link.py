@@ -115,8 +115,8 @@ def test_the_last_symbol_errs_no_more_than_others(sent):
 def test_the_report_is_one_file_with_every_section(sent):
     _, _, folder, _, _ = sent
     page = (folder / "report.html").read_text()
-    for title in ("Received whole", "View of the camera", "Rates", "Eye diagram", "Errors by cell",
-                  "Soft values", "to fill the last group", "Latency of a byte",
+    for title in ("Received whole", "What the camera saw", "Rates", "The eye", "Which cells fail",
+                  "Soft values", "to fill the last group", "From a byte to its arrival",
                   "Rate against distance",
                   "What was kept and what was left out", "Run time"):  # fmt: skip
         assert title in page
