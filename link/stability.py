@@ -1,5 +1,8 @@
-"""Cases 28 to 32: a link without background, in no turbulence and in much, at rates below rounding,
-with metrics that underflow, and with a payload of one byte for ever."""
+"""Stability cases 28 to 32, of a link.
+
+They cover a link without background, weak and strong turbulence, error rates below rounding,
+metrics that underflow, and a payload of one repeated byte.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def _worst(pairs: Sequence[tuple[float, float]]) -> float:
-    """Largest relative error of (value, truth); infinite where a value is no number."""
+    """Returns the largest relative error of (value, truth); infinite if a value is not a number."""
     errors = [abs(value / truth - 1) if truth else abs(value) for value, truth in pairs]
     return max(error if math.isfinite(error) else math.inf for error in errors)
 
@@ -31,7 +34,7 @@ def _worst(pairs: Sequence[tuple[float, float]]) -> float:
 # 28 ------------------------------------------------------------------------------------------
 
 Capacity = Callable[[float], float]
-"""Background over peak -> bits a peak photon."""
+"""Ratio of background to peak -> bits per peak photon."""
 
 
 def _capacity(device: Device | None) -> Capacity:
@@ -39,7 +42,8 @@ def _capacity(device: Device | None) -> Capacity:
 
 
 def background(capacity: Capacity) -> float:
-    """Largest relative error of the Poisson capacity, without background and with up to 1e18."""
+    """Returns the largest relative error of the Poisson capacity, for backgrounds from 0 to
+    1e18."""
     pairs = []
     with localcontext() as context:
         context.prec = 80
@@ -64,12 +68,15 @@ def _fading(device: Device | None) -> Fading:
 
 
 def fading(rate: Fading) -> float:
-    """Largest relative error of a gamma-gamma error rate: where shapes are so large that it is that
-    of no fading, and where the signal is so strong that one term of its series is left."""
+    """Returns the largest relative error of a gamma-gamma error rate.
+
+    Shapes are so large that there is practically no fading, and signals so strong that one term of
+    the series is left.
+    """
     pairs = []
     for shape in (200.0, 1e4, 1e9, 1e15):
         for a in (0.3, 4.0, 12.0):
-            # Inverse gamma functions end near 1e10; no fading is good to a^4 / shape of itself.
+            # Inverse gamma functions fail near 1e10; no fading has a relative error of a^4 / shape.
             truth = _plain(a) if shape > 1e10 else _two_fold(a, shape)
             pairs.append((rate(a, shape, shape), truth))
     for alpha, beta in ((4.0, 1.9), (5.69, 1.1), (160.0, 2.5)):
@@ -83,8 +90,10 @@ def _plain(a: float) -> float:
 
 
 def _two_fold(a: float, shape: float) -> float:
-    """The mean over the quantiles of both variates, by Gauss and Legendre in pieces that shrink
-    towards both ends."""
+    """Returns the mean over the quantiles of both variates.
+
+    Gauss-Legendre quadrature on intervals that shrink towards both ends.
+    """
     from scipy.special import erfc, gammainccinv, gammaincinv
 
     ends = np.concatenate([[0.0], 10.0 ** np.arange(-24, 0, 0.5), [0.4, 0.5]])
@@ -98,9 +107,12 @@ def _two_fold(a: float, shape: float) -> float:
 
 
 def _deep(a: float, alpha: float, beta: float) -> float:
-    """The density near 0 is (alpha beta)^beta Gamma(alpha - beta) / (Gamma(alpha) Gamma(beta))
-    I^(beta - 1), and the integral of Q(t) t^(beta - 1) is 2^(beta/2) Gamma((beta + 1) / 2) /
-    (2 beta sqrt(pi))."""
+    """Returns the error rate of a strong signal.
+
+    The density near 0 is (alpha beta)^beta Gamma(alpha - beta) / (Gamma(alpha) Gamma(beta)) I^(beta
+    - 1), and the integral of Q(t) t^(beta - 1) is 2^(beta/2) Gamma((beta + 1) / 2) / (2 beta
+    sqrt(pi)).
+    """
     logs = beta * math.log(alpha * beta) + math.lgamma(alpha - beta)
     logs -= math.lgamma(alpha) + math.lgamma(beta)
     logs += beta * math.log(2 / a) + beta / 2 * math.log(2) + math.lgamma((beta + 1) / 2)
@@ -110,7 +122,7 @@ def _deep(a: float, alpha: float, beta: float) -> float:
 # 30 ------------------------------------------------------------------------------------------
 
 Tails = Callable[[int, int, float], float]
-"""(symbols of a word, wrong ones that it bears, their rate) -> word error rate."""
+"""(symbols of a word, correctable ones, their error rate) -> word error rate."""
 
 
 def _tails(device: Device | None) -> Tails:
@@ -118,7 +130,7 @@ def _tails(device: Device | None) -> Tails:
 
 
 def tails(rate: Tails) -> float:
-    """Largest relative error of word error rates down to 1e-300."""
+    """Returns the largest relative error of word error rates down to 1e-300."""
     pairs = []
     cases = ((255, 16, 1e-2), (255, 16, 1e-9), (255, 8, 1e-33), (31, 1, 1e-150), (255, 64, 0.2))
     with localcontext() as context:
@@ -135,7 +147,7 @@ def tails(rate: Tails) -> float:
 Decode = Callable[[Any, npt.NDArray[np.float32]], npt.NDArray[np.uint8]]
 """(line code, soft values (symbols, cells)) -> values (groups, cells)."""
 SCALES: Final = (2.0**-6, 1.0, 2.0**3)
-"""What soft values of 400 to 900 nats are multiplied by: the decoder takes 1e4 for more."""
+"""Factors on soft values of 400 to 900 nats; the decoder clips at 1e4."""
 
 
 def _decode(device: Device | None) -> Decode:
@@ -143,8 +155,11 @@ def _decode(device: Device | None) -> Decode:
 
 
 def metrics(decode: Decode, cells: int = 200) -> float:
-    """Wrong values of line codes read from soft values of any size, some of wrong sign, against the
-    largest sum in integers over all words. Words of equal sums are left out."""
+    """Returns the number of wrong values of line codes read from soft values of any size.
+
+    Some soft values have the wrong sign. The truth is the largest integer sum over all words; words
+    with equal sums are left out.
+    """
     wrong, rng = 0, np.random.Generator(np.random.Philox(key=31))
     for line, count in (("manchester", 2), ("4b6b", 16), ("8b10b", 256)):
         every = np.arange(count, dtype=np.uint8)[None]
@@ -179,7 +194,7 @@ def _encode(device: Device | None) -> Encode:
 
 
 def _longest(bits: npt.NDArray[np.bool_]) -> int:
-    """Longest run of equal symbols of any cell."""
+    """Returns the longest run of equal symbols of any cell."""
     longest, run = 1, np.ones(bits.shape[1], np.int64)
     for before, now in pairwise(bits):
         run = np.where(before == now, run + 1, 1)
@@ -188,8 +203,10 @@ def _longest(bits: npt.NDArray[np.bool_]) -> int:
 
 
 def payloads(encode: Encode, groups: int = 400) -> float:
-    """By how much the longest run exceeds a code's limit or the share of ON leaves 1/2, worst of
-    payloads of one value for ever (every value is one cell's), and of values in turn."""
+    """Returns the largest excess of a run over the code's limit, or of the ON share over 1/2.
+
+    Payloads are one repeated value (each value in one cell), and all values in turn.
+    """
     worst = 0.0
     for line, count, limit in (("manchester", 2, 2), ("4b6b", 16, 4), ("8b10b", 256, 5)):
         every = np.arange(count, dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""From spikes to a file: find the panel, time it, follow it, decode it."""
+"""The receiver: it locates the panel, times its symbols, tracks them and decodes the file."""
 
 from link.receiving.received import Received
 from link.receiving.receiver import Receiver

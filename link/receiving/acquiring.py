@@ -1,6 +1,6 @@
-"""Find a transmission in a recording: where the panel is, what its mode is, when symbols begin.
+"""Acquisition of a transmission: position of the panel, its mode, and the time of its symbols.
 
-Whatever is found on the way is kept as evidence, so that a failure can be explained.
+All intermediate results are stored as evidence, so that a failure can be explained.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
-    Sampling,
     Witnesses,
     choose_witnesses,
     known_cells,
@@ -37,30 +36,40 @@ __all__ = ["Acquired", "Evidence", "acquire"]
 
 Floats = npt.NDArray[np.float64]
 _BRIGHT: Final = 0.98
-"""Rate from which a pixel is said to be full at every tick."""
+"""Rate from which a pixel counts as saturated, spikes a tick."""
 _SMOOTH: Final = 8
-"""Ticks over which the tags' light is averaged to see when they are on."""
+"""Ticks over which the tags' light is averaged to detect when they are on."""
 _CONTRAST: Final = 0.02
-"""Least difference of the tags' white and black, spikes a tick."""
+"""Smallest difference of the tags' white and black, spikes a tick."""
 _MATCH: Final = 0.15
-"""Least correlation with the training."""
+"""Smallest correlation with the training."""
 _SMALL_TAG: Final = 4.0
-"""Camera pixels to a tag's module below which the cells register the panel better."""
+"""Camera pixels of a tag's module below which the cells give a better registration."""
 _LEAST_CELL: Final = 0.5
-"""Camera pixels to a cell's side below which no cell is looked for: tags that claim such a panel
-would cost memory by its cells, not by the camera's pixels."""
+"""Smallest side of a cell, camera pixels. Tags that claim smaller cells would cost memory by the
+number of cells, not of camera pixels."""
 _NEAR: Final = 0.45
-"""Ticks of the phase by the pilots within which that by the spikes is looked for around it."""
+"""Largest distance of the phase by the spikes from the phase by the pilots, ticks."""
 _PILOT_SYMBOLS: Final = 64
-"""Of the timing by pilots alone."""
+"""Symbols of the timing by pilots alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """rates: spikes a tick where the stream is brightest, (height, width). bright: share of pixels
-    that fire at every tick. most: rate that one pixel of a thousand exceeds. tags found, and what
-    followed from them as far as it went. off: largest distance of a corner from the homography.
-    tiny: camera pixels to a cell's side where they are too few to look for cells."""
+    """Results of an acquisition, as far as it went.
+
+    Attributes:
+        rates: (height, width) float32, spikes a tick where the stream is brightest.
+        bright: share of pixels that fire in every tick.
+        most: rate exceeded by one pixel in a thousand.
+        search: the tags.
+        mode: the mode in the tags.
+        refined: the registration.
+        off: largest distance of a tag's corner from the homography, camera pixels.
+        tiny: side of a cell, camera pixels, if it is too small.
+        lit: ticks in which the panel is on.
+        clocking: the timing by the pilots.
+    """
 
     rates: npt.NDArray[np.float32]
     bright: float
@@ -76,8 +85,17 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Acquired:
-    """pace: the timing, and how well it is known. trained: symbols of the training that the
-    recording holds, from first to last, excluded."""
+    """A transmission that was located and timed.
+
+    Attributes:
+        layout: of its mode.
+        refined: the registration.
+        pace: the timing with its uncertainty.
+        levels: light of the cells.
+        lit: ticks in which the panel is on.
+        trained: symbols of the training in the recording, end excluded; None without any.
+        evidence: intermediate results.
+    """
 
     layout: Layout
     refined: Refined
@@ -93,7 +111,7 @@ class Acquired:
 
 
 def _brightest(recording: Recording) -> tuple[int, int]:
-    """Ticks of the words that have at least half of the most spikes."""
+    """Returns the ticks of the words with at least half of the largest number of spikes."""
     words = recording.ticks // WORD
     if words < 2:
         return recording.first, recording.stop
@@ -105,7 +123,7 @@ def _brightest(recording: Recording) -> tuple[int, int]:
 
 
 def survey_recording(recording: Recording) -> Evidence:
-    """The image and the tags in it."""
+    """Returns the image and the tags in it."""
     rates = recording.rates(*_brightest(recording))
     most = float(np.quantile(rates, 0.999)) if rates.size else 0.0
     bright = float(np.mean(rates >= _BRIGHT)) if rates.size else 0.0
@@ -116,7 +134,7 @@ def survey_recording(recording: Recording) -> Evidence:
 
 
 def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Floats:
-    """Spikes of the tags' white less those of their black, by tick, (ticks,)."""
+    """Returns the spikes of the tags' white minus those of their black in each tick, (ticks,)."""
     m = layout.module
     points: tuple[list[tuple[float, float]], list[tuple[float, float]]] = ([], [])
     for tag, (px, py) in zip(layout.mode.tags, tag_places(layout), strict=True):
@@ -137,7 +155,7 @@ def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Float
 
 
 def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[int, int] | None:
-    """Ticks in which the tags are on; None where they never are."""
+    """Returns the ticks in which the tags are on; None if they never are."""
     light = tag_light(recording, layout, homography)
     if len(light) < 2 * _SMOOTH:
         return None
@@ -157,8 +175,10 @@ def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[
 
 
 def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> float:
-    """Camera pixels to a cell's side: the root of the panel's image, at most the camera's of
-    `shape`, over its cells."""
+    """Returns the side of a cell, camera pixels.
+
+    It is the root of the area of the panel's image, at most the camera's, over the number of cells.
+    """
     (rows, columns), side = layout.shape, layout.mode.cell
     u, v = project(
         homography,
@@ -169,7 +189,7 @@ def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> flo
 
 
 def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
-    """What there is to see, and the transmission where there is one."""
+    """Returns the evidence, and the transmission if there is one."""
     evidence = survey_recording(recording)
     mode = evidence.mode
     if mode is None:
@@ -206,12 +226,12 @@ def _time(
     recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int],
     clocking: Clocking, evidence: Evidence,
 ) -> Acquired | None:  # fmt: skip
-    """Says which symbol is the first, and gives the timing its last digits."""
+    """Numbers the symbols and refines the timing."""
     registration = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
     rough = clocking.timing
     turn = PERIOD * rough.period
     in_view = max(clocking.lit[0] if clocking.broken else lit[0], recording.first)
-    # the training that the recording may hold: that of the start nearest to first light
+    # Training that the recording may contain: of the period that begins nearest to first light.
     first = rough.first + round((in_view - rough.first) / turn) * turn
     begun = replace(rough, first=first)
     low = max(0, int(np.ceil((in_view - first) / rough.period)) + 1 if in_view - first > 2 else 0)
@@ -225,32 +245,28 @@ def _time(
     )
     if high - low >= 8:
         known = known_cells(layout, low, training(layout.cells)[low:high])
-        w = choose_witnesses(recording, layout, registration, begun, known, low)
+        w = choose_witnesses(recording, layout, registration, begun, known)
         if w is not None and match(w, begun) > _MATCH:
             fit = fit_timing(w, begun, clocking.span)
             timing, levels = fit.timing, fit.levels
-            mixed = choose_witnesses(
-                recording, layout, registration, timing, known, low, Sampling(pure=False)
-            )
+            mixed = choose_witnesses(recording, layout, registration, timing, known, pure=False)
             if mixed is not None:
                 levels = fit_levels(mixed, timing, levels)
             pace = _phased(w, fit, levels)
             timing = pace.timing
             scale = float(np.sqrt(abs(np.linalg.det(refined.homography[:2, :2]))))
             if scale * layout.module < _SMALL_TAG:
-                better = fit_by_known(recording, layout, registration, timing, levels, known, low)
+                better = fit_by_known(recording, layout, registration, timing, levels, known)
                 if better is not None:
                     refined = replace(refined, homography=better)
             return Acquired(layout, refined, pace, levels, lit, (low, high), evidence)
-    # it does not: symbols are counted so that the first one seen is of a group
+    # No training: number the symbols so that the first one in the recording belongs to a group.
     count = int(np.ceil((in_view - rough.first) / rough.period))
     turns = (count - TRAINING) // PERIOD
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
     known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)
-    w = choose_witnesses(
-        recording, layout, registration, begun, known_part, begin, Sampling(of_pilots=True)
-    )
+    w = choose_witnesses(recording, layout, registration, begun, known_part)
     if w is None:
         return None
     fit = fit_timing(w, begun, clocking.span)
@@ -259,12 +275,12 @@ def _time(
 
 
 def _phased(w: Witnesses, fit: Fit, levels: Levels) -> Pace:
-    """With the phase that the pilots told, where it explains the spikes as well as that which was
-    found."""
+    """Returns the pace, with the phase of the pilots if it explains the spikes as well as the
+    fitted one."""
     timing = fit.timing
-    guess = replace(timing, first=timing.first - fit.late)
+    guess = replace(timing, first=timing.first - fit.delay)
     better = nudge(w, guess, levels)
-    if abs(fit.late) < _NEAR and abs(better) < _NEAR:
+    if abs(fit.delay) < _NEAR and abs(better) < _NEAR:
         timing = replace(guess, first=guess.first + better)
     else:
         timing = replace(timing, first=timing.first + nudge(w, timing, levels))

@@ -1,9 +1,9 @@
-"""The homography from known symbols: every cell of the panel is a mark.
+"""The homography from known symbols, with every cell of the panel as a mark.
 
-Spikes of some thousand pixels are computed from the known cells around them (as for the timing),
-with the image moved a little to each side. How the likelihood of each pixel's spikes changes says
-where the image is for it, and all of them together what the homography is: Newton's step, with
-derivatives by differences. Where tags are a few camera pixels large, this registers the panel.
+The spikes of about a thousand pixels are modelled from the known cells around them (as for the
+timing), with the image shifted slightly to each side. The change of the likelihood of each pixel's
+spikes gives its displacement, and all of them together the homography: a Newton step with numerical
+derivatives. This registers the panel if its tags are only a few camera pixels large.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import project
-from link.receiving.synthesis import Levels, Sampling, choose_witnesses, light_on, likelihoods
+from link.receiving.synthesis import KnownSymbols, Levels, choose_witnesses, light_on, likelihoods
 from link.timing import Registration, Timing
 
 __all__ = ["fit_by_known"]
@@ -26,40 +26,43 @@ Floats = npt.NDArray[np.float64]
 _PIXELS: Final = 1500
 _STEPS: Final = 2
 _MOVE: Final = 0.15
-"""Camera pixels, of the differences."""
+"""Step of the numerical derivatives, camera pixels."""
 _FAR: Final = 1.0
-"""Camera pixels at a corner beyond which a change is not believed."""
+"""Largest plausible change at a corner, camera pixels."""
 
 
 def fit_by_known(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
-    levels: Levels, known: npt.NDArray[np.bool_], begin: int,
+    levels: Levels, known: KnownSymbols,
 ) -> Floats | None:  # fmt: skip
-    """The homography; None where too little is seen, or it would move by more than is likely."""
+    """Returns the homography; None with too few pixels, or if it changes implausibly.
+
+    Args:
+        recording: spikes.
+        layout, registration, timing: of the transmission, so far.
+        levels: light of the cells.
+        known: the known symbols.
+    """
     mode = layout.mode
     half = np.array([(mode.width - 1) / 2, (mode.height - 1) / 2])
     unit = np.array([[half[0], 0, half[0]], [0, half[1], half[1]], [0, 0, 1.0]])
     back = np.linalg.inv(unit)
     w = choose_witnesses(
-        recording,
-        layout,
-        registration,
-        timing,
-        known,
-        begin,
-        Sampling(pixels=_PIXELS, pure=False, seed=2),
+        recording, layout, registration, timing, known, count=_PIXELS, pure=False, seed=2
     )
     if w is None:
         return None
-    dx, dy = registration.shift(float(timing.start(begin + len(known) / 2, timing.rows / 2)))
+    dx, dy = registration.shift(
+        float(timing.start(known.begin + len(known.cells) / 2, timing.rows / 2))
+    )
     u, v = w.columns - dx, w.rows - dy
     h = registration.homography @ unit
     h = h / h[2, 2]
     for _ in range(_STEPS):
         by: list[Floats] = []
         for mx, my in ((0.0, 0.0), (_MOVE, 0.0), (-_MOVE, 0.0), (0.0, _MOVE), (0.0, -_MOVE)):
-            # the image moved by (mx, my) shows at u what it showed at u - mx
-            light = light_on(layout, h @ back, registration.blur, u - mx, v - my, known)
+            # The image shifted by (mx, my) shows at u what it showed at u - mx.
+            light = light_on(layout, h @ back, registration.blur, u - mx, v - my, known.cells)
             by.append(likelihoods(replace(w, light=light), timing, levels))
         step = _newton(h, u, v, by)
         if step is None:
@@ -75,7 +78,8 @@ def fit_by_known(
 
 
 def _newton(h: Floats, u: Floats, v: Floats, by: list[Floats]) -> Floats | None:
-    """Change of the homography, from ln P at rest and moved right, left, down, up."""
+    """Returns the change of the homography, from ln P without shift and shifted right, left, down,
+    up."""
     still, right, left, down, up = by
     slope_x, slope_y = (right - left) / (2 * _MOVE), (down - up) / (2 * _MOVE)
     bend_x, bend_y = (2 * still - right - left) / _MOVE**2, (2 * still - down - up) / _MOVE**2
@@ -86,7 +90,7 @@ def _newton(h: Floats, u: Floats, v: Floats, by: list[Floats]) -> Floats | None:
     by_y = np.stack([zero, zero, zero, mx, my, one, -v * mx, -v * my], 1) / w
     bend = by_x.T @ (bend_x[:, None] * by_x) + by_y.T @ (bend_y[:, None] * by_y)
     slope = by_x.T @ slope_x + by_y.T @ slope_y
-    # scaled, since the last two columns are large; all curvatures must be those of a maximum
+    # Scaled, since the last two columns are large. All curvatures must be those of a maximum.
     size = np.sqrt(np.abs(np.diag(bend)))
     if not np.isfinite(bend).all() or (size <= 0).any():
         return None

@@ -1,4 +1,8 @@
-"""Loops over single bits, compiled."""
+"""Likelihood of spikes and its derivatives, compiled loops over single bits.
+
+The kernels take plain arrays and numbers: numba compiles them once for these types, while the
+callers pass their fields from different records.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,14 @@ __all__ = ["likelihood", "slopes"]
 
 _ROOT, _DENSITY = 1 / math.sqrt(2), 1 / math.sqrt(2 * math.pi)
 _FAR = 5.0
-"""Standard deviations beyond which a chance is 0 or 1: it is 3e-7 there, and the floor 2e-2."""
+"""Standard deviations beyond which a probability is 0 or 1: it is 3e-7 there, and the floor is
+2e-2."""
 
 
 @njit(inline="always")
 def _share(tick, start, period):  # type: ignore[no-untyped-def]
-    """Symbol in which a tick begins, and the part of the tick behind that symbol's end."""
+    """Returns the symbol in which a tick begins, and the part of the tick after that symbol's
+    end."""
     at = (tick - start) / period
     whole = math.floor(at)
     return int(whole), (at - whole) * period + 1 - period
@@ -24,7 +30,7 @@ def _share(tick, start, period):  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
-    """ln of the chance of what lies z standard deviations on the right side."""
+    """Returns ln of the probability at z standard deviations on the observed side."""
     if z > _FAR:
         return sure
     if z < -_FAR:
@@ -34,7 +40,7 @@ def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _left(charge, rule):  # type: ignore[no-untyped-def]
-    """Charge that a spike leaves."""
+    """Returns the charge after a spike."""
     if rule == 1:
         return 0.0
     rest = max(charge - 1, 0.0)
@@ -46,9 +52,20 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
 def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
-    """ln P of observed bits of each pixel, (n,), of bits (n, ticks) uint8 of pixels whose
-    light in each symbol is (n, symbols) float64; start (n,): tick at which symbol 0 begins for
-    each. rule: of the reset, 0 residual, 1 hard, 2 subtract."""
+    """Returns ln P of the observed bits of each pixel, (n,).
+
+    Args:
+        bits: (n, ticks) uint8.
+        light: (n, symbols) float64, light of each symbol on each pixel.
+        start: (n,) tick at which symbol 0 begins.
+        tick: of the first bit.
+        period: ticks of a symbol.
+        on, background: charge of a tick of full light, and of the background, thresholds.
+        rule: of the reset, 0 residual, 1 hard, 2 subtract.
+        noise: standard deviation of the charge at a spike, thresholds.
+        floor: smallest probability.
+        skip: ticks before the first that counts.
+    """
     count, ticks = bits.shape
     symbols = light.shape[1]
     out = np.zeros(count)
@@ -79,9 +96,12 @@ def likelihood(  # type: ignore[no-untyped-def]
 def slopes(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
-    """ln P as `likelihood` has it, (n,), its derivatives (n, 4), and Fisher's information
-    (n, 4, 4), by: ticks that the symbols are late, the same times the number of the symbol that
-    begins, light, background. The charge of a pixel is linear in all of them between spikes."""
+    """Returns ln P as `likelihood`, (n,), its derivatives, (n, 4), and the Fisher information, (n,
+    4, 4).
+
+    The four parameters are the delay of the symbols, ticks; the same times the number of the symbol
+    that begins; light; background. Between spikes the charge of a pixel is linear in all of them.
+    """
     count, ticks = bits.shape
     symbols = light.shape[1]
     out, first = np.zeros(count), np.zeros((count, 4))
@@ -96,9 +116,9 @@ def slopes(  # type: ignore[no-untyped-def]
             n = min(max(whole, 0), symbols - 1)
             m = min(n + 1, symbols - 1)
             if 0.0 < share < 1.0:
-                late = on * (light[i, n] - light[i, m])
-                by[0] += late
-                by[1] += late * (whole + 1)
+                swing = on * (light[i, n] - light[i, m])
+                by[0] += swing
+                by[1] += swing * (whole + 1)
             share = min(max(share, 0.0), 1.0)
             lit = (1 - share) * light[i, n] + share * light[i, m]
             charge += on * lit + background

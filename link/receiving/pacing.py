@@ -1,8 +1,8 @@
-"""The symbols' pace through a recording: a line through all looks at how late they are.
+"""The pace of symbols through a recording: a line through all measurements of their delay.
 
-Kalman's filter (J. Basic Eng. 82:35, 1960) of two numbers, how late symbols are and how fast that
-grows. A look far from the others tells the period best: one over 91 ticks tells it to a hundred
-parts per million, four over 500 ticks to thirty.
+A Kalman filter (J. Basic Eng. 82:35, 1960) of the delay and its growth. A measurement far from the
+others determines the period best: one over 91 ticks gives it to a hundred parts per million, four
+over 500 ticks to thirty.
 """
 
 from __future__ import annotations
@@ -19,52 +19,69 @@ __all__ = ["Delay", "Pace"]
 
 Floats = npt.NDArray[np.float64]
 _MODEL: Final = 0.01
-"""Ticks by which looks differ that chance does not explain: of the model of a pixel. Assumed; looks
-at one recording with the true timing scattered by .003, all of them .05 late."""
+"""Systematic error of a measurement, of the model of a pixel, ticks. Assumed; measurements of one
+recording with the true timing scatter by 0.003 and are all biased by 0.05."""
 _HALF: Final = 4096.0
-"""Ticks in which what was seen comes to count half: clocks wander."""
+"""Ticks after which a measurement counts half, since clocks drift."""
 _LIMIT: Final = 3.0
-"""Standard errors that are told as the limit."""
+"""Standard errors in the reported limit."""
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Ticks by which symbols are late, and the standard error of chance."""
+    """A measured delay of the symbols.
 
-    late: float
+    Attributes:
+        ticks: delay, ticks.
+        error: standard error by chance, ticks.
+    """
+
+    ticks: float
     error: float
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """timing, as it is known by tick `at`. unsure: (2, 2) covariance of the lateness there, ticks,
-    and of its growth, ticks a tick."""
+    """The timing, and its uncertainty.
+
+    Attributes:
+        timing: estimate at tick `at`.
+        at: tick.
+        covariance: (2, 2) of the delay, ticks, and of its growth, ticks a tick.
+    """
 
     timing: Timing
     at: float
-    unsure: Floats
+    covariance: Floats
 
     @classmethod
     def fitted(cls, timing: Timing, at: float, ticks: int, drift: float) -> Pace:
-        """Of a fit to so many ticks about `at`, whose period has the standard error `drift`."""
+        """Returns the pace of a fit.
+
+        Args:
+            timing: the fitted timing.
+            at: middle of the fit, tick.
+            ticks: length of the fit.
+            drift: standard error of the period.
+        """
         growth = drift**2 + (_MODEL / ticks) ** 2
         return cls(timing, at, np.diag([_MODEL**2, growth]))
 
     @property
     def limit(self) -> float:
-        """Parts per million by which the period may be off."""
-        return _LIMIT * float(np.sqrt(self.unsure[1, 1])) * 1e6
+        """Largest plausible error of the period, parts per million."""
+        return _LIMIT * float(np.sqrt(self.covariance[1, 1])) * 1e6
 
     def measured(self, tick: float, delay: Delay) -> Pace:
-        """After a look at a tick: what it says weighs by how sure it is."""
+        """Returns the pace after a measurement at a tick, weighted by its error."""
         passed = tick - self.at
         move = np.array([[1.0, passed], [0.0, 1.0]])
-        unsure = move @ self.unsure @ move.T * 2.0 ** (abs(passed) / _HALF)
-        share = unsure[:, 0] / (unsure[0, 0] + delay.error**2 + _MODEL**2)
-        unsure = unsure - np.outer(share, unsure[0])
-        late, growth = share * delay.late
+        covariance = move @ self.covariance @ move.T * 2.0 ** (abs(passed) / _HALF)
+        share = covariance[:, 0] / (covariance[0, 0] + delay.error**2 + _MODEL**2)
+        covariance = covariance - np.outer(share, covariance[0])
+        change, growth = share * delay.ticks
         t = self.timing
         symbols = (tick - t.first) / t.period
         period = t.period * (1 + float(growth))
-        first = t.first + float(late) + symbols * (t.period - period)
-        return Pace(replace(t, first=first, period=period), tick, (unsure + unsure.T) / 2)
+        first = t.first + float(change) + symbols * (t.period - period)
+        return Pace(replace(t, first=first, period=period), tick, (covariance + covariance.T) / 2)

@@ -1,4 +1,4 @@
-"""What a receiver hands back."""
+"""The result of a receiver."""
 
 from __future__ import annotations
 
@@ -17,8 +17,14 @@ __all__ = ["Instant", "Received"]
 
 @dataclass(frozen=True)
 class Instant:
-    """A group: its number, the tick at which its last row was latched, and right frames it brought
-    (those of a block that several groups fill come with the last of them)."""
+    """A decoded group.
+
+    Attributes:
+        group: its number.
+        tick: tick at which its last row was latched.
+        right: correct frames completed by it (those of a block of several groups come with the last
+            of them).
+    """
 
     group: int
     tick: int
@@ -27,17 +33,32 @@ class Instant:
 
 @dataclass(frozen=True, eq=False)
 class Received:
-    """delivered: (bytes, name) of the file, only when whole. verdict: why, or why not. Of frames
-    and codewords: how many were seen, right, needed (None: not known), could not be mended, and
-    bytes mended. instants: of each group decoded, in order. delivered_tick: when the file was
-    whole. first_light: tick at which symbol 0 began for row 0, before the stream's own first one
-    where that begins within the training; None where it begins later. clock_error: parts per
-    million by which the timing's period may be off, an estimate. cell_quality: mean size of the
-    soft values, nats, (rows, columns) float32, 0 where no data are. cell_errors: bytes mended at
-    each cell, (rows, columns). promise: mean of 1 / (1 + exp |soft|) over all soft values, the
-    error rate that they let expect; None without any. soft: a sample of them, (n,) float32, soft_at
-    their (symbol, data cell), (n, 2). ticks: of the stream. score: of the pilots' sequence,
-    standard deviations. on, background: thresholds a tick, None where not measured."""
+    """The result of a receiver. None stands for an unknown value.
+
+    Attributes:
+        verdict: cause of success or failure.
+        ticks: of the stream.
+        delivered: (bytes, name) of the file, only if whole.
+        mode, registration, timing: of the transmission.
+        clock_error: largest plausible error of the timing's period, parts per million.
+        first_light: tick at which symbol 0 began in row 0, possibly before the stream's first one;
+            None if the recording begins after the training.
+        on, background: charge of a tick, thresholds.
+        score: of the pilots' sequence, standard deviations.
+        instants: of each decoded group, in order.
+        delivered_tick: tick at which the file was whole.
+        frames_read, frames_right, frames_needed: numbers of frames.
+        codewords, codewords_wrong: codewords read, and those that could not be corrected.
+        bytes_corrected: bytes corrected.
+        cell_quality: (rows, columns) float32, mean magnitude of the soft values, nats; 0 without
+            data.
+        cell_errors: (rows, columns) int64, bytes corrected at each cell.
+        soft: (n,) float32, a sample of the soft values.
+        soft_at: (n, 2) int64, their symbol and data cell.
+        promise: mean of 1 / (1 + exp |soft|) over all soft values, the error rate that they
+            predict.
+        packed: decisions of the last symbols, packed bits.
+    """
 
     verdict: Verdict
     ticks: int
@@ -74,8 +95,12 @@ class Received:
         return Layout(self.mode) if self.mode is not None else None
 
     def decided(self, first: int, count: int) -> npt.NDArray[np.bool_]:
-        """What the detector made of symbols, (count, cells) of data cells, before any code; raises
-        KeyError for symbols that were not decoded or are no longer held."""
+        """Returns the detector's decisions on symbols before any code, (count, cells) of data
+        cells.
+
+        Raises:
+            KeyError: for symbols that were not decoded or are no longer stored.
+        """
         layout = self.layout
         if layout is None:
             raise KeyError(first)

@@ -1,4 +1,4 @@
-"""The receiver: words of a camera in, a file and a verdict out."""
+"""The receiver: from words of a camera to a file and a verdict."""
 
 from __future__ import annotations
 
@@ -21,25 +21,38 @@ from link.verdict import Cause, Verdict
 
 __all__ = ["Receiver"]
 
-_LOOK: Final = 1024
-"""Ticks after which a transmission is looked for though the stream goes on, and after which those
-held are decoded."""
+_WAIT: Final = 1024
+"""Ticks after which a transmission is searched although the stream continues, and after which
+stored ticks are decoded."""
 _BREAKS, _SHORTEST = 8, 64
-"""Breaks that are followed at a time, and ticks in which a sequence may be found."""
+"""_BREAKS: interruptions that are followed at a time. _SHORTEST: ticks in which a sequence may be
+detected."""
 _JUMP: Final = 2.0
-"""Ticks from which the sequence is said to jump."""
-_KEPT: Final = 256
-"""Ticks that are held on when none was found."""
+"""Ticks from which a shift of the sequence counts as a jump."""
+_STORED: Final = 256
+"""Ticks that stay stored if no transmission was detected."""
 
 
 class Receiver:
-    """A stage at the end of a chain. shape: (height, width) of the camera. detector: by its name.
-    interleave: as the sender had it. Streams up to _LOOK ticks are read as a whole by `finish`, of
-    longer ones no more than about twice as much is held.
+    """A receiver: the last stage of a chain.
 
-    Raises ValueError for a detector that there is not, and in `step` for blocks of another shape or
-    out of order. A stream that holds no transmission, or not all of one, is no error: the verdict
-    says why.
+    Streams up to _WAIT ticks are read as a whole by `finish`; of longer ones at most about twice as
+    much is stored. A stream without a transmission, or with a part of one, is not an error: the
+    verdict gives the cause.
+
+    Args:
+        shape: (height, width) of the camera.
+        detector: its name.
+        interleave: as used by the sender.
+
+    Attributes:
+        recording: the stored words.
+        interrupted: tick after which the pilots' sequence jumped last, and by how many ticks; None
+            without a jump.
+
+    Raises:
+        ValueError: for an unknown detector, and in `step` for blocks of another shape or out of
+            order.
     """
 
     def __init__(
@@ -54,19 +67,18 @@ class Receiver:
         self._session: Session | None = None
         self._unusable: Verdict | None = None
         self.interrupted: tuple[int, float] | None = None
-        """Tick behind which the pilots' sequence jumped last, and by how many ticks."""
 
     def step(self, data: Viform, block: Any = None) -> None:
         """Takes the words of a block."""
         self.recording.add(data)
         waits = self._session.ready(self.recording) if self._session else self.recording.ticks
-        if waits >= _LOOK:
+        if waits >= _WAIT:
             self._work()
             if self._session is None:
-                self.recording.forget(self.recording.stop - _KEPT)
+                self.recording.forget(self.recording.stop - _STORED)
 
     def finish(self) -> Received:
-        """Decodes what is left, and says what was received."""
+        """Decodes the remaining words and returns the result."""
         if self.recording.ticks:
             self._work()
         session = self._session
@@ -113,7 +125,7 @@ class Receiver:
         )  # fmt: skip
 
     def _work(self) -> None:
-        """Looks for a transmission, or goes on with one."""
+        """Searches for a transmission, or continues with one."""
         if self._session is None:
             evidence, acquired = acquire(self.recording)
             if self._evidence is None or _further(evidence) >= _further(self._evidence):
@@ -123,11 +135,14 @@ class Receiver:
             self._begin(acquired)
         if self._session is not None:
             self._session.advance(self.recording)
-            self._again()
+            self._resume()
 
-    def _again(self) -> None:
-        """Looks for the pilots anew behind what was right, where the sequence broke off: words were
-        lost, or the panel has begun again. The frames found so far stay."""
+    def _resume(self) -> None:
+        """Searches for the pilots again after an interruption: lost words, or a restart of the
+        panel.
+
+        The search begins after the last correct symbols. Frames received so far are preserved.
+        """
         for _ in range(_BREAKS):
             old = self._session
             assert old is not None
@@ -152,14 +167,14 @@ class Receiver:
             session.advance(self.recording)
 
     def _jump(self, old: Session, new: Acquired, until: float) -> tuple[int, float] | None:
-        """(tick, ticks) at which and by which the sequence jumps; None where it does not."""
+        """Returns (tick, ticks) at which and by which the sequence jumps; None without a jump."""
         turn = PERIOD * old.timing.period
         row = self.recording.shape[0] / 2
         symbol = round((until - new.timing.first) / new.timing.period)
         at = float(new.timing.start(symbol, row))
-        late = at - float(old.timing.start(symbol, row))
-        late -= turn * round(late / turn)
-        return (int(until), late) if abs(late) > _JUMP else None
+        delay = at - float(old.timing.start(symbol, row))
+        delay -= turn * round(delay / turn)
+        return (int(until), delay) if abs(delay) > _JUMP else None
 
     def _begin(self, acquired: Acquired) -> None:
         try:
@@ -186,7 +201,7 @@ class Receiver:
 
 
 def _further(evidence: Evidence) -> int:
-    """How far it went."""
+    """Returns the number of steps that succeeded."""
     return (
         len(evidence.search.tags) + (evidence.refined is not None) + (evidence.lit is not None)
         + (evidence.clocking is not None)

@@ -1,4 +1,4 @@
-"""Spike words as they come in, let go of when no longer needed, and views of a few pixels."""
+"""Stored spike words of a stream, and views of a few pixels."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ Floats = npt.NDArray[np.float64]
 
 
 class Recording:
-    """Words of a camera, of ticks `first` to `stop`; tick k is latch cycle k of the camera.
+    """Words of a camera for ticks `first` to `stop`; tick k is latch cycle k. Blocks have no gaps.
 
-    Blocks follow each other without a gap. Of `shape` (height, width).
+    Attributes:
+        shape: (height, width) of the camera.
+        first, stop: stored ticks.
+        begun: whether a block has arrived.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -26,7 +29,8 @@ class Recording:
         self.begun = False
 
     def add(self, viform: Viform) -> None:
-        """Raises ValueError where a block is of another shape or does not follow the last one."""
+        """Adds a block. Raises ValueError if its shape differs or it does not follow the last
+        one."""
         if viform.shape != self.shape:
             raise ValueError(f"a block must be {self.shape}, not {viform.shape}")
         if not self.begun:
@@ -38,7 +42,7 @@ class Recording:
         filled = (self.stop - self.first) % WORD
         if not filled:
             self._parts.append(viform.words)
-        else:  # the last word is not full: everything behind it is shifted
+        else:  # the last word is not full: all bits after it are shifted
             last = self._parts[-1][-1:] | (viform.words[:1] << np.uint32(filled))
             rest = viform.words >> np.uint32(WORD - filled)
             rest[:-1] |= viform.words[1:] << np.uint32(filled)
@@ -50,12 +54,12 @@ class Recording:
 
     @property
     def ticks(self) -> int:
-        """Held."""
+        """Number of stored ticks."""
         return self.stop - self.first
 
     @property
     def words(self) -> Words:
-        """(n, height, width); bit 0 of word 0 is tick `first`."""
+        """(n, height, width) uint32; bit 0 of word 0 is tick `first`."""
         if self._joined is None:
             if not self._parts:
                 return np.zeros((0, *self.shape), np.uint32)
@@ -65,7 +69,7 @@ class Recording:
         return self._joined
 
     def forget(self, tick: int) -> None:
-        """Lets go of whole words before a tick."""
+        """Drops whole words before a tick."""
         gone = min(max(tick - self.first, 0) // WORD, self.ticks // WORD)
         if gone:
             self._parts = [self.words[gone:].copy()]
@@ -73,8 +77,10 @@ class Recording:
             self.first += gone * WORD
 
     def rates(self, first: int, stop: int) -> npt.NDArray[np.float32]:
-        """Spikes a tick of each pixel in ticks first to stop, (height, width), of whole words that
-        lie within, or of all bits in between where none does."""
+        """Returns the spikes a tick of each pixel in ticks first to stop, (height, width) float32.
+
+        Only whole words within the ticks count, or all bits if there is no whole word.
+        """
         a, b = self._span(first, stop)
         low, high = -(-a // WORD), b // WORD
         if high > low:
@@ -93,13 +99,13 @@ class Recording:
     def pixels(
         self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
     ) -> npt.NDArray[np.uint8]:
-        """Bits of single pixels, (ticks, n) of 0 and 1, from tick `first` on."""
+        """Returns the bits of single pixels, (ticks, n) of 0 and 1, from tick `first` on."""
         picked = np.ascontiguousarray(self.words[:, rows, columns].T).astype("<u4", copy=False)
         bits = np.unpackbits(picked.view(np.uint8), axis=1, bitorder="little")
         return np.ascontiguousarray(bits[:, : self.ticks].T)
 
     def totals(self, every: int = 1) -> Floats:
-        """Spikes in each tick as a share of all pixels, (ticks,); of every n-th row alone."""
+        """Returns the share of pixels that fire in each tick, (ticks,), from every n-th row."""
         words = self.words[:, ::every]
         out = np.zeros(len(words) * WORD)
         for w, word in enumerate(words):

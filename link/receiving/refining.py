@@ -1,10 +1,10 @@
-"""Register the panel to hundredths of a camera pixel: the art of its tags, fitted as a whole.
+"""Registration of the panel to hundredths of a camera pixel, by a fit of the artwork of its tags.
 
-A pixel's rate is a monotone function of the light on it, not a linear one: with the charge put to
-zero at each spike it is a staircase. So the model is r = g(P(x - d)), with P the blurred art, d the
-shift that the homography's change makes, and g for each tag a function of its own, linear between
-knots, that is fitted along. Gauss-Newton on all tags at once. A linear g leaves errors of a tenth
-of a pixel where the art is not the same on both sides; with g free they are some hundredths.
+A pixel's rate is a monotone but not a linear function of its light: if a spike resets the charge to
+zero, it is a staircase. The model is therefore r = g(P(x - d)), with the blurred artwork P, the
+displacement d by the change of the homography, and a separate function g for each tag, piecewise
+linear, which is fitted as well. Gauss-Newton steps on all tags together. A linear g leaves errors
+of a tenth of a pixel if the artwork is not symmetric; with a free g they are some hundredths.
 """
 
 from __future__ import annotations
@@ -22,26 +22,32 @@ __all__ = ["Refined", "TagArt", "project", "refine_homography", "shift_of"]
 
 Floats = npt.NDArray[np.float64]
 _FINE: Final = 3
-"""Samples to the side of a camera pixel."""
+"""Samples along a side of a camera pixel."""
 _BLURS: Final = (0.25, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5)
 """Standard deviations that are tried, camera pixels."""
 _MARGIN: Final = 0.45
-"""Of the white margin's module: what is nearer to the panel's data is left out."""
+"""Share of the white margin's module next to the panel's data that is not used."""
 _KNOTS: Final = 16
-"""Of g between no light and full light, where a tag has pixels enough."""
+"""Knots of g between no light and full light, if a tag has enough pixels."""
 _ROUNDS: Final = ((0.65, 2), (None, 2), (None, 2))
-"""Blur (None: the best one) and steps of each round."""
+"""Blur (None for the best one) and number of steps of each round."""
 _SHIFTS: Final = 4
 _SETTLED: Final = 0.1
-"""Steps to a shift, and camera pixels below which one is the last."""
+"""_SHIFTS: largest number of steps of a displacement. _SETTLED: step after which it ends, camera
+pixels."""
 _FAR: Final = 6.0
-"""Camera pixels that an image may move from word to word."""
+"""Largest displacement of the image from word to word, camera pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A tag in the image: its top left camera pixel, the art at _FINE samples a pixel before blur,
-    and which pixels count, (height, width)."""
+    """A tag in the image.
+
+    Attributes:
+        x, y: its top left camera pixel.
+        fine: artwork at _FINE samples a pixel, before blur.
+        use: (height, width) bool, pixels that count.
+    """
 
     x: int
     y: int
@@ -49,7 +55,7 @@ class Patch:
     use: npt.NDArray[np.bool_]
 
     def blurred(self, blur: float) -> Floats:
-        """(height, width), 0 to 1."""
+        """Returns the blurred artwork, (height, width), 0 to 1."""
         import cv2
 
         image = cv2.GaussianBlur(self.fine, (0, 0), blur * _FINE)
@@ -57,15 +63,21 @@ class Patch:
         return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float64)
 
     def of(self, rates: npt.NDArray[np.float32]) -> Floats:
-        """What an image shows in its place."""
+        """Returns an image's pixels at its place."""
         h, w = self.use.shape
         return rates[self.y : self.y + h, self.x : self.x + w].astype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """homography; blur (standard deviation, camera pixels); rms of what is left; white and black:
-    rates of the tags' white and black, whose difference is the contrast."""
+    """A refined registration.
+
+    Attributes:
+        homography: (3, 3) float64.
+        blur: standard deviation, camera pixels.
+        rms: of the residuals, spikes a tick.
+        white, black: rates of the tags' white and black; the difference is the contrast.
+    """
 
     homography: Floats
     blur: float
@@ -77,7 +89,7 @@ class Refined:
 def project(
     homography: npt.NDArray[Any], x: npt.ArrayLike, y: npt.ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Points through a homography."""
+    """Returns points through a homography."""
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     h = homography
     w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
@@ -85,7 +97,13 @@ def project(
 
 
 class TagArt:
-    """What the four tags of a layout look like."""
+    """Artwork of the four tags of a layout.
+
+    Attributes:
+        layout: of the mode.
+        arts: modules of each tag.
+        places: their places on the panel.
+    """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -93,7 +111,7 @@ class TagArt:
         self.places = tag_places(layout)
 
     def patches(self, homography: Floats, shape: tuple[int, int]) -> list[Patch]:
-        """The tags that lie within an image of `shape`."""
+        """Returns the tags that lie within an image of `shape`."""
         patches = (self._patch(corner, homography, shape) for corner in range(4))
         return [patch for patch in patches if patch is not None]
 
@@ -111,7 +129,7 @@ class TagArt:
         mx, my = project(np.linalg.inv(homography), xs, ys[:, None])
         column = np.floor((mx + 0.5 - px) / self.layout.module).astype(np.intp)
         row = np.floor((my + 0.5 - py) / self.layout.module).astype(np.intp)
-        last = TAG_MODULES - 1  # beyond its white margin stands what is not known: white
+        last = TAG_MODULES - 1  # unknown content beyond the white margin is taken as white
         fine = self.arts[corner][np.clip(row, 0, last), np.clip(column, 0, last)]
         middle = slice(_FINE // 2, None, _FINE)
         cx, cy = mx[middle, middle] - px + 0.5, my[middle, middle] - py + 0.5
@@ -121,7 +139,7 @@ class TagArt:
 
 
 def _hats(light: Floats, knots: int) -> Floats:
-    """Weights of knots for a function that is linear between them, (n, knots)."""
+    """Returns the weights of the knots of a piecewise linear function, (n, knots)."""
     at = np.clip(light, 0, 1) * (knots - 1)
     low = np.minimum(at.astype(np.intp), knots - 2)
     out = np.zeros((len(light), knots))
@@ -132,7 +150,7 @@ def _hats(light: Floats, knots: int) -> Floats:
 
 
 def _curve(light: Floats, rate: Floats) -> Floats:
-    """g of a tag at its knots, held together where few pixels are."""
+    """Returns g of a tag at its knots, smoothed where there are few pixels."""
     knots = max(3, min(_KNOTS, len(light) // 40))
     hats = _hats(light, knots)
     bend = np.diff(np.eye(knots), 2, axis=0)
@@ -142,15 +160,21 @@ def _curve(light: Floats, rate: Floats) -> Floats:
 
 
 def _expected(light: Floats, curve: Floats) -> Floats:
-    """g of an image of light."""
+    """Returns g of an image of light."""
     return np.asarray(np.interp(light, np.linspace(0, 1, len(curve)), curve))
 
 
 def refine_homography(
     rates: npt.NDArray[np.float32], homography: Floats, layout: Layout
 ) -> Refined | None:
-    """The homography and blur that fit the tags in an image of rates best, from one that is good
-    to about half a module. None where the tags do not show."""
+    """Returns the homography and blur with the best fit of the tags; None if the tags are not
+    visible.
+
+    Args:
+        rates: (height, width) spikes a tick.
+        homography: initial value, accurate to about half a module.
+        layout: of the mode.
+    """
     mode, tags = layout.mode, TagArt(layout)
     half = np.array([(mode.width - 1) / 2, (mode.height - 1) / 2])
     unit = np.array([[half[0], 0, half[0]], [0, half[1], half[1]], [0, 0, 1.0]])
@@ -188,7 +212,7 @@ def refine_homography(
 
 
 def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
-    """The one of which a function of the blurred art alone explains the rates best."""
+    """Returns the blur with the smallest residuals."""
     left: list[float] = []
     for blur in _BLURS:
         total = 0.0
@@ -210,7 +234,7 @@ def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
 def _step(
     patches: list[Patch], rates: npt.NDArray[np.float32], blur: float, h: Floats
 ) -> Floats | None:
-    """Change of the homography from panel coordinates within -1 and 1."""
+    """Returns the change of the homography from panel coordinates within -1 and 1."""
     if len(patches) < 4:
         return None
     inverse = np.linalg.inv(h)
@@ -224,12 +248,12 @@ def _step(
         x, y = columns + float(patch.x), rows + float(patch.y)
         mx, my = project(inverse, x, y)
         w = h[2, 0] * mx + h[2, 1] * my + h[2, 2]
-        # the image moves by d: g(P(x - d)), so rates change by -grad . d
+        # A displacement d gives g(P(x - d)), so rates change by -grad . d.
         gx, gy = -along_x[patch.use] / w, -along_y[patch.use] / w
         both = gx * x + gy * y
         columns_of = [gx * mx, gx * my, gx, gy * mx, gy * my, gy, -both * mx, -both * my]
         design = np.stack(columns_of, 1)
-        # what g can take is not the homography's: both are solved for at once
+        # Project out what g can explain: both are solved together.
         hats = _hats(light[patch.use], len(curve))
         inner = hats.T @ hats + 1e-6 * np.eye(len(curve))
         taken = np.linalg.solve(inner, np.column_stack([hats.T @ design, hats.T @ rate[patch.use]]))
@@ -246,8 +270,17 @@ def _step(
 def shift_of(
     rates: npt.NDArray[np.float32], refined: Refined, tags: TagArt, near: tuple[float, float]
 ) -> tuple[tuple[float, float], float] | None:
-    """(dx, dy) by which an image of rates is moved against a homography, camera pixels, from about
-    `near`, and its standard error along an axis. None where the tags do not show."""
+    """Returns the displacement (dx, dy) of an image of rates, camera pixels, and its standard
+    error.
+
+    The error is along an axis. None if the tags are not visible.
+
+    Args:
+        rates: (height, width) spikes a tick.
+        refined: registration.
+        tags: artwork.
+        near: initial value, camera pixels.
+    """
     at = np.array(near)
     error = 0.0
     for _ in range(_SHIFTS):

@@ -1,8 +1,8 @@
-"""A transmission that was found, decoded group by group while its words come in.
+"""Decoding of an acquired transmission, group by group, as its words arrive.
 
-Stretches of the recording are decoded one after another. Within one the detector stays, and learns
-from what it decided itself as the symbols' phase within the tick moves; from one to the next the
-image's drift and the symbols' timing are measured anew.
+Sections of the recording are decoded one after another. Within a section the detector is the same
+and learns from its own decisions as the phase of the symbols moves within the tick. From one
+section to the next, the image's drift and the symbols' timing are measured again.
 """
 
 from __future__ import annotations
@@ -32,37 +32,59 @@ __all__ = ["Session"]
 
 Floats = npt.NDArray[np.float64]
 _CHUNK: Final = 40
-"""Symbols that are decoded at a time, about."""
+"""Approximate number of symbols decoded at a time."""
 _KNOWN: Final = 48
 """Symbols that a detector learns from."""
 _CHECK: Final = 128.0
-"""Ticks after which the timing is looked at again."""
-_WITNESSED: Final = 24
-"""Symbols of a look."""
-_LATE: Final = 0.03
-"""Ticks that the timing may move before the detector learns again."""
+"""Ticks after which the timing is measured again."""
+_MEASURED: Final = 24
+"""Symbols of a measurement of the timing."""
+_SHIFTED: Final = 0.03
+"""Change of the timing after which the detector learns again, ticks."""
 _SHARP, _FAR = 0.05, 0.45
-"""Ticks of a look's error beyond which its top is not believed, and of lateness."""
+"""_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
+ticks."""
 _MOVED: Final = 1 / 16
-"""Ticks that the phase may move before the detector learns again."""
+"""Change of the phase after which the detector learns again, ticks."""
 _SLACK: Final = 4.0
-"""Ticks after the tags go dark that may still belong to the last symbol."""
+"""Ticks after the tags go dark that may belong to the last symbol."""
 _ALIKE: Final = 0.9
-"""Share of decisions that are those of the closing, from which it is the closing; of data half."""
+"""Share of decisions equal to the closing from which a group is the closing; for data it is
+half."""
 _CUT: Final = 0.1
-"""Ticks of a group that the recording may lack: the timing is not known so well that a group which
-ends with the recording seems to end before it."""
-_HELD: Final = 2048
-"""Symbols whose decisions are held."""
+"""Ticks of a group that the recording may lack: the timing is not accurate enough to decide that a
+group ends exactly with the recording."""
+_STORED: Final = 2048
+"""Number of symbols whose decisions are stored."""
 _SAMPLED: Final = 2048
 """Soft values of a chunk that are kept, and of them all at most."""
 _SAMPLES: Final = 200_000
+"""Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""
 _SOUND: Final = 0.5
-"""Share of a chunk's frames that must be right for the receiver to believe its own decisions."""
+"""Share of a chunk's frames that must be correct for its decisions to be used as training."""
 
 
 class Session:
-    """Of one transmission."""
+    """Decoding of one transmission.
+
+    Attributes:
+        layout, refined, pace, levels: of the acquisition, pace and refined updated.
+        detector_name: of the detector.
+        inbox: receives the groups.
+        rows: of the camera.
+        trained: symbols of the training in the recording.
+        drift: displacement of the image, a part for each section.
+        instants: decoded groups.
+        delivered_tick: tick at which the file was whole; None before.
+        packed: decisions of the last symbols, packed bits.
+        promised: number of wrong decisions that all soft values predict.
+        soft, soft_at: samples of soft values, and their symbol and cell.
+        quality: (cells,) sum of the magnitudes of the soft values.
+        symbols: number of decoded symbols.
+        lit_stop: tick at which the panel goes dark.
+        sound_until: tick until which the decisions are known to be correct.
+        lost: whether the last frames were wrong.
+    """
 
     def __init__(
         self, acquired: Acquired, detector: str, inbox: Inbox, shape: tuple[int, int]
@@ -76,7 +98,6 @@ class Session:
         self.delivered_tick: int | None = None
         self.packed: dict[int, npt.NDArray[np.uint8]] = {}
         self.promised = 0.0
-        """Wrong decisions that the soft values, all of them, let expect."""
         self.soft: list[npt.NDArray[np.float32]] = []
         self.soft_at: list[npt.NDArray[np.int64]] = []
         self.quality = np.zeros(self.layout.cells)
@@ -87,46 +108,44 @@ class Session:
             low, high = acquired.trained
             self._known = low, training(self.layout.cells)[low:high]
         self._confidence: float | None = None
-        """Factor on soft values, once it was learned from the training."""
+        """Factor on soft values, learned from the training; None before."""
         self._next: int | None = None
         self._checked = self.pace.at
         self._learned = 0.0
         self.sound_until = float(self.timing.start(0, self.rows / 2))
-        """Tick until which what was decided is known to be right."""
         self.lost = False
-        """Whether the last frames were wrong."""
 
     def go_on_from(self, old: Session) -> None:
-        """Takes over what an earlier session of the same transmission has measured."""
+        """Takes over the results of an earlier session of the same transmission."""
         self.drift, self.instants = old.drift, old.instants
         self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
 
     def symbol_ends(self, symbol: int) -> float:
-        """Tick by which all rows have seen all of a symbol."""
+        """Returns the tick by which all rows have received all of a symbol."""
         return float(np.max(self.timing.start(symbol + 1, np.array([0, self.rows]))))
 
     def _begins(self, symbol: int) -> float:
         return float(np.min(self.timing.start(symbol, np.array([0, self.rows]))))
 
     def _first_group(self, tick: int) -> int:
-        """The first one that begins at or after a tick."""
+        """Returns the first group that begins at or after a tick."""
         symbol = (tick - self.timing.first + max(0.0, -self.timing.slope)) / self.timing.period
         return max(0, int(np.ceil((symbol - TRAINING) / self.layout.group)))
 
     @property
     def timing(self) -> Timing:
-        """As it is known by now."""
+        """Current estimate of the timing."""
         return self.pace.timing
 
     def ready(self, recording: Recording) -> float:
-        """Ticks held that have not been decoded."""
+        """Returns the number of stored ticks that have not been decoded."""
         if self._next is None:
             return float(recording.ticks)
         return recording.stop - self._begins(TRAINING + self._next * self.layout.group)
 
     def advance(self, recording: Recording) -> None:
-        """Decodes the groups that a recording holds whole, and lets go of what is not needed."""
+        """Decodes the groups that are whole in a recording, and drops words that are not needed."""
         lit = None
         if not self.inbox.over:
             lit = lit_span(recording, self.layout, self.refined.homography)
@@ -140,7 +159,7 @@ class Session:
         if self._next is None:
             self._next = self._first_group(max(lit[0], recording.first))
         group = self.layout.group
-        # rows end one after another, and half a group that is not there does no harm
+        # Rows end one after another, and a group of which half is missing does no harm.
         slack = min(_SLACK, group * self.layout.mode.ticks / 2)
         last = min(lit[1] + slack, recording.stop + _CUT)
         many = max(1, _CHUNK // group)
@@ -172,7 +191,7 @@ class Session:
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._keep(first, soft > 0)
+                self._known = self._last_decided(first, soft > 0)
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
@@ -182,14 +201,17 @@ class Session:
             recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
 
     def _closes(self, soft: npt.NDArray[np.float32]) -> bool:
-        """Whether what would be the last group begins with the transmission's closing, which is
-        almost as long where groups are short."""
+        """Whether the last group is the beginning of the transmission's closing.
+
+        With short groups the closing is almost as long as a group.
+        """
         known = closing(self.layout)[: len(soft)]
         return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
 
-    def _keep(
+    def _last_decided(
         self, first: int, decided: npt.NDArray[np.bool_]
     ) -> tuple[int, npt.NDArray[np.bool_]]:
+        """Returns the first symbol and the decisions of the last symbols, for learning."""
         part = decided[-_KNOWN:]
         return first + len(decided) - len(part), part
 
@@ -214,24 +236,28 @@ class Session:
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
     ) -> Any:
-        """The detector to go on with, after a chunk whose decisions are known to be right."""
+        """Returns the detector for the next chunk, after a chunk whose decisions are known to be
+        correct."""
         assert self._known is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
         phase = (self.timing.period - round(self.timing.period)) * (begin + len(decided))
         if now - self._checked >= _CHECK:
             self._checked = now
-            some = slice(max(len(decided) - _WITNESSED, 0), None)
+            some = slice(max(len(decided) - _MEASURED, 0), None)
             at = begin + some.start
             w = choose_witnesses(
                 recording, self.layout, registration, self.timing,
-                known_cells(self.layout, at, decided[some]), at,
+                known_cells(self.layout, at, decided[some]),
             )  # fmt: skip
             delay = self._delay(w) if w is not None else None
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if abs(float(self.timing.start(*middle) - detector.timing.start(*middle))) > _LATE:
+                if (
+                    abs(float(self.timing.start(*middle) - detector.timing.start(*middle)))
+                    > _SHIFTED
+                ):
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
@@ -241,13 +267,13 @@ class Session:
         return detector
 
     def _delay(self, w: Witnesses) -> Delay | None:
-        """How late symbols are; None where the spikes do not say."""
+        """Returns the delay of the symbols; None if the spikes do not determine it."""
         delay = measure_delay(w, self.timing, self.levels)
-        if delay.error > _SHARP:  # many phases explain the spikes: is this one of them?
+        if delay.error > _SHARP:  # many phases may explain the spikes, the current one too
             delay = Delay(nudge(w, self.timing, self.levels), _SHARP)
-            if delay.late == 0:
+            if delay.ticks == 0:
                 return None
-        return delay if abs(delay.late) < _FAR else None
+        return delay if abs(delay.ticks) < _FAR else None
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
         group = self.layout.group
@@ -268,24 +294,24 @@ class Session:
         self.symbols += len(soft)
         for n, row in enumerate(np.packbits(soft > 0, axis=1)):
             self.packed[first + n] = row
-        for symbol in list(self.packed)[: max(len(self.packed) - _HELD, 0)]:
+        for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
         if sum(len(part) for part in self.soft) < _SAMPLES:
-            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it meets all symbols
+            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it samples all symbols
             picked = np.arange(0, soft.size, stride)
             of, cell = np.divmod(picked, soft.shape[1])
             self.soft.append(soft.ravel()[picked])
             self.soft_at.append(np.stack([of + first, cell], 1).astype(np.int64))
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values of data cells on the panel, (rows, columns)."""
+        """Returns values of data cells on the panel, (rows, columns)."""
         out = np.zeros(self.layout.shape, values.dtype)
         out.ravel()[self.layout.data] = values
         return out
 
     @property
     def all_drift(self) -> Floats:
-        """(n, 3), in order of ticks."""
+        """(n, 3) displacement of the image, in order of ticks."""
         parts = [part for part in self.drift if len(part)]
         if not parts:
             return np.zeros((0, 3))

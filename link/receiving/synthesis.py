@@ -1,16 +1,16 @@
-"""The timing to hundredths of a tick: known symbols, shown again to pixels that are computed.
+"""Likelihood of a timing from known symbols, by a model of the pixels' charge.
 
-A pixel whose charge is put to zero at its spike hides where within a tick a symbol begins: half a
-tick of light may fire or not, by what was left over before. Correlation is then wrong by up to half
-a tick. So the charge of some thousand pixels is computed from the known cells around them, and the
-phase, the light's level and its background are those that make the observed spikes likeliest. What
-a pixel does next is judged from its spikes so far, so that errors do not add up.
+A pixel with hard reset hides the instant within a tick at which a symbol begins: half a tick of
+light may fire or not, depending on the remaining charge. Correlation is then wrong by up to half a
+tick. So the charge of about a thousand pixels is computed from the known cells around them. The
+phase, the light's level and its background are those that maximise the likelihood of the observed
+spikes. The prediction for a pixel uses its spikes so far, so that errors do not accumulate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +26,8 @@ __all__ = [
     "NOISE",
     "RULES",
     "SKIP",
+    "KnownSymbols",
     "Levels",
-    "Sampling",
     "Witnesses",
     "choose_witnesses",
     "known_cells",
@@ -42,19 +42,26 @@ Floats = npt.NDArray[np.float64]
 NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
 FLOOR: Final = 0.02
-"""Least probability of anything: a pixel that the model does not describe has no veto."""
+"""Smallest probability of any observation, so that a pixel outside the model has limited weight."""
 RULES: Final = ("residual", "hard", "subtract")
 SKIP: Final = 4
 """Ticks until a pixel's charge is known."""
 _PURE, _ENOUGH = 0.98, 400
-"""Share of light from one cell of pixels that see it alone, and how many of them are enough."""
+"""Share of light from one cell for a pixel to count as pure, and the number of pure pixels that is
+enough."""
 _LEAST_PIXELS, _LEAST_TICKS = 100, 16
 
 
 @dataclass(frozen=True)
 class Levels:
-    """on, background: thresholds a tick that full light adds, and that is always there. reset: the
-    rule by which the pixels seem to go. likelihood: mean ln P of an observed bit."""
+    """Light of the cells.
+
+    Attributes:
+        on: charge of a tick that full light adds, thresholds.
+        background: charge of a tick without light, thresholds.
+        reset: estimated reset rule.
+        likelihood: mean ln P of an observed bit.
+    """
 
     on: float
     background: float
@@ -64,9 +71,16 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class Witnesses:
-    """Pixels that are computed: rows and columns (n,); light of each symbol from `begin` on, (n,
-    symbols) float64, 0 to 1; bits (n, ticks) uint8 of 0 and 1, from tick `tick` on. cells: that
-    they look at, all together."""
+    """Pixels whose charge is modelled.
+
+    Attributes:
+        rows, columns: (n,) float64, camera pixels.
+        light: (n, symbols) float64, light of each symbol from `begin` on, 0 to 1.
+        begin: first symbol.
+        bits: (n, ticks) uint8 of 0 and 1, from tick `tick` on.
+        tick: of the first bit.
+        cells: number of different cells in their middles.
+    """
 
     rows: Floats
     columns: Floats
@@ -78,12 +92,12 @@ class Witnesses:
 
     @property
     def independent(self) -> float:
-        """Share of the pixels that err on their own: those of one cell see the same light, and the
-        model is wrong of all of them together."""
+        """Share of the pixels with independent errors: pixels of one cell share its model
+        errors."""
         return min(self.cells / len(self.rows), 1.0)
 
     def some(self, count: int) -> Witnesses:
-        """Evenly chosen ones of them."""
+        """Returns about `count` of them, evenly chosen."""
         pick = slice(None, None, max(1, len(self.rows) // count))
         return replace(
             self,
@@ -94,61 +108,57 @@ class Witnesses:
         )
 
 
-def known_pilots(layout: Layout, begin: int, count: int) -> npt.NDArray[np.float32]:
-    """What cells show on average where only the pilots are known, (count, rows, columns)."""
+@dataclass(frozen=True, eq=False)
+class KnownSymbols:
+    """Symbols whose cells are known.
+
+    Attributes:
+        begin: number of the first symbol.
+        cells: (n, rows, columns) bool of all cells, or float32 means.
+        pilots_only: whether only the pilots are known.
+    """
+
+    begin: int
+    cells: npt.NDArray[np.bool_] | npt.NDArray[np.float32]
+    pilots_only: bool = False
+
+
+def known_pilots(layout: Layout, begin: int, count: int) -> KnownSymbols:
+    """Returns symbols of which only the pilots are known; data cells have their mean."""
     out = np.full((count, *layout.shape), 0.5, np.float32)
     out[:, layout.pilot] = pilots()[(begin + np.arange(count)) % PERIOD, None]
-    return out
+    return KnownSymbols(begin, out, pilots_only=True)
 
 
-def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """All cells of symbols whose data cells (n, cells) are known, (n, rows, columns)."""
+def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> KnownSymbols:
+    """Returns symbols whose data cells, (n, cells), are known."""
     out = np.zeros((len(data), *layout.shape), np.bool_)
     out.reshape(len(data), -1)[:, layout.data] = data
     out[:, layout.pilot] = pilots()[(begin + np.arange(len(data))) % PERIOD, None]
-    return out
-
-
-class Sampling(NamedTuple):
-    """How witnesses are drawn.
-
-    Attributes:
-        pixels: number of them, at most.
-        of_pilots: whether they lie on pilot cells; otherwise within the panel.
-        pure: whether pixels that see several cells are left out if enough others are there: where
-            cells meet, light follows blur and registration, whose errors would pass for delay.
-        seed: of the draw.
-    """
-
-    pixels: int = 1500
-    of_pilots: bool = False
-    pure: bool = True
-    seed: int = 1
-
-
-DEFAULT: Final = Sampling()
+    return KnownSymbols(begin, out)
 
 
 def choose_witnesses(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
-    known: npt.NDArray[np.bool_] | npt.NDArray[np.float32], begin: int, how: Sampling = DEFAULT,
+    known: KnownSymbols, *, count: int = 1500, pure: bool = True, seed: int = 1,
 ) -> Witnesses | None:  # fmt: skip
-    """Pixels whose light is known, drawn at random; None if there are too few pixels or ticks.
+    """Returns random pixels within the panel, or on its pilots; None with too few pixels or ticks.
 
     Args:
-        recording: of the camera.
-        layout, registration, timing: of the panel on it.
-        known: cells of consecutive symbols, (n, rows, columns).
-        begin: number of the first of these symbols.
-        how: pixels are drawn.
+        recording: spikes.
+        layout, registration, timing: of the transmission.
+        known: the known symbols.
+        count: number of pixels.
+        pure: whether to use only pixels within one cell, if there are enough. At the border of
+            cells the light depends on blur and registration, whose errors would appear as delay.
+        seed: of the choice.
     """
-    count, of_pilots, pure, seed = how
     mode, h = layout.mode, registration.homography
     rng = np.random.default_rng(seed)
-    middle = float(timing.start(begin + len(known) / 2, timing.rows / 2))
+    middle = float(timing.start(known.begin + len(known.cells) / 2, timing.rows / 2))
     dx, dy = registration.shift(middle)
     h = np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]]) @ h
-    if of_pilots:
+    if known.pilots_only:
         row, column = np.nonzero(layout.pilot)
         pick = rng.permutation(len(row))[: 4 * count]
         x, y = ((a[pick] + 0.5) * mode.cell - 0.5 for a in (column, row))
@@ -167,32 +177,40 @@ def choose_witnesses(
     u, v, cell = u[:count], v[:count], cell[:count]
     if len(u) < _LEAST_PIXELS:
         return None
-    late = (timing.start(begin, v), timing.start(begin + len(known), v))
-    low = max(int(np.ceil(late[0].max())) + 2, recording.first)
-    high = min(int(np.floor(late[1].min())) - 2, recording.stop)
+    starts = timing.start(known.begin, v), timing.start(known.begin + len(known.cells), v)
+    low = max(int(np.ceil(starts[0].max())) + 2, recording.first)
+    high = min(int(np.floor(starts[1].min())) - 2, recording.stop)
     if high - low < _LEAST_TICKS:
         return None
     bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
     bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
-    light = light_on(layout, h, registration.blur, u, v, known)
-    return Witnesses(v, u, light, begin, bits, low, len(np.unique(cell)))
+    light = light_on(layout, h, registration.blur, u, v, known.cells)
+    return Witnesses(v, u, light, known.begin, bits, low, len(np.unique(cell)))
 
 
 def light_on(
-    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, known: npt.NDArray[Any]
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, cells: npt.NDArray[Any]
 ) -> Floats:
-    """Share of full light on camera pixels in each symbol, (pixels, n)."""
+    """Returns the share of full light on camera pixels in each symbol, (pixels, n).
+
+    Args:
+        layout: of the mode.
+        h: homography.
+        blur: standard deviation, camera pixels.
+        u, v: (pixels,) camera pixels.
+        cells: (n, rows, columns) of the symbols.
+    """
     row, column, weight = _taps(layout, h, blur, u, v)
-    out = np.empty((len(u), len(known)))
-    for n, cells in enumerate(known):
-        out[:, n] = np.sum(weight * cells[row, column], axis=1)
+    out = np.empty((len(u), len(cells)))
+    for n, values in enumerate(cells):
+        out[:, n] = np.sum(weight * values[row, column], axis=1)
     return out
 
 
 def _purity(
     layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
 ) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Of camera pixels: the share of light from the cell in their middle, and which it is."""
+    """Returns the share of light from the cell in the middle of camera pixels, and the cell."""
     row, column, weight = _taps(layout, h, blur, u, v)
     cell = row * layout.shape[1] + column
     middle = cell[:, cell.shape[1] // 2]
@@ -202,8 +220,10 @@ def _purity(
 def _taps(
     layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]:
-    """Cell row and column of the panel pixels around camera pixels, and their weights, each
-    (pixels, taps)."""
+    """Returns row, column and weight of the panel pixels around camera pixels, (pixels, taps) each.
+
+    Row and column are those of the pixels' cells.
+    """
     mode = layout.mode
     scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
     spread = max(blur, 0.05)
@@ -221,8 +241,11 @@ def _taps(
 
 
 def _overlap(distance: Floats, blur: float, side: float) -> Floats:
-    """Light along one axis between a camera pixel and a panel pixel of `side` at a distance,
-    through a Gaussian blur: a box of 1, one of `side` and the Gaussian, convolved."""
+    """Returns the light along one axis between a camera pixel and a panel pixel at a distance.
+
+    It is the convolution of a box of 1, a box of `side` and a Gaussian of standard deviation
+    `blur`.
+    """
     from scipy.special import ndtr
 
     value = np.zeros_like(distance)
@@ -234,7 +257,7 @@ def _overlap(distance: Floats, blur: float, side: float) -> Floats:
 
 
 def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
-    """ln P of the observed bits of each pixel, (n,)."""
+    """Returns ln P of the observed bits of each pixel, (n,)."""
     return np.asarray(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,
@@ -244,14 +267,16 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
 
 
 def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
-    """Mean ln P of the observed bits."""
+    """Returns the mean ln P of the observed bits."""
     total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
     return total / (len(w.rows) * max(w.bits.shape[1] - SKIP, 1))
 
 
 def match(w: Witnesses, timing: Timing) -> float:
-    """Correlation of the spikes with the light of the symbols that are said to be known, symbol by
-    symbol: near 0 where they were others."""
+    """Returns the correlation of the spikes with the light of the known symbols.
+
+    It is close to 0 if other symbols were shown.
+    """
     ticks = np.arange(w.bits.shape[1])
     at = (w.tick + ticks[None, :] + 0.5 - timing.start(w.begin, w.rows)[:, None]) / timing.period
     index = np.clip(at.astype(np.intp), 0, w.light.shape[1] - 1)

@@ -1,8 +1,8 @@
-"""Find the panel: its tags in an image of spike rates, what they say, where they stand.
+"""Detection of the panel's tags in an image of spike rates.
 
 Tags are AprilTags 36h11 (Olson, "AprilTag: a robust and flexible visual fiducial system", ICRA
-2011); OpenCV finds them. Its corners are good to some tenths of a pixel; `refining` then fits the
-whole art of all tags at once.
+2011), detected by OpenCV. Its corners are accurate to some tenths of a pixel; `refining` then fits
+the artwork of all tags together.
 """
 
 from __future__ import annotations
@@ -23,34 +23,39 @@ __all__ = [
 
 Floats = npt.NDArray[np.float64]
 _ENLARGED: Final = (1.0, 2.0, 3.0)
-"""How often the image is enlarged, in turn, until four tags are found."""
+"""Factors by which the image is enlarged, in turn, until four tags are detected."""
 _WHITES: Final = (0.995, 0.9999)
-"""Quantiles of the rates that are taken for a tag's white, in turn: those of a small panel are too
-few for the first, which then is the data's grey and makes white of it."""
+"""Quantiles of the rates taken as a tag's white, in turn: the tags of a small panel are too few
+pixels for the first, which is then the grey of the data."""
 _BRIGHTER: Final = 1.1
-"""Times the first white from which the second is tried."""
+"""Ratio of the second white to the first from which the second is tried."""
 _LARGEST: Final = 4096
-"""Pixels to the side of an enlarged image."""
+"""Largest side of an enlarged image, pixels."""
 LEAST_MODULE: Final = 1.6
-"""Camera pixels to a tag's module from which tags are found. Measured on panels of 960 x 960 at
-places and turns by chance, hard reset, blur of 0.35 camera pixels: all four tags in 12 of 12 images
+"""Smallest module of a detectable tag, camera pixels. Measured on panels of 960 x 960 at random
+positions and rotations, hard reset, blur of 0.35 camera pixels: all four tags in 12 of 12 images
 from 1.6 on, in 10 at 1.5, 5 at 1.4, none at 1.3."""
 _BLURRED: Final = 3.1
-"""The same in standard deviations of a wider blur: through 0.7 camera pixels 4 of 4 images at 2.2
-and none at 1.9, through 1.0 half at 3.0 and none at 2.6."""
+"""Smallest module over the standard deviation of a wider blur: through 0.7 camera pixels 4 of 4
+images at 2.2 and none at 1.9, through 1.0 half at 3.0 and none at 2.6."""
 _OFF: Final = 4.0
-"""Camera pixels or modules that a corner may stand off the homography before a tag is doubted."""
+"""Largest distance of a corner from the homography, camera pixels or modules, before a tag is
+rejected."""
 
 
 @dataclass(frozen=True, eq=False)
 class TagSearch:
-    """Tags seen: corner of the panel (0 to 3) to (id, camera corners (4, 2))."""
+    """Detected tags.
+
+    Attributes:
+        tags: (id, camera corners (4, 2)) by corner of the panel, 0 to 3.
+    """
 
     tags: dict[int, tuple[int, Floats]]
 
     @property
     def mode(self) -> Mode | None:
-        """None with fewer than four, or where they are of no mode."""
+        """Mode of the tags; None with fewer than four, or if they belong to no mode."""
         if len(self.tags) < 4:
             return None
         a, b, c, d = (self.tags[corner][0] for corner in range(4))
@@ -61,14 +66,14 @@ class TagSearch:
 
 
 def dictionary() -> Any:
-    """OpenCV's table of 36h11."""
+    """Returns OpenCV's table of 36h11."""
     import cv2
 
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
 def find_tags(rates: npt.NDArray[np.float32]) -> TagSearch:
-    """Tags in an image of spike rates, (height, width)."""
+    """Detects tags in an image of spike rates, (height, width)."""
     white, brighter = (float(n) for n in np.quantile(rates, _WHITES))
     best = _find(rates, white) if white > 0 else TagSearch({})
     if best.mode is None and brighter > _BRIGHTER * white:
@@ -79,7 +84,7 @@ def find_tags(rates: npt.NDArray[np.float32]) -> TagSearch:
 
 
 def _find(rates: npt.NDArray[np.float32], white: float) -> TagSearch:
-    """Tags in the image where `white` and all that is brighter is shown white."""
+    """Detects tags in the image with rates from `white` on clipped to white."""
     import cv2
 
     grey = np.clip(rates * (255.0 / white), 0, 255).astype(np.uint8)
@@ -113,31 +118,37 @@ def _detect(image: npt.NDArray[Any], factor: float) -> TagSearch:
         return TagSearch(tags)
     sizes: dict[int, float] = {}
     for corner, number in zip(corners, ids.ravel(), strict=True):
-        # OpenCV counts the middle of a pixel as whole; enlarged by f it stands at f x + (f - 1) / 2
+        # In OpenCV pixel centres are integers; enlarged by f they are at f x + (f - 1) / 2.
         at = (corner.reshape(4, 2).astype(np.float64) + 0.5) / factor - 0.5
         size = float(np.linalg.norm(at - at.mean(0)))
         which = int(number) % 4
-        if size > sizes.get(which, 0.0):  # the larger one where two claim a corner
+        if size > sizes.get(which, 0.0):  # of two tags for one corner, the larger
             sizes[which] = size
             tags[which] = (int(number), at)
     return TagSearch(tags)
 
 
 def least_module(blur: float) -> float:
-    """Camera pixels to a tag's module from which tags are found. blur: of the image, standard
-    deviation, camera pixels."""
+    """Returns the smallest module of a detectable tag, camera pixels.
+
+    Args:
+        blur: standard deviation of the image's blur, camera pixels.
+    """
     return max(LEAST_MODULE, _BLURRED * blur)
 
 
 def tag_places(layout: Layout) -> list[tuple[int, int]]:
-    """Panel (x, y) of the top left pixel of each tag, margin included."""
+    """Returns the panel (x, y) of the top left pixel of each tag, margin included."""
     mode, t = layout.mode, layout.tag
     return [(0, 0), (mode.width - t, 0), (mode.width - t, mode.height - t), (0, mode.height - t)]
 
 
 def tag_corners(layout: Layout, corner: int) -> Floats:
-    """Panel (x, y) of the corners of a tag's black border, (4, 2), clockwise from top left; edges
-    of pixels, which are half a pixel from their centres."""
+    """Returns the panel (x, y) of the corners of a tag's black border, (4, 2), clockwise from top
+    left.
+
+    They are edges of pixels, half a pixel from the centres.
+    """
     x, y = tag_places(layout)[corner]
     low, high = layout.module - 0.5, layout.tag - layout.module - 0.5
     return np.array(
@@ -146,7 +157,7 @@ def tag_corners(layout: Layout, corner: int) -> Floats:
 
 
 def art_of(tag: int) -> npt.NDArray[np.bool_]:
-    """A tag's modules, margin included, (TAG_MODULES, TAG_MODULES), True white."""
+    """Returns a tag's modules, margin included, (TAG_MODULES, TAG_MODULES) bool, True for white."""
     import cv2
 
     out = np.ones((TAG_MODULES, TAG_MODULES), np.bool_)
@@ -156,13 +167,16 @@ def art_of(tag: int) -> npt.NDArray[np.bool_]:
 
 
 def fit_homography(search: TagSearch, layout: Layout) -> tuple[Floats, float] | None:
-    """Homography from panel to camera by the corners of four tags, and the largest distance of a
-    corner from it, camera pixels; None where there is none or the panel is seen from behind."""
+    """Returns the homography from panel to camera by the corners of four tags, and its error.
+
+    The error is the largest distance of a corner, camera pixels. None if there is no homography, or
+    the panel is seen from behind.
+    """
     import cv2
 
     panel = np.concatenate([tag_corners(layout, corner) for corner in range(4)])
     camera = np.concatenate([search.tags[corner][1] for corner in range(4)])
-    # corners of tags are better within a tag's size than the four middles are apart: all at once
+    # All corners of all tags together.
     out, _ = cv2.findHomography(panel, camera, 0)
     if out is None or not np.isfinite(out).all() or abs(out[2, 2]) < 1e-12:
         return None

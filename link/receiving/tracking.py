@@ -1,4 +1,4 @@
-"""How far the image has moved, from the tags, word by word: 32 ticks at a time."""
+"""Displacement of the image by the tags, for each word of 32 ticks."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ __all__ = ["drift_by_tags"]
 
 Floats = npt.NDArray[np.float64]
 _REAL: Final = 3.0
-"""Standard errors that the image's shifts scatter at least, or it is said to stand still."""
+"""Ratio of the displacements' scatter to their standard error below which the image counts as
+static."""
 
 
 def drift_by_tags(
     recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int]
 ) -> Floats:
-    """(tick, dx, dy) rows, (n, 3), camera pixels against the refined homography; no rows where the
-    image stands still as far as can be told."""
+    """Returns rows (tick, dx, dy), (n, 3), camera pixels against the refined homography.
+
+    There are no rows if no significant motion was measured.
+    """
     tags = TagArt(layout)
     low = -(-max(lit[0] - recording.first, 0) // WORD)
     high = min(lit[1] - recording.first, recording.ticks) // WORD
@@ -44,7 +47,7 @@ def drift_by_tags(
     spread = float(np.sqrt(np.mean(np.var(drift[:, 1:], axis=0))))
     if spread < _REAL * float(np.mean(errors)):
         return np.zeros((0, 3))
-    # to the ends of what was lit, as the image moved there last
+    # Extrapolate to the ends of the lit ticks.
     ends = []
     for at_end, next_to, tick in ((drift[0], drift[1], lit[0]), (drift[-1], drift[-2], lit[1])):
         speed = (at_end[1:] - next_to[1:]) / (at_end[0] - next_to[0])

@@ -1,4 +1,4 @@
-"""The section on which cells fail."""
+"""The report's section on errors by cell."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ __all__ = ["cells_section"]
 
 
 def cells_section(link: LinkEvaluation, figures: Path) -> str:
+    """Returns the section; writes its figure."""
     path = figures / "cells.png"
     quality = link.received.cell_quality
     if quality is None:
@@ -24,14 +25,14 @@ def cells_section(link: LinkEvaluation, figures: Path) -> str:
     facts = "".join(f"<li>{html.escape(each)}</li>" for each in _facts(link))
     return (
         "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
-        "of the panel's cells and the camera's pixels: where an edge falls into the middle of a "
-        f"pixel, that pixel sees two cells at once.</p><ul>{facts}</ul>"
+        "of the panel's cells and the camera's pixels: a pixel with an edge in its middle receives "
+        f"light of two cells.</p><ul>{facts}</ul>"
         + plot(path, "map of cells")
     )  # fmt: skip
 
 
 def _facts(link: LinkEvaluation) -> list[str]:
-    """Where cells fail, from the map of errors."""
+    """Returns statements on the position of errors, from the map of errors."""
     wrong, facts = link.errors.by_cell, []
     carries = wrong >= 0
     if not link.errors.symbols or not carries.any():
@@ -51,7 +52,7 @@ def _facts(link: LinkEvaluation) -> list[str]:
     facts += _against_grid(link, carries)
     for name, mask in (
         ("at the panel's edge, where half of the neighbourhood is dark", edge),
-        ("beside tags and pilots", adjacent & ~edge),
+        ("next to tags and pilots", adjacent & ~edge),
     ):
         mine = mask & carries
         if mine.any():
@@ -63,13 +64,14 @@ def _facts(link: LinkEvaluation) -> list[str]:
     ]  # fmt: skip
     ninth = [float(part.mean()) for part in quarter]
     facts.append(f"Of nine parts of the panel the best has {min(ninth):.2g}, the worst "
-                f"{max(ninth):.2g}: what differs between them is the grids' beat, the rows' timing "
+                f"{max(ninth):.2g}. They differ by the beat of the grids, the timing of the rows "
                 "and turbulence.")  # fmt: skip
     return facts
 
 
 def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[str]:
-    """Where errors lie against how sure cells are, and against the grid of camera pixels."""
+    """Returns statements on errors against the certainty of cells, and against the grid of camera
+    pixels."""
     wrong = link.errors.by_cell[carries]
     if not wrong.sum():
         return []
@@ -79,7 +81,7 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
         f"The fifth of cells with the lowest mean |soft value| has {by_sure[0]:.0%} of the errors, "
         f"the fifth with the highest {by_sure[4]:.0%}"
         + (
-            ": it is not where cells are least sure on average that decisions fail."
+            ": errors do not concentrate on the cells that are least certain on average."
             if by_sure[0] < by_sure[4] else "."
         )
     ]  # fmt: skip
@@ -91,9 +93,9 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
             "The fifth whose edges lie nearest to borders of camera pixels has "
             f"{by_grid[0]:.0%} of them, the fifth farthest from them {by_grid[4]:.0%}: "
             + (
-                "a cell on whole pixels of its own has the fewest that look at it."
+                "a cell aligned with whole pixels has the fewest pixels."
                 if near
-                else "pixels that see two cells at once tell them apart less well."
+                else "pixels with light of two cells distinguish them less well."
             )
         )
     return facts
@@ -102,8 +104,10 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
 def _grid_offsets(
     link: LinkEvaluation, carries: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64] | None:
-    """How far the edges of each data cell lie from the nearest border of camera pixels, camera
-    pixels, the worse of both axes; None where the panel was not found."""
+    """Returns the distance of each data cell's edges from the nearest border of camera pixels.
+
+    The unit is camera pixels, the larger of both axes; None if the panel was not detected.
+    """
     registration = link.received.registration
     if registration is None or link.received.mode != link.mode:
         return None
@@ -117,6 +121,6 @@ def _grid_offsets(
 
 
 def _fifths(order: npt.NDArray[np.intp], wrong: npt.NDArray[np.int64]) -> list[float]:
-    """Share of all errors in each fifth of the cells, as they are ordered."""
+    """Returns the share of all errors in each fifth of the cells, in the given order."""
     parts = np.array_split(wrong[order], 5)
     return [float(part.sum() / wrong.sum()) for part in parts]

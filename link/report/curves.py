@@ -1,4 +1,5 @@
-"""The figure of a link's error rates: theory as lines, Monte Carlo as points with intervals."""
+"""The figure of a link's error rates: theory as lines, Monte Carlo trials as points with
+intervals."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
             ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
             ax.minorticks_off()
         bottom = min((min(c["theory"]) for c in curves), default=_FLOOR)
-        ax.set_ylim(max(bottom / 3, _FLOOR), 30 if panel == "fading" else 1)  # room for its names
+        ax.set_ylim(max(bottom / 3, _FLOOR), 30 if panel == "fading" else 1)  # room for the legend
         ax.set_title(title, fontsize=11, color=INK, loc="left")
         ax.set_xlabel(label, fontsize=9, color=INK)
         words = any(c["trial"] == "codeword" for c in curves)

@@ -1,4 +1,4 @@
-"""The section on raw bit errors: beside theory, the eye, and soft values."""
+"""The report's section on raw bit errors: theory, eye diagram and soft values."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from link.report.signal_figures import eye_figure, soft_figure
 __all__ = ["end_text", "errors_section"]
 
 _CHANCE = 1e-3
-"""Of so many errors in the last symbol, below which they are told apart."""
+"""Probability of so many errors in the last symbol below which they are reported."""
 
 
 def errors_section(link: LinkEvaluation, figures: Path) -> str:
+    """Returns the section; writes its figures."""
     path, theory = figures / "errors.png", link.theory
     errors_figure(link, path)
     span = ""
@@ -25,10 +26,10 @@ def errors_section(link: LinkEvaluation, figures: Path) -> str:
         span = f", 99.9 % interval {theory.interval[0]:.2g} to {theory.interval[1]:.2g}"
     return (
         f"<h2>Errors</h2><p>{link.errors.wrong:,} of {link.errors.bits:,} bits on data cells were "
-        f"decided wrong before any code{span}. The soft values' own promise is the mean of "
-        "1/(1 + exp |L|) over all of them: what they would be wrong by if they were the truth. "
-        "They take a cell's pixels and ticks as independent of each other, though the cells beside "
-        "light them together; the receiver shrinks them by the factor that the training asks for. "
+        f"decided wrongly before any code{span}. The rate according to the soft values is the mean "
+        "of 1/(1 + exp |L|) over all of them: their error rate if they were exact. They take a "
+        "cell's pixels and ticks as independent, although neighbouring cells illuminate all of "
+        "them; the receiver reduces them by a factor estimated from the training. "
         f"{theory_text(link.theory)}{end_text(link.errors)}</p>"
         + plot(path, "bit error rates") + _eye(link, figures) + _soft(link, figures)
     )  # fmt: skip
@@ -41,22 +42,22 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "eye.png"
     eye_figure(eye, path)
     text = (
-        f"With {RARE:.0%} of each bit left aside it is {eye.height:.3f} high and {eye.width:.3g} "
-        f"ticks wide; the level half-way is {eye.level:.3f}."
+        f"Without {RARE:.0%} of the traces of each bit it is {eye.height:.3f} high and "
+        f"{eye.width:.3g} ticks wide; its middle level is {eye.level:.3f}."
         if eye.height > 0
-        else f"It is closed: with {RARE:.0%} of each bit left aside, on and off overlap by "
+        else f"It is closed: without {RARE:.0%} of the traces of each bit, on and off overlap by "
         f"{abs(eye.height):.3f}."
     )
     at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
     return (
-        f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes of "
-        "the pixels that see a cell, each weighted by the share of its light that is the cell's, "
-        f"mean of a window of {link.mode.ticks} ticks as it slides past the symbol, 1 where all "
-        "fire. The camera sees whole ticks; where a symbol begins between them differs by row and, "
-        "with the clocks' offset, by symbol; in between traces are drawn straight. "
-        f"The window nearest to a symbol lies {at} ticks from its middle. {text} Detectors weigh "
-        "each tick by what it tells, and by what came before, and err less than this sum.</p>"
-        + plot(path, "eye diagram")
+        f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes "
+        "of a cell's pixels, each weighted by the cell's share of its light, "
+        f"mean of a window of {link.mode.ticks} ticks that slides past the symbol, 1 if all "
+        "fire. The phase of a symbol within the camera's ticks differs by row and, because of the "
+        "clock offset, by symbol; traces are linear between ticks. "
+        f"The window nearest to a symbol lies {at} ticks from its middle. {text} Detectors weight "
+        "each tick by its information and use the preceding ones, and make fewer errors than this "
+        "sum.</p>" + plot(path, "eye diagram")
     )
 
 
@@ -66,36 +67,40 @@ def _soft(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "soft.png"
     soft_figure(link.soft, path)
     return (
-        f"<h3>Soft values</h3><p>What the detector made of {link.soft.soft.size:,} symbols, by "
-        "what was sent: how sure it was, and how seldom in vain. What lies on the wrong side of 0 "
-        "was decided wrong; a value is cut at what a detector gives at most, so the outermost bins "
-        "may stand high.</p>" + plot(path, "histogram of soft values")
+        f"<h3>Soft values</h3><p>Soft values of {link.soft.soft.size:,} symbols, by the bit that "
+        "was sent. A value on the wrong side of 0 is a wrong decision. Values are clipped at the "
+        "detector's limit, so the outermost bins may be high.</p>"
+        + plot(path, "histogram of soft values")
     )
 
 
 def theory_text(theory: Theory) -> str:
-    """What the theory beside the measured rate is, and what it leaves out."""
+    """Returns what the theory includes, and what it leaves out."""
     span = theory.closed_interval
     if theory.closed is None:
         return (
-            "What theory would say is not known: its closed forms have no panel that is hidden, "
-            "out of view, mirrored or off its clock, and tell no rate too small for a number."
+            "There is no theoretical rate: the closed forms do not model a panel that is hidden, "
+            "out of view, mirrored or off its clock, nor rates that underflow."
         )
     if span is None:
         return (
-            "The theory is a coarse estimate, by Bhattacharyya's bound for looks that err "
-            "independently, with the neighbours' light normal: the run may err many times more."
+            "The theory is a coarse estimate, the Bhattacharyya bound for independent observations "
+            "with normal light of the neighbours: the run may have many times more errors."
         )
     return (
-        "The theory has the exact law of spikes under drawn light of the cells beside and before, "
-        f"99.9 % limits of the drawing {span[0]:.2g} to {span[1]:.2g}. It takes place, phase and "
-        "the spikes' laws as known, and leaves out turbulence, fog blur and fixed pattern."
+        "The theory uses the exact law of spikes under random light of neighbouring and previous "
+        f"cells, 99.9 % limits of the draws {span[0]:.2g} to {span[1]:.2g}. It takes position, "
+        "phase and the laws of spikes as known, and leaves out turbulence, fog blur and fixed "
+        "pattern."
     )
 
 
 def end_text(errors: Errors) -> str:
-    """How many errors are of the transmission's last symbol, where they are more than chance brings
-    among so many symbols: a duration that cuts the transmission leaves darkness behind it."""
+    """Returns a sentence on errors in the transmission's last symbol, if there are significantly
+    many.
+
+    A duration that cuts the transmission leaves darkness after that symbol.
+    """
     from scipy.stats import poisson
 
     rest = errors.bits - errors.bits // max(errors.symbols, 1)

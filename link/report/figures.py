@@ -1,4 +1,4 @@
-"""Figures of a link's run over rates, error rates, delays and distance."""
+"""Figures of a link's rates, error rates, delays and distances."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = [
 BLUE, PALE = "#2f5fa7", "#9db4d8"
 _DOTS = 110
 _LOWEST = 1e-18
-"""At which an axis of bit error rates begins at the lowest."""
+"""Smallest lower limit of an axis of bit error rates."""
 
 
 def _plain(ax: Any) -> None:
@@ -38,8 +38,14 @@ def _plain(ax: Any) -> None:
 def figure_at(
     path: Path, width: float, height: float, *, columns: int = 1, plain: bool = True
 ) -> Iterator[tuple[Any, Any]]:
-    """A figure of so many inches and its axes, written to `path` in the end. plain: without a
-    frame at its top and right."""
+    """Yields a figure and its axes, and writes it to `path` at the end.
+
+    Args:
+        path: file.
+        width, height: inches.
+        columns: number of axes.
+        plain: whether the frame at the top and the right is omitted.
+    """
     plt = pyplot()
     figure, ax = plt.subplots(1, columns, figsize=(width, height), layout="constrained")
     yield figure, ax
@@ -50,7 +56,7 @@ def figure_at(
 
 
 def bits(rate: float) -> str:
-    """A rate for a reader."""
+    """Returns a rate as text."""
     for size, unit in ((1e9, "Gb/s"), (1e6, "Mb/s"), (1e3, "kb/s")):
         if rate >= size:
             return f"{rate / size:.3g} {unit}"
@@ -62,7 +68,7 @@ def _bits_axis(rate: float, _: int) -> str:
 
 
 def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
-    """Bars of rates (what, bits a second); no bar where one is not known."""
+    """Draws bars of rates (name, bit/s); no bar for an unknown rate."""
     with figure_at(path, 8.2, 0.45 * len(rows) + 0.7) as (_, ax):
         most = max((rate for _, rate in rows if rate), default=1.0)
         for n, (_, rate) in enumerate(rows):
@@ -76,19 +82,22 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
 
 
 def lowest_rate(values: Sequence[float | None], bits: int) -> float:
-    """Where an axis of bit error rates begins: below all that are above 0, `_LOWEST` at
-    least, and below one error in `bits`."""
+    """Returns the lower limit of an axis of bit error rates.
+
+    It is below all positive values and below one error in `bits`, but at least `_LOWEST`.
+    """
     positive = [value for value in values if value] + [1 / max(bits, 1), 3e-8]
     return max(min(positive) / 3, _LOWEST)
 
 
 def errors_figure(link: LinkEvaluation, path: Path) -> None:
-    """The measured raw bit error rate with its interval beside what theory says, logarithmic."""
+    """Draws the measured raw bit error rate with its interval, and theory, on a logarithmic
+    axis."""
     with figure_at(path, 8.2, 1.9) as (_, ax):
         theory, errors = link.theory, link.errors
         rows = [
             ("measured", errors.rate, theory.interval, MARK),
-            ("the soft values' own promise", theory.soft, None, BLUE),
+            ("according to the soft values", theory.soft, None, BLUE),
             ("theory (estimate)", theory.closed, theory.closed_interval, BLUE),
         ]
         least = lowest_rate([value for _, value, *_ in rows], errors.bits)
@@ -98,7 +107,7 @@ def errors_figure(link: LinkEvaluation, path: Path) -> None:
                 ax.plot([low, high], [n, n], color=colour, linewidth=5, alpha=0.35)
             if value is None:
                 ax.text(least * 1.2, n, "not known", va="center", fontsize=8.5, color=INK)
-            else:  # one below the axis points there
+            else:  # a rate below the axis is drawn as an arrow
                 ax.plot(
                     max(value, least), n, "o" if value >= least else "<", color=colour,
                     markersize=6, clip_on=False,
@@ -116,7 +125,8 @@ def errors_figure(link: LinkEvaluation, path: Path) -> None:
 
 
 def delay_figure(link: LinkEvaluation, path: Path) -> None:
-    """Stages one after another, each as long as its median, with whiskers from least to most."""
+    """Draws the stages one after another, each as long as its median, with whiskers for the
+    range."""
     rows = link.latency
     with figure_at(path, 8.2, 0.42 * len(rows) + 0.8) as (_, ax):
         at = 0.0
@@ -132,12 +142,12 @@ def delay_figure(link: LinkEvaluation, path: Path) -> None:
         ax.invert_yaxis()
         ax.set_xlim(0, ax.get_xlim()[1] * 1.12)
         ax.set_xlabel(
-            "us since a byte came, medians end to end; orange: least to most of the stage"
+            "us since the arrival of a byte, medians end to end; orange: range of the stage"
         )
 
 
 def reach_figure(link: LinkEvaluation, path: Path) -> None:
-    """Predicted rate over distance, with the modes, and the measured point."""
+    """Draws the predicted rate over distance, with the modes, and the measured points."""
     with figure_at(path, 8.2, 3.3) as (_, ax):
         distance = np.array([r.distance for r in link.reach])
         rate = np.array([r.rate for r in link.reach])
@@ -166,16 +176,19 @@ def reach_figure(link: LinkEvaluation, path: Path) -> None:
 
 
 def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float, float, str]]:
-    """Where one cell and symbol length is the best: the distance of its name's middle, its highest
-    rate, and the name, which stands right of the line that falls to it; those left out for whose
-    names an axis from left to right has no room."""
+    """Returns the ranges in which one cell and symbol length is the best.
+
+    Each is the distance of its label's middle, its highest rate, and the label, which is to the
+    right of the line that falls to it. Labels without room on an axis from left to right are
+    omitted.
+    """
     stretches: list[tuple[float, float, str]] = []
     free = 0.0
     per_letter = 0.0068 * math.log(right / left)
     before = None
     for size, each in itertools.groupby(rows, lambda r: r.mode and (r.mode.cell, r.mode.ticks)):
-        held = list(each)
-        first, last = held[0].distance, held[-1].distance
+        group = list(each)
+        first, last = group[0].distance, group[-1].distance
         falls, before = (before + first) / 2 if before else left, last
         if size is None:
             continue
@@ -183,11 +196,11 @@ def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float
         half = len(text) * per_letter / 2
         middle = max(math.log(first * last) / 2, math.log(falls) + per_letter + half)
         if middle - half >= free or not stretches:
-            stretches.append((math.exp(middle), max(r.rate for r in held), text))
+            stretches.append((math.exp(middle), max(r.rate for r in group), text))
             free = middle + half
     return stretches
 
 
 def _some(x: float, _: int) -> str:
-    """Labels of the ticks between powers of ten: of 2 and 5 alone."""
+    """Returns tick labels between powers of ten: only 2 and 5."""
     return f"{x:g}" if f"{x:e}"[0] in "25" else ""

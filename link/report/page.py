@@ -1,4 +1,4 @@
-"""The page of a link's run."""
+"""The report page of a link's run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from link.report.cells import cells_section
 from link.report.errors import errors_section
 from link.report.figures import bits, delay_figure, rates_figure, reach_figure
 from link.report.signal_figures import view_figure
-from link.report.tables import NOT_KNOWN, kept_section, machine_section
+from link.report.tables import NOT_KNOWN, effects_section, machine_section
 from link.verdict import Cause
 
 __all__ = ["link_page"]
@@ -60,7 +60,8 @@ def _cards(link: LinkEvaluation, run: Run) -> str:
 def _view(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "view.png"
     view_figure(link, path)
-    outcome = "was found by its four AprilTags" if link.outline is not None else "was not found"
+    detected = link.outline is not None
+    outcome = "was detected by its four AprilTags" if detected else "was not detected"
     return (
         f"<h2>What the camera saw</h2><p>Spikes a cycle, mean over the run. The panel {outcome}. "
         f"Distance {link.setting.air.distance:g} m, {link.setting.scale:.3g} camera pixels to a "
@@ -71,7 +72,7 @@ def _view(link: LinkEvaluation, figures: Path) -> str:
 def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
     path = figures / "rates.png"
     rows: list[tuple[str, float | None]] = [
-        ("capacity of the pixels that see it", link.capacity), ("raw", link.rates.raw),
+        ("capacity of the panel's image", link.capacity), ("raw", link.rates.raw),
         ("coded", link.rates.coded), ("goodput", link.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
@@ -86,22 +87,22 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
         ["frames", _frames(result)],
     ]  # fmt: skip
     return (
-        "<h2>Rates</h2><p>Capacity: of all camera pixels that see the panel, a bit a tick, or what "
-        "their light could carry where that is less; <code>viform link capacity</code> tells what "
-        "costs how much of it. Raw: a bit of every data cell in every symbol. Coded: what line "
-        "code and Reed-Solomon leave of it. "
+        "<h2>Rates</h2><p>Capacity: of all camera pixels on the panel's image, one bit a tick, or "
+        "the capacity of their light if that is less; <code>viform link capacity</code> lists the "
+        "losses. Raw: one bit of every data cell in every symbol. Coded: the rate after line "
+        "code and Reed-Solomon code. "
         "Goodput: the file's bits from first light to its last verified "
-        "byte, training, framing and repair frames counted.</p>"
+        "byte, training, framing and repair frames included.</p>"
         + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(link)
     )  # fmt: skip
 
 
 def _frames(result: Result) -> str:
-    """What was sent beyond the file's own frames, and why."""
+    """Returns the numbers of frames sent, and why there are more than the file's own."""
     sent, more, fill = (_frames_of(result, name) for name in ("sent", "repair", "fill"))
     return (
-        f"{sent} sent; beyond the file's own, {more} that link.modem.overhead asks for "
-        f"and {fill} that only fill the last group"
+        f"{sent} sent; beyond the file's own, {more} for link.modem.overhead "
+        f"and {fill} to fill the last group"
     )
 
 
@@ -116,12 +117,20 @@ def _choice(link: LinkEvaluation) -> str:
          bits(row.goodput) if row.goodput else "none"]
         for row in sorted(tried, key=lambda row: -(row.goodput or 0.0))[:12]
     ]  # fmt: skip
-    head = ["cell", "ticks", "line code", "Reed-Solomon", "raw errors", "bytes", "goodput foreseen"]
+    head = [
+        "cell",
+        "ticks",
+        "line code",
+        "Reed-Solomon",
+        "raw errors",
+        "bytes",
+        "predicted goodput",
+    ]
     return (
         "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
-        "air with pilots; Reed-Solomon and the fountain were weighed by the wrong bytes, at their "
-        f"upper limit and half as many again. {rest} modes were not tried, being slower than what "
-        "works or asking for more than what does not. The best:</p>" + table(head, rows)
+        "air with pilots. Reed-Solomon and fountain code were rated by the wrong bytes, 1.5 times "
+        f"their upper limit. {rest} modes were not tried, because they are slower than one that "
+        "works or require more than one that fails. The best:</p>" + table(head, rows)
     )  # fmt: skip
 
 
@@ -138,24 +147,24 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
     return (
         "<h2>From a byte to its arrival</h2><p>Time in the simulated machine. Encoder: a byte "
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
-        "as the group. Panel: the group is shown. Air: light's time. Readout: until the camera's "
+        "as the group. Panel: the group is shown. Air: time of flight. Readout: until the camera's "
         "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
-        f"takes no time here.</p><p><code>latency_us</code>, {median:.6g} us, counts from a "
-        "group's first light on the panel to the end of the camera cycle in which it was verified, "
-        "the median over groups: the encoder's wait is not in it.</p>"
+        f"takes no time here.</p><p><code>latency_us</code>, {median:.6g} us, is the median over "
+        "groups of the time from a group's first light on the panel to the end of the camera cycle "
+        "in which it was verified; it does not include the encoder.</p>"
         + plot(path, "latency by stage")
-        + table(["stage", "least, us", "median, us", "most, us"], rows)
+        + table(["stage", "minimum, us", "median, us", "maximum, us"], rows)
     )  # fmt: skip
 
 
 def _tags(link: LinkEvaluation) -> str:
-    """From which distance on the tags are too small."""
+    """Returns the distance from which on the tags are too small."""
     far = [row.distance for row in link.reach if not row.tags]
     if not far:
         return ""
     return (
-        f" From {min(far):.3g} m on: tags too small. A module of theirs needs "
-        f"{least_module(link.scene.blur):.2g} camera pixels, and a panel whose tags are not found "
+        f" From {min(far):.3g} m on: tags too small. A module needs "
+        f"{least_module(link.scene.blur):.2g} camera pixels, and a panel without detected tags "
         "is not read, however large its cells."
     )
 
@@ -164,13 +173,13 @@ def _reach(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "reach.png"
     tags = _tags(link)
     if not any(row.rate for row in link.reach):
-        return f"<h2>Rate against distance</h2><p>No distance is foreseen to work.{tags}</p>"
+        return f"<h2>Rate against distance</h2><p>No distance is predicted to work.{tags}</p>"
     reach_figure(link, path)
     return (
         "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
-        "measurement, with this panel, lens, light and camera, over the modes that a run tries on "
-        "its own: a resolved panel's image is as bright at any distance, but smaller, so cells "
-        "must grow; nearer than the line begins, the panel does not fit "
+        "measurement, for this panel, lens, light and camera and the modes that a run tries "
+        "itself. The image of a resolved panel is equally bright at any distance, but smaller, so "
+        "cells must grow. Closer than the start of the line, the panel does not fit "
         f"into the view. Only the dots come from this run.{tags}</p>"
         + plot(path, "rate against distance")
     )  # fmt: skip
@@ -183,12 +192,12 @@ def _verdict(link: LinkEvaluation) -> str:
 
 
 def link_page(link: LinkEvaluation, run: Run) -> Page:
-    """The page of a run; writes its figures."""
+    """Returns the page of a run; writes its figures."""
     figures, camera = run.folder / "figures", link.setting.camera
     sections = [
         _verdict(link), _rates(link, run.result, figures), _delay(link, figures),
         errors_section(link, figures), cells_section(link, figures), _view(link, figures),
-        _reach(link, figures), kept_section(link, run.result), machine_section(link),
+        _reach(link, figures), effects_section(link, run.result), machine_section(link),
     ]  # fmt: skip
     stream = shlex.quote(str(run.folder / "stream.zarr"))
     return Page(
@@ -198,7 +207,7 @@ def link_page(link: LinkEvaluation, run: Run) -> Page:
         cards=_cards(link, run),
         sections=sections,
         commands=[f"viform link receive {stream} --out again"],
-        commands_do="<p>The first line reads the file out of the recording once more; the second "
-        "makes the same bits.</p>",
+        commands_do="<p>The first line decodes the recording again; the second reproduces the "
+        "same bits.</p>",
         files=sorted(f"figures/{path.name}" for path in figures.glob("*.png")),
     )

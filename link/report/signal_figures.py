@@ -1,4 +1,4 @@
-"""Figures of a link's signal: the eye, soft values, maps of cells, and the camera's view."""
+"""Figures of a link's signal: eye diagram, soft values, maps of cells, and the camera's view."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ _HOT = "autumn_r"
 
 
 def eye_figure(eye: Eye, path: Path) -> None:
-    """Density of traces over two symbols, with the instant of sampling and the eye's opening."""
+    """Draws the density of traces over two symbols, with the sampling instant and the eye's
+    opening."""
     from matplotlib.colors import LogNorm
 
     with figure_at(path, 8.2, 3.8) as (figure, ax):
@@ -31,12 +32,12 @@ def eye_figure(eye: Eye, path: Path) -> None:
         )  # fmt: skip
         figure.colorbar(drawn, ax=ax, label="share of traces", pad=0.01)
         most = f"{1 - RARE:.0%}"
-        ax.plot(eye.x, eye.low, color=MARK, linewidth=1.2, label=f"{most} of what was on lie above")
-        ax.plot(eye.x, eye.high, color=INK, linewidth=1.2, label=f"{most} of what was off below")
+        ax.plot(eye.x, eye.low, color=MARK, linewidth=1.2, label=f"{most} of ON are above")
+        ax.plot(eye.x, eye.high, color=INK, linewidth=1.2, label=f"{most} of OFF are below")
         left, right = eye.sampled
         ax.axvspan(
             left - reach / 400, right + reach / 400, color=MARK, alpha=0.35, linewidth=0,
-            label="sampled here",
+            label="sampling instant",
         )  # fmt: skip
         ax.set_xlabel("middle of the window, ticks after the symbol's middle")
         ax.set_ylabel("spikes a pixel and tick")
@@ -44,7 +45,7 @@ def eye_figure(eye: Eye, path: Path) -> None:
 
 
 def soft_figure(values: SoftValues, path: Path) -> None:
-    """How soft values of cells that were on and off spread."""
+    """Draws the distribution of the soft values of ON and of OFF cells."""
     with figure_at(path, 8.2, 3.0) as (_, ax):
         top = float(np.quantile(np.abs(values.soft), 0.999)) * 1.1 + 1e-3
         edges = np.linspace(-top, top, 121)
@@ -68,9 +69,16 @@ def soft_figure(values: SoftValues, path: Path) -> None:
 def cells_figure(
     quality: npt.NDArray[np.float64], errors: npt.NDArray[np.int64], symbols: int, path: Path
 ) -> None:
-    """Two maps of cells: how sure their decisions were, and how often they were wrong. Few wrong
-    cells are drawn as dots, larger than they are, so that each is seen. errors: -1 where a cell
-    carries no data."""
+    """Draws two maps of cells: the certainty of their decisions, and their error rates.
+
+    Few wrong cells are drawn as enlarged dots, so that each is visible.
+
+    Args:
+        quality: (rows, columns) mean magnitude of the soft values, nats.
+        errors: (rows, columns) wrong decisions, -1 for a cell without data.
+        symbols: number of symbols compared.
+        path: file.
+    """
     tall = min(max(4.6 * errors.shape[0] / errors.shape[1], 2.0), 9.0) + 0.3
     with figure_at(path, 11, tall, columns=2, plain=False) as (figure, (left, right)):
         carries = errors >= 0
@@ -79,11 +87,11 @@ def cells_figure(
         drawn = left.imshow(
             sure, cmap="viridis", vmin=0, vmax=max(high, 1e-6), interpolation="nearest"
         )
-        left.set_title("how sure decisions are: sure is bright", fontsize=10, color=INK)
+        left.set_title("certainty of decisions", fontsize=10, color=INK)
         figure.colorbar(drawn, ax=left, shrink=0.8, label="mean |soft value| (nats)")
         rate = np.where(carries, errors / max(symbols, 1), np.nan)
         most = float(np.nanmax(rate)) if carries.any() else 0.0
-        top, title = max(most, 1 / max(symbols, 1)), "how often decisions are wrong"
+        top, title = max(most, 1 / max(symbols, 1)), "rate of wrong decisions"
         row, column = np.nonzero(np.nan_to_num(rate) > 0)
         if 0 < row.size <= _DOTTED * carries.sum():
             pale = np.where(carries, quality / max(high, 1e-6), np.nan)
@@ -93,11 +101,11 @@ def cells_figure(
             drawn = right.scatter(
                 column, row, s=11, c=rate[row, column], cmap=_HOT, vmin=0, vmax=top, linewidths=0
             )
-            title = f"{row.size:,} cells with errors, drawn larger than they are"
+            title = f"{row.size:,} cells with errors, enlarged"
         else:
             drawn = right.imshow(rate, cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
         right.set_title(title, fontsize=10, color=INK)
-        figure.colorbar(drawn, ax=right, shrink=0.8, label="share of symbols decided wrong")
+        figure.colorbar(drawn, ax=right, shrink=0.8, label="share of wrong decisions")
         for ax in (left, right):
             ax.set_xticks([])
             ax.set_yticks([])
@@ -106,13 +114,13 @@ def cells_figure(
 
 
 def view_figure(link: LinkEvaluation, path: Path) -> None:
-    """What the camera saw on average, with the panel's outline as it is and as it was found."""
+    """Draws the average image, with the panel's true outline and the receiver's estimate."""
     height, width = link.image.shape
     with figure_at(path, 5.4, 5.4 * height / width + 0.3, plain=False) as (figure, ax):
         ax.imshow(link.image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
         for corners, colour, name, style in (
-            (link.truth, BLUE, "the panel as it stands", "-"),
-            (link.outline, MARK, "as the receiver found it", "--"),
+            (link.truth, BLUE, "true outline of the panel", "-"),
+            (link.outline, MARK, "estimate of the receiver", "--"),
         ):
             if corners is not None:
                 ring = np.vstack([corners, corners[:1]])

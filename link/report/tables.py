@@ -1,4 +1,4 @@
-"""Tables of a link's page: what was kept and left out, and the machine's numbers."""
+"""Tables of a link's page: simulated and omitted effects, and the machine's parameters."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["NOT_KNOWN", "error_text", "kept_section", "machine_section"]
+__all__ = ["NOT_KNOWN", "effects_section", "error_text", "machine_section"]
 
 
 NOT_KNOWN = "not known"
-"""What the page says where the result says null."""
+"""Text for a null of the result."""
 
 
 def _number(value: float | None) -> str:
@@ -33,7 +33,7 @@ def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
 
 
 def error_text(check: LinkCheck) -> str:
-    """What the error and its interval mean, in words."""
+    """Returns the meaning of the error and its interval, in words."""
     paired = check.paired
     if paired is None:
         return "The run's error was not measured."
@@ -54,25 +54,25 @@ def error_text(check: LinkCheck) -> str:
     if close is None:
         return counted
     return (
-        f"{counted} The error that is told is an estimate from {close.count:,} bits that are "
-        f"nearly wrong, their soft value being for what was sent by less than {close.margin:.3g}: "
-        f"{close.more:,} more and {close.fewer:,} fewer are so as run, a change of "
+        f"{counted} The reported error is an estimate from {close.count:,} bits that are nearly "
+        f"wrong: their soft value favours the sent bit by less than {close.margin:.3g}. As run, "
+        f"{close.more:,} more and {close.fewer:,} fewer are nearly wrong, a change of "
         f"{close.change * 100:.2g} %, at 99.9 % between {close.relative[0] * 100:.2g} % and "
-        f"{close.relative[1] * 100:.2g} %. Where the bit error rate changes by the same share it "
+        f"{close.relative[1] * 100:.2g} %. If the bit error rate changes by the same share, it "
         f"is off by {paired.value:.2g} half-widths, between {paired.low:.2g} and {paired.high:.2g}."
     )
 
 
-def kept_section(link: LinkEvaluation, result: Result) -> str:
-    """What was left out with its bound, and what was kept."""
-    kept = ", ".join(result.kept) or "nothing"
+def effects_section(link: LinkEvaluation, result: Result) -> str:
+    """Returns the section on effects: those left out with their bounds, and those simulated."""
+    simulated = ", ".join(result.kept) or "none"
     head = (
-        "In the table, in such half-widths: the error foreseen of leaving an effect out, "
-        "and the one measured without it alone, with its 99.9 % interval."
+        "The table lists, in such half-widths, the bound of leaving an effect out, and the "
+        "measured error without this effect alone, with its 99.9 % interval."
     )  # fmt: skip
     out = (
         table(
-            ["left out", "changes by about", "", "measured"],
+            ["left out", "bound", "", "measured"],
             [_row(r, link.check.alone) for r in result.left_out],
         )
         if result.left_out else "<p>Nothing was left out.</p>"
@@ -81,31 +81,30 @@ def kept_section(link: LinkEvaluation, result: Result) -> str:
         head = ""
     return (
         f"<h2>What was kept and what was left out</h2><p>{html.escape(error_text(link.check))}</p>"
-        f"<p>{html.escape(head)}</p>{out}<p>Kept: {html.escape(kept)}.</p>"
+        f"<p>{html.escape(head)}</p>{out}<p>Kept: {html.escape(simulated)}.</p>"
     )
 
 
 def machine_section(link: LinkEvaluation) -> str:
-    """A table of the panel's, the lens's and the camera's numbers."""
+    """Returns a table of the parameters of panel, lens and camera."""
     setting, section = link.setting, link.scenario.link
     camera, chip, panel = setting.camera, setting.camera.chip, setting.panel
     provenance = chip.provenance()
     numbers = [
         ["panel", f"{panel.shape[1]} x {panel.shape[0]} pixels of {section.panel.pitch:g} um, "
          f"{panel.luminance:g} cd/m2", "scenario"],
-        ["its clock", f"{panel.clock.hz:.9g} Hz, {section.panel.clock_offset:g} ppm off",
+        ["clock of the panel", f"{panel.clock.hz:.9g} Hz, {section.panel.clock_offset:g} ppm off",
          "scenario"],
-        ["its rows", f"driven over {panel.row_scan:.4g} of a tick",
+        ["rows of the panel", f"driven over {panel.row_scan:.4g} of a tick",
          "in step with the camera" if section.panel.row_scan is None else "scenario"],
-        ["its planes are late by", f"{setting.phase:.4g} ticks",
-         "by chance" if section.panel.phase is None else "scenario"],
+        ["delay of its planes", f"{setting.phase:.4g} ticks",
+         "random" if section.panel.phase is None else "scenario"],
         ["lens", f"{setting.optics.focal_length * 1e3:g} mm, f/{setting.optics.f_number:.3g}, "
          f"T {setting.optics.transmission:g}",
          f"f-number chosen for {section.aim.on_level:g} thresholds a tick"
          if setting.chosen_f_number else "scenario"],
-        ["light of a cell that is on", f"{link.scene.on:.3g} thresholds a tick", "computed"],
-        ["light that is there in any case", f"{link.scene.background:.3g} thresholds a tick",
-         "computed"],
+        ["light of an ON cell", f"{link.scene.on:.3g} thresholds a tick", "computed"],
+        ["background light", f"{link.scene.background:.3g} thresholds a tick", "computed"],
         ["blur", f"{link.scene.blur:.3g} camera pixels, standard deviation", "computed"],
         ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
         ["latch clock", f"{camera.clock.hz / 1e3:g} kHz",

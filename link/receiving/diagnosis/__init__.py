@@ -1,1 +1,1 @@
-"""Why nothing, or not all, arrived: one cause, the figures that show it, and what to do."""
+"""Diagnosis of a failed transmission: one cause, the figures that support it, and a remedy."""

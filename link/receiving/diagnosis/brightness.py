@@ -1,4 +1,4 @@
-"""Whether the panel is too bright or too dim."""
+"""Diagnosis of a panel that is too bright or too dim."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from link.verdict import Cause, Verdict
 __all__ = ["SATURATED", "brightness_verdict"]
 
 _DIM: Final = 0.6
-"""Rate of the tags' white below which the panel is called dim."""
+"""Rate of the tags' white below which the panel is dim."""
 SATURATED: Final = 0.5
-"""Share of pixels that fire at every tick, or rate of the tags' black, from which the sensor is
+"""Share of pixels that fire in every tick, or rate of the tags' black, from which the sensor is
 saturated."""
 
 
 def brightness_verdict(white: float, black: float) -> Verdict | None:
-    """None if the light is right.
+    """Returns the verdict; None if the light is adequate.
 
     Args:
         white, black: spikes a tick of the white and the black of the tags.

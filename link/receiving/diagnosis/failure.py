@@ -1,4 +1,4 @@
-"""The cause of failure for a stream in which no transmission was found."""
+"""The cause of failure for a stream without a detected transmission."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ __all__ = ["explain_failure"]
 
 Floats = npt.NDArray[np.float64]
 _DARK: Final = 0.004
-"""Rate below which nothing is said to shine: a spike in 250 ticks."""
+"""Rate below which the image counts as dark: a spike in 250 ticks."""
 _SHORT: Final = 48
-"""Ticks below which a stream is too short to find anything in."""
+"""Ticks below which a stream is too short for a detection."""
 _CLOCKS: Final = (100_000.0, 500.0)
-"""Parts per million of the widest search for a clock, and its step."""
+"""Range of the widest search for a clock, and its step, parts per million."""
 
 
 def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
-    """The cause for a stream in which no transmission was found."""
+    """Returns the cause for a stream without a detected transmission."""
     if evidence is None or recording.ticks < _SHORT:
         return Verdict(
             Cause.TRUNCATED,
@@ -65,7 +65,7 @@ def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
 
 
 def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
-    """The cause if the panel was found, but not its symbols."""
+    """Returns the cause if the panel was detected, but not its symbols."""
     assert evidence.refined is not None
     if evidence.mode is None or evidence.lit is None:
         return Verdict(
@@ -100,7 +100,7 @@ def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _clock_verdict(pilots: Floats, ticks: int) -> Verdict | None:
-    """Whether the clock is off. pilots: (ticks,) spikes of all pilots."""
+    """Returns the verdict if the clock is off, else None. pilots: (ticks,) spikes of all pilots."""
     if len(pilots) < _SHORT:
         return None
     _, ppm, score = global_clock(pilots, (ticks,), *_CLOCKS)

@@ -1,4 +1,4 @@
-"""A stretch that a recording lacks, seen by which frames arrived."""
+"""Detection of a gap in a recording, from the frames that arrived."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from link.receiving.session import Session
 __all__ = ["gap_text"]
 
 _FRAMES: Final = 4
-"""Frames in a row that are lost, and that are right beside them, from which a stream has a gap."""
+"""Number of lost frames in a row, and of correct frames around them, from which a stream has a
+gap."""
 
 
 def gap_text(session: Session) -> str | None:
-    """What shows that ticks are missing or were dark; None if frames were lost in another way.
+    """Returns the evidence of missing or dark ticks; None if frames were lost in another way.
 
-    It is one stretch of blocks that are lost completely, between others that are right.
+    A gap is one sequence of blocks that are lost completely, between correct ones.
     """
     form = Blocks(session.layout)
     blocks: dict[int, tuple[int, int]] = {}
@@ -27,7 +28,7 @@ def gap_text(session: Session) -> str | None:
     lost = [n for n, frames in enumerate(right) if frames == 0]
     if not lost or lost[0] == 0 or lost[-1] - lost[0] + 1 > len(lost):
         return None
-    # those that the gap's ends fall into may be right in part
+    # Blocks at the ends of the gap may be partly correct.
     far = [n for n in range(len(right)) if not lost[0] - 1 <= n <= lost[-1] + 1]
     whole = sum(frames == form.frames for frames in right)
     if any(right[n] < form.frames for n in far) or min(len(lost), whole) * form.frames < _FRAMES:

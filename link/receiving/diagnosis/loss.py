@@ -1,4 +1,4 @@
-"""The cause of loss for a transmission that was found, but did not arrive whole."""
+"""The cause of loss for a transmission that was detected, but did not arrive whole."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ from link.verdict import Cause, Verdict
 __all__ = ["WRONG_PPM", "explain_loss"]
 
 WRONG_PPM: Final = 2000.0
-"""Parts per million from which a clock is said to be off."""
+"""Clock offset from which a clock counts as wrong, parts per million."""
 _BLURRED: Final = 0.7
-"""Standard deviations of blur, in cells, from which the panel is said to be out of focus."""
+"""Standard deviation of blur, in cells, from which the panel counts as out of focus."""
 _CELL: Final = 1.5
-"""Camera pixels to a cell's side below which cells are too small."""
+"""Side of a cell below which it is too small, camera pixels."""
 _HOLE: Final = 0.03
-"""Share of the panel without light that is said to be hidden."""
-_MENDED: Final = 0.02
-"""Share of codewords lost up to which decoding is said to work."""
+"""Share of the panel without light from which it counts as occluded."""
+_CORRECTED: Final = 0.02
+"""Share of codewords lost up to which decoding counts as working."""
 _SURE: Final = 1e-3
-"""Share of wrong decisions that soft values promise below which noise is no reason for losing every
-frame."""
+"""Share of wrong decisions, predicted by the soft values, below which noise does not explain the
+loss of every frame."""
 
 
 def explain_loss(
     session: Session, evidence: Evidence, recording_stop: int,
     interrupted: tuple[int, float] | None = None,
 ) -> Verdict:  # fmt: skip
-    """The cause for a transmission that was found, but did not arrive whole.
+    """Returns the cause for a transmission that was detected, but did not arrive whole.
 
     Args:
+        session: of the transmission.
+        evidence: of its acquisition.
         recording_stop: end of the recording, ticks.
         interrupted: tick after which the sequence of the pilots jumped, and by how many ticks.
     """
@@ -53,7 +55,7 @@ def explain_loss(
             "words of the stream were lost, or another transmission begins; record without a gap, "
             "or send with more overhead",
         )
-    if inbox.codewords == 0 or (ended and share <= _MENDED):
+    if inbox.codewords == 0 or (ended and share <= _CORRECTED):
         how = f"while the panel is on, at tick {recording_stop}"
         if not ended:
             how = f"with {session.lit_stop} ticks, before a group of symbols is whole"
@@ -95,7 +97,7 @@ def explain_loss(
             f"{why}; the panel's clock is {ppm:+.0f} parts per million off the camera's; set both "
             "to the same frequency",
         )
-    if share <= _MENDED:
+    if share <= _CORRECTED:
         return Verdict(
             Cause.TRUNCATED,
             f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
@@ -118,7 +120,8 @@ def explain_loss(
 
 
 def _hole(session: Session) -> float:
-    """Share of the data cells whose soft values are next to nothing beside the usual ones."""
+    """Returns the share of the data cells whose soft values are much smaller than the usual
+    ones."""
     if not session.symbols:
         return 0.0
     quality = session.quality / session.symbols

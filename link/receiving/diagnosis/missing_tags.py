@@ -1,4 +1,4 @@
-"""The cause of failure if not all tags of a panel were found."""
+"""The cause of failure if not all tags of a panel were detected."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ from link.verdict import Cause, Verdict
 __all__ = ["PEAK", "few_tags_verdict", "no_tag_verdict"]
 
 _SHINES: Final = 0.1
-"""Rate of the brightest pixels below which it is too dark to say what an image holds."""
+"""Rate of the brightest pixels below which the content of an image cannot be identified."""
 PEAK: Final = 6.5
-"""Standard deviations of the pilots' peak in a whole image that show that a panel sends."""
+"""Height of the pilots' peak in a whole image from which a panel is transmitting, standard
+deviations."""
 _FILLS = 0.95
-"""Share of the image that light stands on from which it has no edge within it."""
+"""Lit share of the image from which the light has no edge within it."""
 _LEAST: Final = 40
-"""Camera pixels to the shorter side of an image in which a panel's tags could stand: two of them,
-of ten modules, at two pixels each."""
+"""Smallest shorter side of an image that can contain a panel's tags, camera pixels: two tags of ten
+modules, two pixels each."""
 _TAGGED: Final = 96 * LEAST_MODULE
-"""Camera pixels to the shorter side of a panel's image below which its tags may be too small: it
-has at most so many of their modules (`link.layout`)."""
+"""Shorter side of a panel's image below which its tags may be too small, camera pixels: it has at
+most so many of their modules (`link.layout`)."""
 _BLOB, _SHARP = 0.04, 0.03
-"""Share of the image that light stands on at least, and of its variance that is fine detail at
-most, of a panel out of focus."""
+"""For a panel out of focus: _BLOB is the smallest lit share of the image, _SHARP the largest share
+of fine detail in its variance."""
 
 
 def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
-    """The cause if one to three tags were found, or four that are of no mode."""
+    """Returns the cause if one to three tags were detected, or four that belong to no mode."""
     in_view = sorted(evidence.search.tags)
     names = ("top left", "top right", "bottom right", "bottom left")
     if len(in_view) == 4:
@@ -47,7 +48,7 @@ def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
     missing = [corner for corner in range(4) if corner not in in_view]
     where = _missing_places(evidence, missing)
     height, width = recording.shape
-    # A tag is read by its margin, so one that is cut there is as good as gone.
+    # Detection needs the margin, so a tag that is cut there is lost.
     outside = [
         corner
         for corner, places in where.items()
@@ -68,11 +69,11 @@ def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
-    """Camera (x, y) of the corners, (4, 2), of the tags that were not found, half of their margin
+    """Returns the camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin
     included.
 
-    They follow from the tags that were found and from the size of the panel in their ids. A panel
-    of which one side is unknown is taken to be square.
+    They follow from the detected tags and from the size of the panel in their ids. A panel with one
+    unknown side is taken to be square.
     """
     import cv2
 
@@ -88,7 +89,7 @@ def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDA
     camera = np.concatenate([tags[corner][1] for corner in tags])
     if len(tags) > 1:
         h, _ = cv2.findHomography(panel, camera, 0)
-    else:  # one small tag says little of perspective
+    else:  # one small tag does not determine the perspective
         part, _ = cv2.estimateAffine2D(panel, camera)
         h = np.vstack([part, [0, 0, 1]]) if part is not None else None
     if h is None or not np.isfinite(h).all():
@@ -105,7 +106,7 @@ def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDA
 
 
 def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
-    """The cause if no tag was found."""
+    """Returns the cause if no tag was detected."""
     totals = recording.totals(2)
     _, _, score = global_clock(totals, TICKS, 2000.0, 500.0)
     sends = score >= PEAK
@@ -123,7 +124,7 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
     )
     if len(rows) and len(columns):
         figure += f", light stands on {lit.mean():.0%} of the image"
-    # What is far out of focus has no edge: it stands away from the image's, or on all of it.
+    # A panel far out of focus has no edge: its light is away from the image's edge, or covers all.
     apart = not at_edge and lit.mean() > _BLOB
     blob = (apart or lit.mean() > _FILLS) and evidence.most > 0.05 and min(lit.shape) >= _LEAST
     mirrored = find_tags(np.ascontiguousarray(evidence.rates[:, ::-1]))
@@ -170,7 +171,7 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _sharpness(rates: npt.NDArray[np.float32]) -> float:
-    """Share of an image's variance that is finer than about three pixels."""
+    """Returns the share of an image's variance that is finer than about three pixels."""
     import cv2
 
     smooth = cv2.GaussianBlur(rates, (0, 0), 2.0)

@@ -1,1 +1,1 @@
-"""The clock of the panel, from the sequence that its pilots show."""
+"""The clock of the panel, from the sequence of its pilots."""

@@ -1,8 +1,8 @@
-"""When symbols fall on the camera's ticks, read from the pilots row by row.
+"""Timing of symbols in the camera's ticks, from the pilots in each band of rows.
 
-All pilots show the same maximal-length sequence, so one stretch of it says which symbol it is, and
-its phase in each band of rows gives the first symbol's tick, the period (the clocks' offset) and
-the rows' slope by one robust plane fit.
+All pilots show the same maximal-length sequence, so a section of it identifies the symbol. Its
+phase in each band of rows gives the first symbol's tick, the period (the clock offset) and the
+slope over the rows, by one robust plane fit.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ __all__ = ["Clocking", "clock_by_pilots"]
 
 Floats = npt.NDArray[np.float64]
 _STRETCH: Final = (192, 40)
-"""Of the search: ticks and symbols at least."""
+"""Smallest length of the search, ticks and symbols."""
 _TRUSTED: Final = 6.0
-"""Standard deviations of other places that the peak stands above their mean at least."""
+"""Smallest height of the peak above the mean, standard deviations."""
 _REACH: Final = 2.0
-"""Ticks around the common peak in which bands and stretches may lie."""
+"""Range around the common peak of the phases of bands and sections, ticks."""
 _STEP: Final = 0.125
-"""Ticks between phases that are tried for them."""
+"""Step of the phases that are tried, ticks."""
 _SPAN: Final = (48, 24)
-"""Of a stretch that has a phase of its own: ticks and symbols at least."""
+"""Smallest length of a section with a phase of its own, ticks and symbols."""
 
 
 @dataclass(frozen=True)
 class Clocking:
-    """The timing that the pilots show.
+    """The timing by the pilots.
 
     Attributes:
         timing: of the symbols.
         score: height of the peak of the sequence over the rest, standard deviations.
-        scatter: of bands and stretches about the timing, ticks rms.
-        lit: ticks in which the sequence runs through.
-        broken: whether the panel is on in others as well.
+        scatter: of bands and sections about the timing, ticks rms.
+        lit: ticks of the unbroken sequence.
+        broken: whether the panel is on in other ticks as well.
     """
 
     timing: Timing
@@ -61,8 +61,17 @@ class Clocking:
 def clock_by_pilots(
     signal: PilotSignal, layout: Layout, rows: int, lit: tuple[int, int]
 ) -> Clocking | None:
-    """The timing for an image of `rows` rows, from ticks `lit` in which the panel is on. `first` is
-    that of some symbol whose number is a multiple of PERIOD. None where the pilots do not show."""
+    """Returns the timing; None if the pilots are not visible.
+
+    Args:
+        signal: spikes of the pilots.
+        layout: of the mode.
+        rows: of the image.
+        lit: ticks in which the panel is on.
+
+    Returns:
+        The timing, whose `first` is that of a symbol with a number that is a multiple of PERIOD.
+    """
     nominal = float(layout.mode.ticks)
     low, high = max(lit[0] - signal.first, 0), min(lit[1] - signal.first, len(signal.bits))
     if high - low < max(8, 4 * nominal):
@@ -75,7 +84,7 @@ def clock_by_pilots(
     lag, score = sequence_peak(total[begin:stop], nominal)
     broken = False
     if score < _TRUSTED or not _runs_through(total, nominal, begin, stop, lag):
-        # the sequence may break off in the middle, and begin anew
+        # The sequence may be interrupted and begin again.
         stretch = _unbroken(total, nominal, low, high, want)
         if stretch is not None:
             begin, stop, lag, score = stretch
@@ -91,8 +100,8 @@ def clock_by_pilots(
 def _unbroken(
     total: Floats, nominal: float, low: int, high: int, want: int
 ) -> tuple[int, int, float, float] | None:
-    """(begin, stop, lag, score) of the first stretch that shows the sequence, long ones before
-    short ones."""
+    """Returns (begin, stop, lag, score) of the first section that shows the sequence, long ones
+    first."""
     for length in (want, want // 2):
         for begin in range(low, high - length + 1, length // 4):
             lag, score = sequence_peak(total[begin : begin + length], nominal)
@@ -103,7 +112,7 @@ def _unbroken(
 
 
 def _runs_through(total: Floats, nominal: float, begin: int, stop: int, lag: float) -> bool:
-    """Whether each quarter of a stretch shows what all of it does."""
+    """Whether each quarter of a section shows the same sequence as the whole."""
     edges = np.linspace(begin, stop, 5).astype(int)
     return all(
         shows_sequence(total, nominal, int(a), int(b), begin - lag) for a, b in pairwise(edges)
@@ -113,7 +122,7 @@ def _runs_through(total: Floats, nominal: float, begin: int, stop: int, lag: flo
 def _reaches(
     total: Floats, nominal: float, lit: tuple[int, int], stretch: tuple[int, int], lag: float
 ) -> tuple[int, int]:
-    """How far the sequence that a stretch shows runs through, to a quarter of the stretch."""
+    """Returns the extent of the sequence around a section, to a quarter of the section."""
     step = max((stretch[1] - stretch[0]) // 4, 8)
 
     first = stretch[0] - lag
@@ -129,7 +138,7 @@ def _plane(
     signal: PilotSignal, nominal: float, rows: int, lit: tuple[int, int], rough: float,
     score: float, reference: float,
 ) -> Clocking | None:  # fmt: skip
-    """Phases of bands and stretches, and the plane through them."""
+    """Fits a plane through the phases of bands and sections."""
     period, first, slope = nominal, rough, 0.0
     middle = signal.first + reference
     scatter = np.inf
@@ -153,7 +162,7 @@ def _plane(
             if np.count_nonzero(keep) < 3:
                 return None
         a, b, c = (float(value) for value in solved)
-        # the period takes what grows with time, the first symbol stays where the plane says
+        # The growth with time changes the period; the plane gives the first symbol.
         drift = b / 1000
         symbols = (middle - first) / period
         period_new = period * (1 + drift)
@@ -173,7 +182,8 @@ def _phases(
     signal: PilotSignal, period: float, first: float, slope: float, rows: int,
     lit: tuple[int, int], reach: float,
 ) -> tuple[Floats, Floats, Floats, Floats] | None:  # fmt: skip
-    """(tick, row, delay, weight) of each band in each stretch whose peak lies within reach."""
+    """Returns (tick, row, delay, weight) of each band in each section whose peak lies within
+    reach."""
     length = int(max(_SPAN[0], _SPAN[1] * period))
     count = max(1, (lit[1] - lit[0]) // length)
     offsets = np.arange(-reach, reach + _STEP / 2, _STEP)

@@ -1,4 +1,4 @@
-"""The sequence of the pilots in a signal: where it begins, and at which clock."""
+"""The sequence of the pilots in a signal: its begin and its clock."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ Floats = npt.NDArray[np.float64]
 _PHASES: Final = 4
 """Steps of a tick in the search for the sequence."""
 _SHOWS: Final = 0.4
-"""Correlation from which a quarter of a stretch shows the same sequence."""
+"""Correlation from which a quarter of a section shows the same sequence."""
 
 
 def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Floats:
-    """Mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
+    """Returns the mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
 
     Args:
         first: tick at which symbol 0 begins.
-        period: ticks to a symbol.
+        period: ticks of a symbol.
+        ticks: (ticks,) k.
     """
     code = np.where(pilots(), 1.0, -1.0)
     total = np.concatenate([[0.0], np.cumsum(code)])
-    # integral of the sequence from symbol 0, linear within symbols; differences give the mean
+    # Integral of the sequence from symbol 0, linear within symbols; differences give the mean.
 
     def integral(at: Floats) -> Floats:
         n = np.floor(at).astype(np.int64)
@@ -39,14 +40,14 @@ def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Float
 
 
 def sequence_peak(signal: Floats, symbol: float) -> tuple[float, float]:
-    """The lag of the sequence that matches a signal best, and the score of the match.
+    """Returns the lag of the best match of the sequence with a signal, and the score of the match.
 
-    The lag is the number of ticks, within [0, PERIOD symbols), by which symbol 0 comes before the
-    first tick of the signal. The score is the height of the peak in standard deviations.
+    The lag is the number of ticks, within [0, PERIOD symbols), by which symbol 0 precedes the first
+    tick of the signal. The score is the height of the peak in standard deviations.
 
     Args:
         signal: (ticks,) spikes.
-        symbol: ticks to a symbol.
+        symbol: ticks of a symbol.
     """
     span = int(np.ceil(PERIOD * symbol))
     size = int(2 ** np.ceil(np.log2(span + 2 * len(signal))))
@@ -78,10 +79,10 @@ def shows_sequence(total: Floats, nominal: float, a: int, b: int, first: float) 
 def global_clock(
     totals: Floats, ticks: tuple[int, ...], most: float, step: float
 ) -> tuple[int, float, float]:
-    """Ticks to a symbol, parts per million by which the panel's clock is fast, and the score.
+    """Returns the ticks of a symbol, the offset of the panel's clock, ppm, and the score.
 
-    All pilots are on and off together, data are not, so that the spikes of the whole image show the
-    sequence wherever the panel stands in it.
+    All pilots are on and off together, while data are random, so the spikes of the whole image show
+    the sequence wherever the panel is.
 
     Args:
         totals: (ticks,) spikes of the whole image.

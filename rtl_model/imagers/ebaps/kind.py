@@ -1,6 +1,6 @@
-"""The EBAPS as the catalogue lists it.
+"""The catalogue entry of the EBAPS.
 
-Modules are imported where they are needed: its physics takes seconds to load.
+The methods import what they need, because its physics takes seconds to load.
 """
 
 from __future__ import annotations

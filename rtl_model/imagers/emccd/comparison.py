@@ -1,4 +1,4 @@
-"""The EMCCD in `viform compare`: its exposure and gain are set for the light."""
+"""The EMCCD in `viform compare`; exposure and gain are set for the light."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ __all__ = ["EmccdComparison"]
 FULL: Final = 0.8
 """Share of a well that white fills."""
 DARK_ROWS: Final = 8
-"""Rows of a frame above the first row of the window."""
+"""Dark rows above the image area."""
 COLUMNS: Final = 512
 """Columns of the image area."""
 STEP: Final = 1e-5
-"""Of the exposure, s."""
+"""Step of the exposure, s."""
 LONGEST: Final = 4096 * STEP
+"""Longest exposure, s."""
 
 
 class EmccdComparison(Comparison):
@@ -39,9 +40,9 @@ class EmccdComparison(Comparison):
     def adjust(
         self, section: EmccdSection, white: float, mean: float, given: frozenset[str]
     ) -> EmccdSection:
-        """The exposure that fills a share of the image well with white, 2 ms or longer only where
-        the light requires it; in the dark the gain that brings the amplifier's noise below the shot
-        noise of mid-grey."""
+        """Chooses the exposure at which white fills a share of the image well, up to the longest.
+        In dim light, chooses the gain that brings the noise of the amplifier below the shot noise
+        of mid-grey."""
         pixels = EmccdPixels()
         exposure = section.exposure
         if "exposure" not in given:

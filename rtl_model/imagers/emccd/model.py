@@ -1,4 +1,4 @@
-"""The frame-transfer EMCCD of a scenario: built, foreseen, measured."""
+"""The frame-transfer EMCCD with the settings of a scenario."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from sensor.imagers.emccd import EmccdPixels, HighVoltage, excess_noise_squared
 __all__ = ["STEP", "WARM", "EmccdModel", "cooler_of"]
 
 STEP: Final = 1e-5
-"""Seconds of one step of exposure."""
+"""Step of the exposure, s."""
 WARM: Final = 600 * PS
-"""How long the cooling has been on when a run begins."""
+"""Time from power-on of the cooling to the start of a run, ps."""
 KELVIN: Final = 273.15
 
 
 def cooler_of(section: EmccdSection) -> Cooler:
-    """At ambient, just switched on."""
+    """The cooler at power-on, at ambient temperature."""
     air, target = section.ambient + KELVIN, section.temperature + KELVIN
     return Cooler(lambda _: air, target)
 
@@ -41,8 +41,8 @@ class EmccdModel(ImagerModel):
     """See `ImagerModel`.
 
     Attributes:
-        section: of the scenario.
-        seconds: duration of the run, during which pulses of external sync come.
+        section: section of the scenario.
+        seconds: duration of the run, s, in which pulses of external sync arrive.
     """
 
     section: EmccdSection
@@ -51,8 +51,8 @@ class EmccdModel(ImagerModel):
     @cached_property
     def pixels(self) -> EmccdPixels:
         s = self.section
-        made = EmccdPixels(kelvin=s.temperature + KELVIN, pattern_seed=s.device_seed)
-        return replace(made, gain=self.voltage.gain(self.step))
+        pixels = EmccdPixels(kelvin=s.temperature + KELVIN, pattern_seed=s.device_seed)
+        return replace(pixels, gain=self.voltage.gain(self.step))
 
     @cached_property
     def voltage(self) -> HighVoltage:
@@ -60,7 +60,7 @@ class EmccdModel(ImagerModel):
 
     @property
     def step(self) -> int:
-        """Of the potentiometer."""
+        """Step of the potentiometer."""
         s = self.section
         if s.gain_step is not None:
             return s.gain_step
@@ -91,14 +91,14 @@ class EmccdModel(ImagerModel):
         return [v for _, name, v in self.section.writes if name.removeprefix("emccd_") == register]
 
     def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
-        """At every gain that is written."""
+        """The pixels at every gain that the run sets."""
         assert isinstance(pixels, EmccdPixels)
         steps = sorted({self.step, *(v for v in self._written("gain") if v < 256)})
         return [replace(pixels, gain=self.voltage.gain(step)) for step in steps]
 
     def exposures(self, view: View, stop: int) -> ExposureRange:
-        """Exposures that are written; frames as the sequence of writes makes them, a cycle that is
-        at work not changed."""
+        """Limits of all exposures that the run sets, and the number of frames that follows from the
+        sequence of writes. A write does not change a running cycle."""
         s, timing = self.section, Timing()
         steps = [max(round(s.exposure / STEP), 1), *(v for v in self._written("exposure") if v)]
         span = min(steps) * STEP, max(steps) * STEP
@@ -153,8 +153,8 @@ class EmccdModel(ImagerModel):
         }
 
     def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
-        """From the exposure's beginning to the last pixel read, and from each write to the first
-        frame that was exposed with it."""
+        """Latencies from the start of exposure to the last pixel read, and from each write to the
+        first frame that was exposed with it."""
         spans = [(t.ready - t.begin) * 1e-6 for t in frames]
         rows = [_row("exposure's beginning to the frame read", spans)]
         waits = []
@@ -167,7 +167,8 @@ class EmccdModel(ImagerModel):
 
 
 def _began(frame: FrameFigures) -> int:
-    """When a frame's cycle took its parameters, ps: a frame transfer before its exposure."""
+    """Instant at which the cycle of a frame took its parameters, ps: one frame transfer before the
+    exposure."""
     timing = Timing()
     return frame.begin - timing.rows * timing.transfer * PS // timing.clock_hz
 

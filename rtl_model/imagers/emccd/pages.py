@@ -1,10 +1,9 @@
-"""Figures of the EMCCD: its document's figures 1, 4 and 5 and its lost table 2, from this run."""
+"""Report sections of the EMCCD: figures 1, 4 and 5 and table 2 of its document, from the run."""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -33,13 +32,13 @@ from sensor.imagers.emccd import EmccdPixels, excess_noise_squared
 __all__ = ["emccd_sections"]
 
 GAINS = (2.0, 10.0, 100.0, 1000.0)
-"""Of the photon transfer."""
+"""Gains of the photon transfer curves."""
 
 
 def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
-    """The sections of the page, their figures written."""
+    """Writes the figures and returns the HTML of the sections."""
     folder = run.folder / "figures"
-    shown = _modes(run, folder / "modes.png")
+    modes = _modes(run, folder / "modes.png")
     _course(model, run, folder / "course.png")
     _gain(model, folder / "gain.png")
     _sequence(folder / "sequence.png")
@@ -50,33 +49,32 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
         for size, rate in window_table(timing)
     ]
     return (
-        "<h2>Modes</h2><p>The document's figures 4 and 5: the first frame of each setting that "
-        "came over the serial line, the last frame where the light had changed. Each is stretched "
-        "to its own range, which stands below it; a register that overflows leaves charge to the "
-        "columns that follow.</p>"
+        "<h2>Modes</h2><p>These are figures 4 and 5 of the document: the first frame with each "
+        "setting that the serial line has written. Each frame is stretched to its range, which the "
+        "table gives. If the register overflows, charge spills into the columns that follow.</p>"
         + plot(folder / "modes.png", "a frame of each setting")
         + table(
-            ["frame", "exposure", "gain", "rows", "sync", "cycle rate", "least and most, DN"],
-            shown,
+            ["frame", "exposure", "gain", "rows", "sync", "cycle rate", "range, DN"],
+            modes,
         )
-        + "<h2>Settings over time</h2><p>Lines are register writes. Each takes effect at the start "
-        "of the next cycle, with all others that came before it.</p>"
+        + "<h2>Settings over time</h2><p>Vertical lines are register writes. All writes before the "
+        "start of a cycle take effect at this start.</p>"
         + plot(folder / "course.png", "settings and signal over time")
-        + "<h2>Window and frame rate</h2><p>The document's table 2 is lost; this is what its "
-        "sequence gives at an exposure of 2 ms: two frame transfers of "
+        + "<h2>Window and frame rate</h2><p>Table 2 of the document is lost. This table follows "
+        "from its sequence at an exposure of 2 ms: two frame transfers of "
         f"{timing.rows} rows, the exposure, a clear of the horizontal register, {timing.rows} - K "
-        f"dumped rows, K rows of a shift and {timing.line} pixel clocks.</p>"
+        f"dumped rows, and a shift and {timing.line} pixel clocks for each of K rows.</p>"
         + table(["window", "frame rate", "frame time"], rows)
-        + "<h2>One cycle</h2><p>The sequencer's own trace, a window of 8 rows exposed for 100 "
-        "&micro;s: the first transfer clears, the second ends the exposure.</p>"
+        + "<h2>One cycle</h2><p>Trace of the sequencer with a window of 8 rows and an exposure of "
+        "100 &micro;s. The first transfer clears the image area, the second ends the exposure.</p>"
         + plot(folder / "sequence.png", "drive signals of one cycle")
-        + "<h2>Gain and its noise</h2><p>Left: gain of the 256 steps of the high voltage. Right: "
-        "photon transfer in flat light, filmed at four gains: variance over the squared gain "
-        "against the mean in electrons; its slope is the excess noise factor squared, lines are "
-        "F&sup2; = 1 + (1 - 1/g)(1 - p)/(1 + p).</p>"
+        + "<h2>Gain and its noise</h2><p>Left: gain at the 256 steps of the high voltage. Right: "
+        "photon transfer under uniform light at four gains. The slope of variance over squared "
+        "gain against the mean in electrons is the squared excess noise factor. Lines: F&sup2; = "
+        "1 + (1 - 1/g)(1 - p)/(1 + p).</p>"
         + plot(folder / "gain.png", "gain steps and photon transfer")
-        + "<h2>Cooling</h2><p>The chip from power-on; a run begins ten minutes after.</p>"
-        + plot(folder / "cooling.png", "temperature over time")
+        + "<h2>Cooling</h2><p>Temperature of the chip from power-on. A run begins ten minutes "
+        "later.</p>" + plot(folder / "cooling.png", "temperature over time")
     )
 
 
@@ -86,13 +84,13 @@ def _settings(frame: FrameFigures) -> tuple[float, ...]:
 
 
 def _chosen(run: ImagerRun) -> list[int]:
-    """Places of the first frame of each stretch of one setting."""
+    """Indices of the first frames after each change of the settings, at most 12."""
     taken = run.frames
-    found = [0]
+    first = [0]
     for n in range(1, len(taken)):
         if _settings(taken[n]) != _settings(taken[n - 1]):
-            found.append(n)
-    return found[:12]
+            first.append(n)
+    return first[:12]
 
 
 def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
@@ -151,7 +149,7 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
         if name.split(",")[0] in ("gain", "mean"):
             axes.set_yscale("log")
         style_axes(axes, y=name)
-    places[-1].set_xlabel("time at which a frame has been read, ms", fontsize=9, color=INK)
+    places[-1].set_xlabel("end of readout, ms", fontsize=9, color=INK)
     save_figure(figure, path)
 
 
@@ -171,35 +169,35 @@ def _gain(model: EmccdModel, path: Path) -> None:
     for gain, colour in zip(GAINS, (INK, BLUE, GREEN, MARK), strict=True):
         pixels = EmccdPixels(gain=gain)
         electrons = np.array([5.0, 10.0, 20.0, 40.0, 80.0])
-        seen = np.array([_transfer(pixels, mean) for mean in electrons])
+        points = np.array([_transfer(pixels, mean) for mean in electrons])
         factor = excess_noise_squared(gain, pixels.stages)
         line = np.array([0.0, 90.0])
         right.plot(line, line * factor, color=colour, linewidth=0.8)
         label = f"gain {gain:g}: F$^2$ = {factor:.3f}"
-        right.plot(seen[:, 0], seen[:, 1], "o", color=colour, markersize=4, label=label)
+        right.plot(points[:, 0], points[:, 1], "o", color=colour, markersize=4, label=label)
     right.legend(fontsize=8, frameon=False)
     style_axes(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
     save_figure(figure, path)
 
 
 def _transfer(pixels: EmccdPixels, electrons: float) -> tuple[float, float]:
-    """Mean and variance over the gain and its square, electrons: of rows in flat light, without
-    read noise and what the dark adds."""
+    """Mean over gain (e) and variance over squared gain (e^2) of rows under uniform light, without
+    read noise and dark signal."""
     rows, frames = 24, 2
     light = np.full((rows, pixels.shape[1]), electrons / pixels.responsivity)
     kept = frozenset(("shot noise", "multiplication noise"))
-    made = []
+    electrons_out = []
     for n in range(frames):
         exposed = Exposed(light, np.full(rows, 1e-3), np.zeros(rows), 100, n)
         values = pixels.convert(exposed, 1, kept)[:, 12:-12].astype(float)
-        made.append((values - pixels.offset) * pixels.step / pixels.gain)
-    every = np.stack(made)
+        electrons_out.append((values - pixels.offset) * pixels.step / pixels.gain)
+    every = np.stack(electrons_out)
     rounding = (pixels.step / pixels.gain) ** 2 / 12
     return float(every.mean()), float(every.var()) - rounding
 
 
 def _sequence(path: Path) -> None:
-    """Drive signals of one cycle, from a trace of a camera of its own."""
+    """Draws the drive signals of one cycle, from a trace of a separate camera."""
     camera = Emccd()
     for register, value in (("exposure", 10), ("first_row", 250), ("rows", 8)):
         camera.write(register, value)
@@ -224,14 +222,14 @@ def _sequence(path: Path) -> None:
 
 
 def _cooling(model: EmccdModel, path: Path) -> None:
-    found: Any = run_cooling(cooler_of(model.section), 600.0)
+    course = run_cooling(cooler_of(model.section), 600.0)
     plt = pyplot()
     figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
-    top.plot(found.seconds, found.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
-    top.plot(found.seconds, found.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
+    top.plot(course.seconds, course.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
+    top.plot(course.seconds, course.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
     top.axhline(model.section.temperature, color=INK, linewidth=0.7, linestyle=":")
     top.legend(fontsize=8, frameon=False)
     style_axes(top, y="degC")
-    low.plot(found.seconds, found.amps, color=GREEN, linewidth=1.0)
+    low.plot(course.seconds, course.amps, color=GREEN, linewidth=1.0)
     style_axes(low, "seconds after power-on", "Peltier current, A")
     save_figure(figure, path)

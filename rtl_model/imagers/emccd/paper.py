@@ -35,11 +35,11 @@ from sensor.imagers.emccd import (
 __all__ = ["emccd_rows"]
 
 _CITED_MS = 5.165
-"""Shortest exposure of the reference that the document compares itself with."""
+"""Shortest exposure of the design that the document cites for comparison, ms."""
 
 
 def emccd_rows() -> list[Row]:
-    """Every number in order."""
+    """The rows of `viform paper`, in the order of the document."""
     return [*_exposure(), *_chip(), *_gain(), *_rows(), *_overflow(), *_frame(), *_cold()]
 
 
@@ -47,11 +47,11 @@ def _exposure() -> list[Row]:
     timing = Timing()
     least, most, step = exposure_range(timing)
     counted = Cycle(0, 0, timing, Settings(1).within(timing))
-    own = (counted.exposure_end - counted.exposure_begin) / timing.clock_hz * 1e6
+    shortest = (counted.exposure_end - counted.exposure_begin) / timing.clock_hz * 1e6
     register = next(r for r in DESIGN.specific if r.name == "emccd_exposure")
     beyond = Settings((1 << register.width) - 1).within(timing).steps
     return [
-        number("003 §0", "shortest exposure", "10", own, "us",
+        number("003 §0", "shortest exposure", "10", shortest, "us",
                note="edges between two frame transfers of the sequence"),
         number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS), least * 1e3,
                "ms", relation="<", note="ours lies below it; theirs has no first transfer"),
@@ -119,14 +119,14 @@ def _gain() -> list[Row]:
 
 
 def _rows() -> list[Row]:
-    """The window, and the row that the print forgets."""
+    """The window, and the row that the document omits."""
     timing = Timing()
-    made = []
+    rows = []
     for source, first, count, printed in (
         ("003 fig. 5a", 0, 256, "256"), ("003 fig. 5b", 100, 128, "128"),
     ):  # fmt: skip
         cycle = Cycle(0, 0, timing, Settings(200, first, count).within(timing))
-        made.append(number(
+        rows.append(number(
             source, f"rows {first + 1} to {first + count} of the window", printed, _read(cycle),
             "rows", note=f"counted in the sequence; {cycle.before} dumped before, {cycle.after} "
             "after",
@@ -134,48 +134,50 @@ def _rows() -> list[Row]:
     whole = [Settings(200, 0, k).within(timing).rows for k in (0, 1, 512, 600)]
     cycle = Cycle(0, 0, timing, Settings(200, 100, 128).within(timing))
     before, read = cycle.before, cycle.settings.rows
-    forgetful = after_printed(before, read)
+    printed_after = after_printed(before, read)
     left = timing.rows - before - read
     dumped = _shifts(timing, cycle.settings)
-    made += [
+    rows += [
         listed("003 §2", "least and most rows of a window", [1, 512], [whole[0], whole[-1]],
                "rows"),
-        number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N", str(forgetful),
-               cycle.after, "rows", proof=left == cycle.after == forgetful + 1
-               and dumped == timing.rows and before + read + forgetful == timing.rows - 1,
+        number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N",
+               str(printed_after), cycle.after, "rows",
+               proof=left == cycle.after == printed_after + 1 and dumped == timing.rows
+               and before + read + printed_after == timing.rows - 1,
                note=f"the document's error: M + K + (527 - M - K) is 527 of {timing.rows} rows, "
                f"and its N is the K of its next page; 528 - M - K is used: {dumped} rows leave "
                "the store in the clock-by-clock sequence"),
     ]  # fmt: skip
-    return made
+    return rows
 
 
 def _read(cycle: Cycle) -> int:
-    """Rows that the sequence reads, by its own times."""
+    """Number of rows that the sequence reads, from its edges."""
     line = cycle.timing.shift + cycle.timing.line
     return int(np.count_nonzero(np.diff(cycle.leaving()) >= line)) + 1
 
 
 def _small() -> Timing:
-    """A chip of 528 rows whose lines are short, so that every clock of a cycle can be counted."""
+    """A chip of 528 rows with short lines, so that a cycle can be simulated clock by clock."""
     return Timing(columns=4, line=6, transfer=2, shift=2, dump=2, clear=1)
 
 
 def _shifts(timing: Timing, settings: Settings) -> int:
-    """Rows that leave the store after the second transfer, counted clock by clock."""
+    """Number of rows that leave the store after the second transfer, counted clock by clock."""
     small = _small()
-    plain = CounterSequencer(small, Settings(1, settings.first, settings.rows))
-    seen, high = 0, 0
+    sequencer = CounterSequencer(small, Settings(1, settings.first, settings.rows))
+    count, high = 0, 0
     for _ in range(frame_clocks(small, Settings(1, settings.first, settings.rows))):
-        signals = plain.tick()
-        late = signals["phase"] in (Phase.DUMP_BEFORE, Phase.READOUT, Phase.DUMP_AFTER)
-        seen += late and signals["store_clock"] and not high
+        signals = sequencer.tick()
+        leaving = signals["phase"] in (Phase.DUMP_BEFORE, Phase.READOUT, Phase.DUMP_AFTER)
+        count += leaving and signals["store_clock"] and not high
         high = signals["store_clock"]
-    return seen
+    return count
 
 
 def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Row]:
-    """Figure 4c: the image's right half lit so that the excess fills the head of the next line."""
+    """Figure 4c: the right half of the image is lit so that its excess fills the head of the next
+    line."""
     electrons = electrons_to_fill(columns, lit, gain)
     charge = np.zeros((4, chip.COLUMNS))
     end = chip.COLUMNS - chip.DARK_COLUMNS
@@ -190,13 +192,13 @@ def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Ro
 
 
 def _frame() -> list[Row]:
-    """The frame time, whose formula is lost, and Table 2, which is lost too."""
+    """The frame time and Table 2; the formula and the table are lost."""
     timing = Timing()
     small, settings = _small(), Settings(1, 100, 128)
-    plain = CounterSequencer(small, settings)
+    sequencer = CounterSequencer(small, settings)
     clocks = 0
-    while plain.cycles < 2:
-        plain.tick()
+    while sequencer.cycles < 2:
+        sequencer.tick()
         clocks += 1
     counted = clocks - 1
     table = window_table(timing)
@@ -213,7 +215,7 @@ def _frame() -> list[Row]:
 
 
 def _clocks(timing: Timing, rows: int) -> int:
-    """Of a cycle with a window in the middle, by the sequence's edges."""
+    """Clocks of a cycle with a centred window, from the edges of the sequence."""
     first = (timing.image_rows - rows) // 2
     cycle = Cycle(0, 0, timing, Settings(200, first, rows).within(timing))
     return cycle.end - cycle.start

@@ -13,7 +13,7 @@ __all__ = ["EmccdSection"]
 
 
 class EmccdSection(ImagerSection):
-    """The frame-transfer EMCCD: two-transfer exposure, gain in 256 steps, window, sync."""
+    """The frame-transfer EMCCD: exposure between two transfers, gain in 256 steps, window, sync."""
 
     kind: Literal["emccd"]
     exposure: Annotated[float, Quantity("time", least=1e-5, most=40.96e-3)] = Field(
@@ -43,7 +43,7 @@ class EmccdSection(ImagerSection):
     writes: Writes = ()
 
     @model_validator(mode="after")
-    def _stands(self) -> EmccdSection:
+    def _check(self) -> EmccdSection:
         pulses = bool(self.pulses) + (self.pulse_rate is not None)
         for wrong, must in (
             (self.gain is not None and self.gain_step is not None, "with gain or gain_step alone"),

@@ -23,14 +23,22 @@ BITS: Final = 8
 
 @dataclass(frozen=True)
 class CmosSetting:
-    """A pixel and its chain. Document 001 prints responsivity and gain; the rest is assumed.
+    """A pixel and its signal chain. Document 001 states responsivity and gain; the rest is assumed.
 
-    responsivity: S, V/(lx s) at the pixel. gain: A, of the amplifier before the converter.
-    full_scale: of the converter, V. conversion: V an electron. well: electrons that the photodiode
-    holds. celsius: of the chip. dark_rate: e/s at 25 degrees (624 is 0.1 nA/cm2 on 10 um x 10 um).
-    dark_doubling: K in which dark current doubles (6 to 7). read_noise: follower and converter, e
-    RMS. dsnu: standard deviation of dark current over its mean. prnu: of the response. column: of a
-    column's offset, over full scale. device: seed of the fixed pattern.
+    Attributes:
+        responsivity: S at the pixel, V/(lx s).
+        gain: A, gain of the amplifier before the converter.
+        full_scale: full scale of the converter, V.
+        conversion: conversion gain, V/e.
+        well: full well of the photodiode, e.
+        celsius: temperature of the chip, degC.
+        dark_rate: dark current at 25 degC, e/s (624 is 0.1 nA/cm2 on 10 um x 10 um).
+        dark_doubling: temperature rise that doubles the dark current, K (6 to 7).
+        read_noise: noise of source follower and converter, e RMS.
+        dsnu: standard deviation of the dark current over its mean.
+        prnu: standard deviation of the response over its mean.
+        column: standard deviation of the column offset over full scale.
+        device: seed of the fixed pattern.
     """
 
     responsivity: float = 1.0

@@ -36,14 +36,21 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Tube:
-    """Everything here is assumed unless a source is named: the document prints none of it.
+    """The tube. All values are assumed unless a source is named; the document states none.
 
-    sensitivity: uA/lm at 2856 K. emission_lux: light that would make the photocathode's dark
-    emission (EBI), lx; 2.5e-7 is 0.35 electrons a second in a pixel of 10.8 um. collection: eta_c.
-    threshold: V_d, V. softness: width of its edge, V. loss: eta_b. gap: between photocathode and
-    silicon, m. transverse: mean transverse energy at emission, eV. halo: share of the electrons
-    that come down a second time, anywhere within two gaps. ions: events an electron that lands
-    (about 1 in 600 has been reported). burst: mean electrons that an ion event adds (geometric).
+    Attributes:
+        sensitivity: of the photocathode for light of 2856 K, uA/lm.
+        emission_lux: equivalent background illumination of the dark emission (EBI), lx; 2.5e-7 is
+            0.35 electrons per second in a pixel of 10.8 um.
+        collection: collection efficiency eta_c.
+        threshold: V_d, V.
+        softness: width of the edge at V_d, V.
+        loss: share eta_b of the electrons that is lost.
+        gap: distance between photocathode and silicon, m.
+        transverse: mean transverse energy at emission, eV.
+        halo: share of the electrons that land a second time, within a radius of two gaps.
+        ions: ion events per electron that lands (about 1 in 600 has been reported).
+        burst: mean number of electrons that an ion event adds (geometric).
     """
 
     sensitivity: float = 1910.0

@@ -31,7 +31,7 @@ Values = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 _ATTEMPTS: Final = 64
-"""Counters that a stage may use; a rejection needs more than this with probability below 1e-40."""
+"""Counters reserved for a stage; a rejection needs more with probability below 1e-40."""
 
 
 def stage_probability(gain: float, stages: int = STAGES) -> float:
@@ -103,7 +103,7 @@ def _binomial_one(count, p, pixel, frame, draw, seed, stream):  # type: ignore[n
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
-def _branch(electrons, p, stages, numbers, frame, seed, stream, attempts, out):  # type: ignore[no-untyped-def]
+def _branch(electrons, p, stages, numbers, frame, seed, stream, out):  # type: ignore[no-untyped-def]
     flip = p > 0.5
     share = 1.0 - p if flip else p
     for n in range(electrons.size):
@@ -112,7 +112,7 @@ def _branch(electrons, p, stages, numbers, frame, seed, stream, attempts, out): 
             for stage in range(stages):
                 more = 0
                 if share > 0.0:
-                    draw = stage * attempts
+                    draw = stage * _ATTEMPTS
                     more = _binomial_one(held, share, numbers[n], frame, draw, seed, stream)
                 held += held - more if flip else more
         out[n] = held
@@ -132,7 +132,7 @@ def branch(
     flat = np.ascontiguousarray(numbers, np.int64).reshape(-1)
     out = np.empty(numbers.size, np.int64)
     held = np.ascontiguousarray(held).reshape(-1)
-    _branch(held, p, stages, flat, frame, seed, int(stream), _ATTEMPTS, out)
+    _branch(held, p, stages, flat, frame, seed, int(stream), out)
     return out.reshape(numbers.shape)
 
 

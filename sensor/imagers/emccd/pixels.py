@@ -62,10 +62,14 @@ def _pattern(first: int, count: int, kind: int, seed: int) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class EmccdExposed(Exposed):
-    """Rows of the whole image area, of which a window is read. None takes the model's own.
+    """Rows of the whole image area, of which a window is read. None stands for the value of the
+    pixel model.
 
-    read: (first, count) among the rows given; all when None. gain: mean, at work for this frame.
-    kelvin: of the chip. row_shift: s of one row in a frame transfer.
+    Attributes:
+        read: (first, count) of the rows that are read; None for all.
+        gain: mean gain of this frame.
+        kelvin: temperature of the chip, K.
+        row_shift: time of one row shift in a frame transfer, s.
     """
 
     read: tuple[int, int] | None = None

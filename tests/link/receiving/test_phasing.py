@@ -49,12 +49,12 @@ def witnesses(rule: str, seed: int = 6) -> Witnesses:
 def test_the_slope_of_the_likelihood_is_that_of_differences(rule: str) -> None:
     w = witnesses(rule)
     at = np.array([0.05, 1.33, 0.04, 0.02, 0.03])
-    nats, slope, bend = phasing._look(w, TOLD, at, rule)
+    nats, slope, bend = phasing._derivatives(w, TOLD, at, rule)
     assert nats == pytest.approx(
         len(w.rows) * (TICKS - 4)
         * likelihood(w, phasing._moved(TOLD, w, at[0], at[3], at[4]), at[1], at[2], rule)
     )  # fmt: skip
-    by_steps = approx_fprime(at, lambda x: phasing._look(w, TOLD, x, rule)[0], 1e-6)
+    by_steps = approx_fprime(at, lambda x: phasing._derivatives(w, TOLD, x, rule)[0], 1e-6)
     assert slope == pytest.approx(by_steps, rel=1e-3, abs=1)
     assert np.linalg.eigvalsh(bend)[0] > 0
 
@@ -65,7 +65,7 @@ def test_a_known_timing_is_found_in_few_passes(rule: str) -> None:
     fit = fit_timing(w, TOLD, 300.0)
     assert fit.levels.reset == rule and fit.passes < 40
     # five numbers, alpha 1e-6: five standard errors each
-    _, _, bend = phasing._look(w, TRUE, np.array([0, ON, BACKGROUND, 0, 0]), rule)
+    _, _, bend = phasing._derivatives(w, TRUE, np.array([0, ON, BACKGROUND, 0, 0]), rule)
     error = np.sqrt(np.diag(np.linalg.inv(bend)))
     middle = (10 + TICKS / 2 - TRUE.first) / TRUE.period
     late = fit.timing.start(middle, ROWS / 2) - TRUE.start(middle, ROWS / 2)
@@ -84,7 +84,7 @@ def test_the_top_is_that_of_a_long_simplex_from_any_start() -> None:
     prior = 1 / held**2
 
     def cost(x: npt.NDArray[np.float64]) -> float:
-        nats = phasing._look(w, TOLD, np.array([x[0], *np.abs(x[1:3]), *x[3:]]), "hard")[0]
+        nats = phasing._derivatives(w, TOLD, np.array([x[0], *np.abs(x[1:3]), *x[3:]]), "hard")[0]
         return float(x**2 @ prior) / 2 - nats
 
     start = np.array([0.1, 1.4, 0.03, 0, 0])
@@ -104,7 +104,7 @@ def test_a_look_says_how_late_symbols_are(late: float) -> None:
         w, replace(TRUE, first=TRUE.first - late), Levels(ON, BACKGROUND, "hard", 0)
     )
     assert delay.error < 0.005
-    assert abs(delay.late - late) < 4.9 * delay.error  # alpha 1e-6
+    assert abs(delay.ticks - late) < 4.9 * delay.error  # alpha 1e-6
 
 
 def test_a_look_at_spikes_that_say_nothing_is_unsure() -> None:

@@ -116,7 +116,7 @@ def test_the_report_is_one_file_with_every_section(sent):
     _, _, folder, _, _ = sent
     page = (folder / "report.html").read_text()
     for title in ("Received whole", "What the camera saw", "Rates", "The eye", "Which cells fail",
-                  "Soft values", "that only fill the last group", "From a byte to its arrival",
+                  "Soft values", "to fill the last group", "From a byte to its arrival",
                   "Rate against distance",
                   "What was kept and what was left out", "Run time"):  # fmt: skip
         assert title in page

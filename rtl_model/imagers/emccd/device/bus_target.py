@@ -1,10 +1,10 @@
-"""The EMCCD's sequencer with its registers, from cycle to cycle.
+"""The sequencer of the EMCCD with its registers, cycle by cycle.
 
-Between two cycles it waits. At an edge of the wait the next cycle begins if sync, as it stands in
-the register, is internal, or if a pulse has come at that very edge; then all parameters are taken,
-together. So a host can free a camera that waits for pulses which do not come. (The document judges
-sync at a cycle's end and takes parameters before the next; that the wait itself looks at the
-register is assumed.) A pulse that comes while a cycle runs is lost, and counted.
+Between two cycles the sequencer waits. At an edge of the wait, the next cycle begins if the sync
+register is set to internal, or if a pulse arrives at that edge. All parameters then take effect
+together. So a host can release a camera that waits for pulses. (The document tests sync at the end
+of a cycle and takes the parameters before the next one. That the register is also tested during the
+wait is assumed.) A pulse that arrives during a cycle is lost; a register counts these pulses.
 """
 
 from __future__ import annotations
@@ -21,12 +21,16 @@ __all__ = ["EmccdSequencer", "bus_target"]
 
 
 class EmccdSequencer:
-    """One camera from power-on, edge 0; see `BusTarget`.
-
-    pulses: edges at which sync pulses are seen. begun: called with each cycle when it begins.
+    """The sequencer from power-on, edge 0; see `BusTarget`.
 
     Attributes:
-        clock: edges passed. cycle: the one that runs or ran last.
+        clock: number of edges passed.
+        cycle: present or last cycle; None before the first.
+
+    Args:
+        timing: timing of the camera; None for the default.
+        pulses: edges at which sync pulses arrive.
+        begun: function that is called with each cycle when it begins.
     """
 
     def __init__(
@@ -57,30 +61,30 @@ class EmccdSequencer:
     def _start(self, clock: int) -> None:
         self.cycle: Cycle | None = None
         self._cycles = self._lost = 0
-        self._waits = clock  # edge from which on the next cycle may begin
+        self._waits = clock  # first edge at which the next cycle may begin
 
     def reset(self, clock: int) -> None:
-        """Starts anew at edge `clock`; a cycle that ran is given up."""
+        """Restarts at edge `clock`; a running cycle is aborted."""
         self.clock = max(self.clock, clock)
         self._start(clock)
 
     @property
     def phase(self) -> Phase:
-        """What is done in the clock before the next edge."""
+        """Phase of the clock before the next edge."""
         return Phase.WAIT if self.cycle is None else self.cycle.phase(self.clock - 1)
 
     @property
     def frames(self) -> int:
-        """Frames whose last pixel had left before the next edge."""
+        """Number of frames whose last pixel has left before the next edge."""
         return self._cycles - (self.cycle is not None and self.clock <= self.cycle.ready)
 
     def advance(self, clock: int) -> None:
-        """Runs all edges before `clock`; does nothing where that has passed."""
+        """Runs all edges before `clock`; does nothing if that clock has passed."""
         while self.run(clock):
             continue
 
     def run(self, clock: int) -> bool:
-        """Runs all edges before `clock`, or until a cycle has begun; whether one has."""
+        """Runs all edges before `clock`, or until a cycle begins. Returns whether one began."""
         if clock <= self.clock:
             return False
         waits = max(self._waits, self.clock)
@@ -100,7 +104,7 @@ class EmccdSequencer:
         return True
 
     def _pop(self, edge: int) -> None:
-        """Takes the pulses of one edge, which are one."""
+        """Removes all pulses of one edge; together they count as one."""
         while self._pulses and self._pulses[0] == edge:
             heapq.heappop(self._pulses)
 
@@ -130,5 +134,5 @@ class EmccdSequencer:
 
 
 def bus_target() -> EmccdSequencer:
-    """The camera that a virtual board serves."""
+    """The camera of `viform board virtual`."""
     return EmccdSequencer()

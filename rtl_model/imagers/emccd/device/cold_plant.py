@@ -1,14 +1,15 @@
-"""What an EMCCD's cooler acts on: chip, Peltier element and heat sink; its thermistor.
+"""The plant of the cooling loop: chip, Peltier element and heat sink; and its thermistor.
 
 Chip:  C_c dT_c/dt = P + (T_a - T_c)/R_a - Q_c,  Q_c = a T_c I - I^2 R/2 - K (T_h - T_c)
 Sink:  C_h dT_h/dt = Q_h - (T_h - T_a)/R_h,      Q_h = a T_h I + I^2 R/2 - K (T_h - T_c)
 
-(Seebeck a, resistance R, conductance K: the standard model of a thermoelectric cooler.) A current
-over a T_c/R heats more than it pumps, and the hot sink brings that point nearer: `strongest` is the
-current that cools most. At constant current both lines are linear in the temperatures.
+with Seebeck coefficient a, resistance R and conductance K: the standard model of a thermoelectric
+cooler. Above a current of a T_c/R, the element heats more than it pumps; a hot sink lowers this
+limit. `strongest` is the current that cools most. At constant current both equations are linear in
+the temperatures.
 
-The document prints only that a PID on the chip's thermistor holds -10 degC with the Peltier element
-of the package; every figure here is assumed, of the size of such packages.
+The document states only that a PID controller on the chip's thermistor holds -10 degC with the
+Peltier element of the package. All values here are assumed; they are typical of such packages.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ __all__ = ["Plant", "Temperatures", "Thermistor"]
 Values = npt.NDArray[np.float64]
 
 _REFERENCE: Final = ZERO_CELSIUS + 25.0
-"""K at which a thermistor's resistance is stated."""
+"""Temperature at which the resistance of a thermistor is specified, K."""
 
 
 class Temperatures(NamedTuple):
-    """Kelvin of the chip and of the heat sink."""
+    """Temperatures of the chip and of the heat sink, K."""
 
     chip: float
     sink: float
@@ -39,8 +40,16 @@ class Temperatures(NamedTuple):
 
 @dataclass(frozen=True)
 class Plant:
-    """seebeck: V/K. resistance: ohm. conductance: W/K. chip_capacity, sink_capacity: J/K.
-    chip_power: W that the chip makes. chip_to_air, sink_to_air: K/W."""
+    """Chip, Peltier element and heat sink.
+
+    Attributes:
+        seebeck: Seebeck coefficient of the element, V/K.
+        resistance: electrical resistance of the element, ohm.
+        conductance: thermal conductance of the element, W/K.
+        chip_capacity, sink_capacity: heat capacities, J/K.
+        chip_power: power that the chip dissipates, W.
+        chip_to_air, sink_to_air: thermal resistances, K/W.
+    """
 
     seebeck: float = 0.020
     resistance: float = 2.5
@@ -73,15 +82,15 @@ class Plant:
         )
 
     def linear(self, amps: float, ambient: float) -> tuple[Values, Values]:
-        """(2, 2) and (2,): dT/dt = A T + b for T = (chip, sink), at this current."""
+        """A (2, 2) and b (2,) of dT/dt = A T + b for T = (chip, sink), at a constant current."""
         rates = self._rates(amps, ambient)
         return np.array(rates[:4]).reshape(2, 2), np.array(rates[4:])
 
     def advance(
         self, state: Temperatures, amps: float, ambient: float, seconds: float
     ) -> Temperatures:
-        """Temperatures after `seconds` at constant current and ambient (K): one classical
-        Runge-Kutta step, whose error is about (seconds / 100 s)^5 for the default plant."""
+        """Temperatures after `seconds` at constant current (A) and ambient temperature (K), by one
+        classical Runge-Kutta step. Its error is about (seconds / 100 s)^5 for the default plant."""
         a00, a01, a10, a11, b0, b1 = self._rates(amps, ambient)
 
         def slope(x: float, y: float) -> tuple[float, float]:
@@ -98,7 +107,7 @@ class Plant:
         )
 
     def steady(self, amps: float, ambient: float) -> Temperatures:
-        """Where a constant current ends: -A^-1 b."""
+        """Steady state at a constant current: -A^-1 b. Raises ValueError if there is none."""
         a, b = self.linear(amps, ambient)
         if not (np.linalg.eigvals(a).real < 0).all():
             raise ValueError(f"{amps:g} A must be less: the sink runs away")
@@ -106,7 +115,7 @@ class Plant:
         return Temperatures(float(chip), float(sink))
 
     def strongest(self, ambient: float, most: float) -> float:
-        """Current up to `most` A at which the chip ends coldest."""
+        """Current, at most `most` A, with the lowest steady temperature of the chip."""
         from scipy.optimize import minimize_scalar
 
         found = minimize_scalar(
@@ -115,7 +124,7 @@ class Plant:
         return float(found.x)
 
     def holding(self, kelvin: float, ambient: float, most: float) -> float:
-        """Current that holds the chip at this temperature; ValueError where none up to the
+        """Current that holds the chip at `kelvin`. Raises ValueError if no current up to the
         strongest does."""
         from scipy.optimize import brentq
 
@@ -125,7 +134,7 @@ class Plant:
         return float(brentq(lambda amps: self.steady(amps, ambient).chip - kelvin, 0.0, top))
 
     def hottest_air(self, kelvin: float, most: float) -> float:
-        """Ambient K up to which the chip can be held at this temperature."""
+        """Highest ambient temperature, K, at which the chip can be held at `kelvin`."""
         from scipy.optimize import brentq
 
         def over(ambient: float) -> float:
@@ -136,10 +145,15 @@ class Plant:
 
 @dataclass(frozen=True)
 class Thermistor:
-    """R(T) = R_25 exp(B (1/T - 1/298.15 K)), in a divider below `above` ohm, read by a converter
-    of so many bits: the colder, the larger the code. All figures assumed (a usual NTC).
+    """A thermistor R(T) = R_25 exp(B (1/T - 1/298.15 K)) in a voltage divider, with its converter.
+    A lower temperature gives a larger code. All values are assumed (a common NTC).
 
-    coldest, hottest: K; codes beyond theirs mean a broken or a shorted thermistor.
+    Attributes:
+        at_25c: resistance R_25, ohm.
+        beta: B, K.
+        above: resistance of the upper part of the divider, ohm.
+        bits: bits of the converter.
+        coldest, hottest: range, K; a code beyond it means an open or a shorted thermistor.
     """
 
     at_25c: float = 10_000.0
@@ -155,22 +169,22 @@ class Thermistor:
         return (1 << self.bits) - 1
 
     def ohms(self, kelvin: float) -> float:
-        """Resistance at a temperature."""
+        """Resistance at a temperature, ohm."""
         return self.at_25c * math.exp(self.beta * (1.0 / kelvin - 1.0 / _REFERENCE))
 
     def code(self, kelvin: float, noise: float = 0.0) -> int:
-        """What the converter reads; noise: in codes, before rounding."""
+        """Code of the converter; `noise` is added before rounding, in codes."""
         r = self.ohms(kelvin)
         return min(max(round(self.full * r / (r + self.above) + noise), 0), self.full)
 
     def kelvin(self, code: float) -> float:
-        """Temperature of a code, 0 < code < full."""
+        """Temperature of a code with 0 < code < full, K."""
         share = code / self.full
         ohms = self.above * share / (1.0 - share)
         return 1.0 / (math.log(ohms / self.at_25c) / self.beta + 1.0 / _REFERENCE)
 
     def slope(self, kelvin: float) -> float:
-        """Codes a kelvin, negative."""
+        """Slope of the code, codes/K; negative."""
         r = self.ohms(kelvin)
         share = r / (r + self.above)
         return -self.full * share * (1.0 - share) * self.beta / kelvin**2

@@ -1,16 +1,16 @@
-"""The loop that holds an EMCCD at -10 degC: integer PID, drive limits, faults of the thermistor.
+"""The cooling loop of the EMCCD at -10 degC: integer PID, drive limits, thermistor faults.
 
-Every sample the thermistor's code is read and a drive code is set, in whole numbers, gains in
-1/4096:
+In every sample, the controller reads the thermistor code and sets a drive code, in integers with
+gains in 1/4096:
 
     e = target - code;  u = (K_p e + I + K_d (e - e_before)) >> 12, limited to 0 .. top
 
-The integral I grows by K_i e, but not while u is over a limit and e would push it further
-(conditional integration: Astrom and Hagglund, Advanced PID Control, 2006), and is itself kept
-within the drive's range. Without that (`anti_windup=False`) a day too hot is paid for with a chip
-too cold. The top is a current below the one at which the Peltier element heats more than it cools,
-where the loop's sign would turn. A code that no working thermistor gives turns the drive off, by
-name, until `reset`.
+The integral I grows by K_i e, except while u exceeds a limit and e would increase the excess
+(conditional integration: Astrom and Hagglund, Advanced PID Control, 2006). It is also limited to
+the range of the drive. Without these limits (`anti_windup=False`), the chip becomes too cold after
+a period in which the air was too hot. The top is below the current at which the Peltier element
+heats more than it cools, where the sign of the loop gain would change. A code outside the range of
+a working thermistor is a fault and turns the drive off until `reset`.
 """
 
 from __future__ import annotations
@@ -34,15 +34,13 @@ __all__ = ["Cooler", "CoolingFault", "CoolingRun", "Pid", "PidSettings", "run_co
 Values = npt.NDArray[np.float64]
 
 _FRACTION: Final = 12
-"""Bits behind the point of gains and integral."""
-
-
+"""Fractional bits of gains and integral."""
 _BLOCK: Final = 256
-"""Samples whose noise is drawn together."""
+"""Number of samples whose noise is drawn at once."""
 
 
 class CoolingFault(Enum):
-    """Why a drive is off."""
+    """Fault that turns the drive off."""
 
     NONE = "none"
     OPEN = "thermistor open"
@@ -51,9 +49,17 @@ class CoolingFault(Enum):
 
 @dataclass(frozen=True)
 class PidSettings:
-    """Gains in 1/4096 of a drive code a thermistor code (a sample, for the integral; a difference
-    of samples, for the derivative). sample: ps between samples. top: largest drive code. amps: at
-    the top. All assumed: a crossover near .1 rad/s for the default plant."""
+    """Settings of the controller; all assumed, for a crossover near 0.1 rad/s with the default
+    plant.
+
+    Attributes:
+        proportional: gain, 1/4096 drive code per thermistor code.
+        integral: gain per sample, in the same unit.
+        derivative: gain per difference of two samples, in the same unit.
+        sample: sampling period, ps.
+        top: largest drive code.
+        amps: current at the largest drive code, A.
+    """
 
     proportional: int = 27_000
     integral: int = 340
@@ -63,14 +69,24 @@ class PidSettings:
     amps: float = 1.6
 
     def current(self, drive: int) -> float:
-        """A at a drive code."""
+        """Current at a drive code, A."""
         return self.amps * drive / self.top
 
 
 @dataclass
 class Pid:
-    """The controller's registers. codes: those that a working thermistor gives, lowest and
-    highest."""
+    """The controller.
+
+    Attributes:
+        settings: gains and limits.
+        target: thermistor code of the target temperature.
+        codes: lowest and highest code of a working thermistor.
+        anti_windup: whether the integral is limited.
+        fault: fault that turns the drive off.
+        total: integral, 1/4096 drive code.
+        before: error of the last sample; None before the first.
+        drive: present drive code.
+    """
 
     settings: PidSettings
     target: int
@@ -82,11 +98,11 @@ class Pid:
     drive: int = 0
 
     def reset(self) -> None:
-        """Forgets a fault and the integral."""
+        """Clears the fault, the integral and the drive."""
         self.fault, self.total, self.before, self.drive = CoolingFault.NONE, 0, None, 0
 
     def update(self, code: int) -> int:
-        """One sample: the drive code for the next."""
+        """Processes the code of one sample. Returns the drive code until the next sample."""
         low, high = self.codes
         if self.fault is CoolingFault.NONE and not low <= code <= high:
             self.fault = CoolingFault.SHORT if code < low else CoolingFault.OPEN
@@ -109,16 +125,24 @@ class Pid:
 
 
 Ambient = Callable[[float], float]
-"""Kelvin of the air at a time in seconds."""
+"""Time in s -> temperature of the air, K."""
 Break = Callable[[float], CoolingFault]
-"""What is wrong with the thermistor at a time in seconds."""
+"""Time in s -> fault of the thermistor."""
 
 
 @dataclass
 class Cooler:
-    """Plant and controller, advanced to instants in ps from power-on, when all is at ambient.
+    """Plant and controller from power-on, with everything at ambient temperature.
 
-    target: K. noise: of the thermistor's converter, codes RMS (assumed). broken: see `Break`.
+    Attributes:
+        ambient: temperature of the air, see `Ambient`.
+        target: temperature of the chip, K.
+        plant, thermistor: what is cooled, and its sensor.
+        settings: settings of the controller.
+        anti_windup: whether the integral is limited.
+        seed: seed of the noise.
+        noise: noise of the thermistor's converter, codes RMS (assumed).
+        broken: faults of the thermistor, see `Break`.
     """
 
     ambient: Ambient = lambda _: ZERO_CELSIUS + 25.0
@@ -148,17 +172,17 @@ class Cooler:
 
     @property
     def kelvin(self) -> float:
-        """Of the chip, after the last sample."""
+        """Temperature of the chip after the last sample, K."""
         return self.state.chip
 
     @property
     def fault(self) -> CoolingFault:
-        """Why the drive is off."""
+        """Fault that turns the drive off."""
         return self.pid.fault
 
     @property
     def amps(self) -> float:
-        """Through the Peltier element."""
+        """Current through the Peltier element, A."""
         return self.settings.current(self.pid.drive)
 
     def _code(self, seconds: float) -> int:
@@ -175,7 +199,7 @@ class Cooler:
         return self.thermistor.code(self.state.chip, self.noise * float(self._drawn[place]))
 
     def step(self) -> None:
-        """One sample: read, set, and heat flows until the next."""
+        """Runs one sample: reads the thermistor, sets the drive, and advances the plant."""
         seconds = self.samples * self.settings.sample / PS
         self.pid.update(self._code(seconds))
         air = self.ambient(seconds)
@@ -183,14 +207,21 @@ class Cooler:
         self.samples += 1
 
     def advance(self, until: int) -> None:
-        """All samples whose span has ended by the instant `until`, ps."""
+        """Runs all samples that end by the instant `until`, ps."""
         while (self.samples + 1) * self.settings.sample <= until:
             self.step()
 
 
 @dataclass(frozen=True, eq=False)
 class CoolingRun:
-    """seconds, chip and sink in K, amps: (n,) float64, after each sample. faults: (n,)."""
+    """The course of a cooler after each of n samples.
+
+    Attributes:
+        seconds: (n,) time, s, float64.
+        chip, sink: (n,) temperatures, K, float64.
+        amps: (n,) current, A, float64.
+        faults: n faults.
+    """
 
     seconds: Values
     chip: Values
@@ -199,14 +230,14 @@ class CoolingRun:
     faults: list[CoolingFault]
 
     def settled(self, target: float, within: float) -> float | None:
-        """Seconds from which the chip stays within so many kelvin of the target; None if never."""
+        """Time from which the chip stays within `within` K of `target`, s; None if never."""
         outside = np.flatnonzero(np.abs(self.chip - target) > within)
         after = int(outside[-1]) + 1 if outside.size else 0
         return float(self.seconds[after]) if after < self.chip.size else None
 
 
 def run_cooling(cooler: Cooler, seconds: float) -> CoolingRun:
-    """Runs a cooler from where it stands for so long."""
+    """Runs a cooler from its present state for `seconds`."""
     count = round(seconds * PS / cooler.settings.sample)
     rows, faults = np.empty((count, 4)), []
     for n in range(count):

@@ -1,5 +1,5 @@
-"""The EMCCD's sequencer clock by clock, counters and all, as one would write it in Verilog: the
-truth that `sequencer.py` and `bus_target.py` are held against."""
+"""The sequencer of the EMCCD clock by clock, with counters as in Verilog: the reference for
+`sequencer.py` and `bus_target.py`, in tests and in `viform paper`."""
 
 from __future__ import annotations
 
@@ -10,23 +10,27 @@ __all__ = ["CounterSequencer"]
 
 
 class CounterSequencer:
-    """One call a clock. Attributes are the state as it stands between edges.
+    """The sequencer; one call of `tick` per clock.
 
-    held: the parameters as they were last written. work: those of the cycle that runs.
+    Attributes:
+        written: parameters last written.
+        active: parameters of the present cycle.
+        phase: present phase.
+        cycles, frames, lost: numbers of cycles begun, frames read, and pulses lost.
     """
 
-    def __init__(self, timing: Timing, held: Settings | None = None) -> None:
+    def __init__(self, timing: Timing, written: Settings | None = None) -> None:
         self.timing = timing
-        self.held = held or Settings()
-        self.work = self.held
+        self.written = written or Settings()
+        self.active = self.written
         self.phase = Phase.WAIT
         self.cycles = self.frames = self.lost = 0
-        self._count = 0  # clocks left of the step that is done
-        self._left = 0  # rows left of the phase that is done
-        self._line = False  # a row is read: its pixels leave
+        self._count = 0  # remaining clocks of the present step
+        self._left = 0  # remaining rows of the present phase
+        self._line = False  # whether the pixels of a row leave
 
     def tick(self, pulse: bool = False) -> dict[str, int]:
-        """One edge, with or without a sync pulse at it; returns the signals of the clock after
+        """Runs one edge, with or without a sync pulse. Returns the signals of the clock after
         it."""
         if self._count:
             self._count -= 1
@@ -37,26 +41,26 @@ class CounterSequencer:
         return self._signals()
 
     def _next(self, pulse: bool) -> None:
-        """The step that was done is over: what comes now."""
-        timing, work = self.timing, self.work
+        """Starts the next step."""
+        timing, active = self.timing, self.active
         match self.phase:
             case Phase.WAIT:
                 return self._wait(pulse)
             case Phase.FIRST_TRANSFER:
                 if self._row(timing.transfer):
-                    self.phase, self._count = Phase.EXPOSURE, work.steps * timing.step
+                    self.phase, self._count = Phase.EXPOSURE, active.steps * timing.step
             case Phase.EXPOSURE:
                 self._begin(Phase.SECOND_TRANSFER, timing.rows, timing.transfer)
             case Phase.SECOND_TRANSFER:
                 if self._row(timing.transfer):
                     self.phase, self._count = Phase.CLEAR, timing.clear
             case Phase.CLEAR:
-                self._begin(Phase.DUMP_BEFORE, timing.dark_rows + work.first, timing.dump)
+                self._begin(Phase.DUMP_BEFORE, timing.dark_rows + active.first, timing.dump)
                 if not self._left:
-                    self._begin(Phase.READOUT, work.rows, timing.shift)
+                    self._begin(Phase.READOUT, active.rows, timing.shift)
             case Phase.DUMP_BEFORE:
                 if self._row(timing.dump):
-                    self._begin(Phase.READOUT, work.rows, timing.shift)
+                    self._begin(Phase.READOUT, active.rows, timing.shift)
             case Phase.READOUT:
                 if not self._line:
                     self._line, self._count = True, timing.line
@@ -64,7 +68,7 @@ class CounterSequencer:
                     self._line = False
                     if self._row(timing.shift):
                         self.frames += 1
-                        after = timing.rows - timing.dark_rows - work.first - work.rows
+                        after = timing.rows - timing.dark_rows - active.first - active.rows
                         self._begin(Phase.DUMP_AFTER, after, timing.dump)
                         if not self._left:
                             self.phase = Phase.WAIT
@@ -78,11 +82,11 @@ class CounterSequencer:
         return None
 
     def _wait(self, pulse: bool) -> None:
-        if self.held.external and not pulse:
+        if self.written.external and not pulse:
             return
-        if pulse and not self.held.external:
+        if pulse and not self.written.external:
             self.lost += 1
-        self.work = self.held.within(self.timing)
+        self.active = self.written.within(self.timing)
         self.cycles += 1
         self._begin(Phase.FIRST_TRANSFER, self.timing.rows, self.timing.transfer)
 
@@ -90,7 +94,7 @@ class CounterSequencer:
         self.phase, self._left, self._count = phase, rows, clocks if rows else 0
 
     def _row(self, clocks: int) -> bool:
-        """A row is done; whether it was the phase's last, else the next begins."""
+        """Ends a row and begins the next one. Returns whether it was the last of the phase."""
         self._left -= 1
         if self._left:
             self._count = clocks

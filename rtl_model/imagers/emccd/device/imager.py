@@ -1,8 +1,8 @@
-"""`Emccd`: the whole camera, light to frames, over its registers.
+"""The whole EMCCD camera: light in, frames out, controlled by its registers.
 
-The sequencer runs clock by clock; a frame's pixels are worked out when its last one has left, with
-the parameters that its cycle took when it began. All rows of the image area are exposed together
-and go into the pixel model, since smear and blooming need them; the window comes out.
+The sequencer runs with clock resolution. The pixels of a frame are computed when its last pixel has
+left, with the parameters of its cycle. The pixel model takes all rows of the image area, because
+smear and blooming depend on them, and returns the rows of the window.
 """
 
 from __future__ import annotations
@@ -27,16 +27,20 @@ from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
 __all__ = ["Emccd"]
 
 _TRACED = 2
-"""Frames whose signals a trace holds."""
+"""Number of frames in a trace."""
 _SYNC = Signal("sync_in")
 
 
 class Emccd:
-    """An `Imager`. pixels: its chip. timing: of its sequencer. high_voltage: gain of each step.
-    pulses: instants of external sync, ps, each seen at the first edge not before it. cooler: gives
-    the chip's temperature at each frame, from where it stands; the pixels' own when None.
+    """The EMCCD; see `Imager`. The prefix `emccd_` of a register name may be omitted.
 
-    Register names may leave out the `emccd_`.
+    Args:
+        pixels: chip; None for the default.
+        timing: timing of the sequencer; None for the default.
+        high_voltage: gain of each step; None for the default.
+        pulses: instants of external sync, ps; a pulse is detected at the first edge not before it.
+        cooler: determines the temperature of the chip at each frame, from its present state on;
+            None for the constant temperature of the pixels.
     """
 
     name = "emccd"
@@ -56,7 +60,7 @@ class Emccd:
             raise ValueError(f"timing must be for {self.pixels.shape} pixels, not {self.timing}")
         self.high_voltage = high_voltage or HighVoltage(stages=self.pixels.stages)
         self.cooler = cooler
-        # A cooler that has run before goes on from there.
+        # A cooler that has run before continues from its present state.
         self._cooled = 0 if cooler is None else cooler.samples * cooler.settings.sample
         self._clock = self.timing.clock
         self._pulses = [self._edge(ps) for ps in pulses]
@@ -67,13 +71,12 @@ class Emccd:
 
     @property
     def now(self) -> int:
-        """Where it stands, ps."""
+        """Present instant, ps."""
         return self._now
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`. It is strobed at the first edge not before `at`; a cycle that begins at a
-        later edge takes it. What is written at 0 stands before the first edge. InputError for no
-        such register, one that is only read, a value that does not fit, a time that has passed."""
+        """See `Imager`. The write takes place at the first edge not before `at`, and affects cycles
+        that begin at later edges. A write at 0 takes place before the first edge."""
         entry = register_of(self.sequencer.registers, register)
         when = write_instant(entry, register, value, at, self._now)
         edge = max(self._edge(when), self.sequencer.clock - 1) if when else -1
@@ -90,8 +93,8 @@ class Emccd:
         self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
         trace: Path | None = None,
     ) -> Iterator[Frame]:  # fmt: skip
-        """See `Imager`. A row's times are the exposure's, between the two transfers; the window's
-        rows are delivered, all columns of them."""
+        """See `Imager`. The times of a row are those of the exposure, between the two transfers. A
+        frame contains the rows of the window, with all columns."""
         if scene.shape != self.pixels.shape:
             raise ValueError(f"scene must be {self.pixels.shape}, not {scene.shape}")
         if trace is not None:
@@ -114,13 +117,14 @@ class Emccd:
         return edge + (self._clock.edge(edge) < ps)
 
     def _strobe(self, clock: int) -> None:
-        """Writes whose edge has passed take their places."""
+        """Executes the writes whose edge has passed."""
         while self._waiting and self._waiting[0][0] < clock:
             _, _, name, value = self._waiting.pop(0)
             self.sequencer.registers.write(name, value)
 
     def _cycle(self, stop: int) -> Cycle | None:
-        """Runs edges before `stop` until a frame's last pixel has left; its cycle, or None."""
+        """Runs edges before `stop` until the last pixel of a frame has left. Returns the cycle of
+        the frame, or None."""
         while True:
             goal = stop
             if self._cycles:
@@ -172,13 +176,13 @@ class Emccd:
         )
 
     def _write_trace(self, path: Path, cycles: list[Cycle], until: int) -> None:
-        """Signals of these cycles, with the sync input, up to the instant `until`."""
+        """Writes the signals of these cycles and the sync input up to the instant `until`."""
         edge = self._clock.edge
         changes = [change for cycle in cycles for change in signal_changes(cycle)]
         last = cycles[-1].end if cycles else 0
         for pulse in self._pulses:
             if pulse <= last:
                 changes += [(pulse, _SYNC.name, 1), (pulse + 1, _SYNC.name, 0)]
-        changes.sort(key=lambda change: change[0])  # stable: the sequencer's own order stays
+        changes.sort(key=lambda change: change[0])  # stable: preserves the order of the sequencer
         records = ((edge(k), name, value) for k, name, value in changes if edge(k) <= until)
         write_trace(path, (*SIGNALS, _SYNC), records, top="emccd")

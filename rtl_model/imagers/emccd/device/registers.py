@@ -1,4 +1,4 @@
-"""The EMCCD's registers. The five parameters are taken together, when a cycle begins."""
+"""The registers of the EMCCD. Its five parameters take effect together, at the start of a cycle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FIRST: Final = Settings()
 PARAMETERS: Final = (
     "emccd_exposure", "emccd_gain", "emccd_first_row", "emccd_rows", "emccd_sync",
 )  # fmt: skip
-"""Registers that a cycle takes together when it begins."""
+"""Registers that take effect at the start of a cycle."""
 
 REGISTERS: Final[tuple[Register, ...]] = (
     Register(
@@ -52,7 +52,7 @@ _UPDATES: Final[dict[str, Update]] = dict.fromkeys(PARAMETERS, "cycle")
 
 
 def design(timing: Timing | None = None) -> Design:
-    """The EMCCD on its line, at a camera's own clock and size."""
+    """The design behind the serial line, with the clock and size of `timing`."""
     timing = timing or Timing()
     return Design(
         "emccd", 3, "frame-transfer EMCCD", (timing.rows, timing.columns), timing.clock_hz,

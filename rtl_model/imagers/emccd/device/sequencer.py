@@ -1,8 +1,9 @@
-"""One cycle of the EMCCD as the clocks at which everything happens, and as its drive signals.
+"""One cycle of the EMCCD: the clock edges of its phases, and its drive signals.
 
-A cycle that begins at edge s runs: first frame transfer (clears what gathered since the last one
-and, at its end, begins the exposure), exposure, second frame transfer, clear of the horizontal
-register, dumped rows, rows that are read, dumped rows. `plain.py` does the same clock by clock.
+A cycle consists of: first frame transfer, exposure, second frame transfer, clear of the horizontal
+register, dumped rows, rows that are read, dumped rows. The first transfer clears the charge that
+was collected since the last cycle; the exposure begins at its end. `counters` computes the same
+clock by clock.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Clocks = npt.NDArray[np.int64]
 
 
 class Phase(IntEnum):
-    """What the sequencer does; the values of `emccd_state`."""
+    """Phase of the sequencer; the values of the register `emccd_state`."""
 
     WAIT = 0
     FIRST_TRANSFER = 1
@@ -38,19 +39,26 @@ class Phase(IntEnum):
 
 SIGNALS: Final = (
     Signal("phase", 3),
-    Signal("image_clock"),  # I-phi: shifts the image area, one pulse a row
+    Signal("image_clock"),  # I-phi: shifts the image area, one pulse per row
     Signal("store_clock"),  # S-phi: shifts the store
-    Signal("register_clock"),  # R-phi runs: a pixel every system clock
-    Signal("dump_gate"),  # DG: the horizontal register drains
+    Signal("register_clock"),  # R-phi runs: one pixel per system clock
+    Signal("dump_gate"),  # DG: the horizontal register is drained
     Signal("frame_sync"),
     Signal("line_sync"),  # a pixel of the 536 columns is at the output
 )
-"""Signals of a trace. Shift pulses are high for the first half of their clocks, rounded down."""
+"""Signals of a trace. A shift pulse is high for the first half of its clocks, rounded down."""
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """Edges of one cycle. number: from 0. start: the edge at which it begins."""
+    """The edges of one cycle.
+
+    Attributes:
+        number: number of the cycle, from 0.
+        start: edge at which it begins.
+        timing: timing of the camera.
+        settings: parameters of the cycle.
+    """
 
     number: int
     start: int
@@ -59,7 +67,7 @@ class Cycle:
 
     @property
     def before(self) -> int:
-        """M: rows dumped before the window, the dark ones at the head with them."""
+        """M: rows dumped before the window, including the dark rows at the head."""
         return self.timing.dark_rows + self.settings.first
 
     @property
@@ -74,7 +82,7 @@ class Cycle:
 
     @property
     def exposure_begin(self) -> int:
-        """Edge at which the first transfer has ended."""
+        """Edge at the end of the first transfer."""
         return self.start + self.transfer
 
     @property
@@ -84,7 +92,7 @@ class Cycle:
 
     @property
     def clear_begin(self) -> int:
-        """Edge at which the second transfer has ended."""
+        """Edge at the end of the second transfer."""
         return self.exposure_end + self.transfer
 
     @property
@@ -94,26 +102,27 @@ class Cycle:
 
     @property
     def read_begin(self) -> int:
-        """Edge at which the window's first row is shifted."""
+        """Edge at which the first row of the window is shifted."""
         return self.dump_begin + self.before * self.timing.dump
 
     @property
     def ready(self) -> int:
-        """Edge at which the window's last pixel has left."""
+        """Edge at which the last pixel of the window has left."""
         return self.read_begin + self.settings.rows * (self.timing.shift + self.timing.line)
 
     @property
     def end(self) -> int:
-        """Edge at which the last row has been dumped: the next cycle's, with internal sync."""
+        """Edge at which the last row has been dumped. With internal sync, the next cycle begins
+        here."""
         return self.ready + self.after * self.timing.dump
 
     @property
     def clocks(self) -> int:
-        """The closed form's frame time."""
+        """Clocks of the cycle, by the closed form."""
         return frame_clocks(self.timing, self.settings)
 
     def phase(self, edge: int) -> Phase:
-        """What is done in the clock that begins at `edge`."""
+        """Phase of the clock that begins at `edge`."""
         bounds = (
             (self.exposure_begin, Phase.FIRST_TRANSFER),
             (self.exposure_end, Phase.EXPOSURE),
@@ -128,8 +137,8 @@ class Cycle:
         return next((phase for stop, phase in bounds if edge < stop), Phase.WAIT)
 
     def leaving(self) -> Clocks:
-        """(rows,) edges at which each row of the chip leaves the store's end for good: the first
-        pixel clock of a row that is read, the shift of one that is dumped."""
+        """(rows,) edges at which each row of the chip leaves the store: the first pixel clock of a
+        row that is read, or the shift of a row that is dumped."""
         timing = self.timing
         row = np.arange(timing.rows, dtype=np.int64)
         read = row - self.before
@@ -140,14 +149,14 @@ class Cycle:
         return np.where(read < 0, dumped, np.where(read < self.settings.rows, inside, later))
 
     def waiting(self) -> npt.NDArray[np.float64]:
-        """(rows,) seconds from the exposure's end to `leaving`: how long dark current gathers
-        beyond the exposure, and clocks may add charge."""
+        """(rows,) time from the end of exposure to `leaving`, s, in which dark current and
+        clock-induced charge accumulate."""
         return (self.leaving() - self.exposure_end) / self.timing.clock_hz
 
 
 def signal_changes(cycle: Cycle) -> Iterator[tuple[int, str, int]]:
-    """Yields (edge, signal, value) of one cycle in order; the last ones set all signals low at
-    its end. Some say again what a signal is already."""
+    """Yields (edge, signal, value) of one cycle in order. The last changes set all signals low.
+    Some entries repeat the present value of a signal."""
     timing = cycle.timing
     yield cycle.start, "phase", Phase.FIRST_TRANSFER
     yield from _shifts(cycle.start, timing.rows, timing.transfer, ("image_clock", "store_clock"))

@@ -1,10 +1,11 @@
-"""How long each part of the EMCCD's cycle takes, in clocks, and the frame time in closed form.
+"""Timing of the EMCCD's cycle, in clocks, and the frame time in closed form.
 
-Document: seed 003. Its formula of the frame time and its Table 2 are lost; the sequence is told in
-words, and the formula here follows from it. What the words do not give is marked assumed.
+Source: document 003. Its formula of the frame time and its Table 2 are lost; the formula here
+follows from the sequence that its text describes. Values that the text does not state are marked as
+assumed.
 
-The document dumps M rows before the window and 527 - M - N after it, which leaves one of the 528
-rows standing. `after_printed` keeps that; the sequence dumps 528 - M - K, every row once.
+The document dumps M rows before the window and 527 - M - N after it, which omits one of the 528
+rows (`after_printed`). The sequence here dumps 528 - M - K, so each row leaves once.
 """
 
 from __future__ import annotations
@@ -39,28 +40,35 @@ __all__ = [
 ]
 
 CLOCK_HZ: Final = 10_000_000
-"""System clock, which is the converter's and the pixels' (document); its rate is assumed."""
+"""System clock, also of the converter and of the pixels (document); the rate is assumed."""
 EXPOSURE_STEP_US: Final = 10
 EXPOSURE_STEPS: Final = 4096
 """Document: exposure 10 us to 40.96 ms in steps of 10 us."""
 SIZES: Final = (512, 256, 128, 64, 32, 16)
-"""Rows of the window table. Those of the document's Table 2 are lost; these are ours, and 256 and
-128 are the windows of its Fig. 5."""
+"""Rows of the windows in the table. Those of Table 2 of the document are lost; 256 and 128 are the
+windows of its Fig. 5, the others are assumed."""
 TABLE_EXPOSURE_STEPS: Final = 200
-"""2 ms, at which the document gives its Table 2."""
+"""Exposure of Table 2 in the document, 2 ms."""
 
 _SHIFT: Final = round(ROW_SHIFT * CLOCK_HZ)
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Clocks of one camera.
+    """Timing of one camera.
 
-    rows, columns: of the image area with its dark reference. dark_rows: at head and tail, which no
-    window reads. line: pixel clocks of a row. transfer: clocks of one row shift in a frame
-    transfer. shift: of a row from the store into the horizontal register. dump: of a row that is
-    shifted with the fast clear gate open. clear: of emptying the horizontal register once. The
-    last four are assumed: reported row shifts are .3 to 1 us, of the gate nothing was found.
+    The last four values are assumed: reported row shifts take 0.3 to 1 us, and no figures of the
+    gate were found.
+
+    Attributes:
+        clock_hz: system clock, Hz.
+        rows, columns: size of the image area with its dark reference.
+        dark_rows: dark rows at the head, and as many at the tail, that no window reads.
+        line: pixel clocks of a row.
+        transfer: clocks of one row shift in a frame transfer.
+        shift: clocks of one row shift from the store into the horizontal register.
+        dump: clocks of one row shift with the dump gate open.
+        clear: clocks to empty the horizontal register once.
     """
 
     clock_hz: int = CLOCK_HZ
@@ -111,21 +119,25 @@ class Timing:
 
     @property
     def transition(self) -> int:
-        """Pixel clocks before a row's first column comes out."""
+        """Pixel clocks before the first column of a row appears at the output."""
         return self.line - self.columns
 
     @property
     def row_shift(self) -> float:
-        """Seconds of one row in a frame transfer: what smear hangs on."""
+        """Time of one row shift in a frame transfer, s, which determines the smear."""
         return self.transfer / self.clock_hz
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of one cycle, as they are at work.
+    """Parameters of one cycle.
 
-    steps: of 10 us, exposure, 1 to 4096. first: image row where the window begins. rows: of the
-    window. gain_step: of the potentiometer. external: whether the cycle waited for a pulse.
+    Attributes:
+        steps: exposure in steps of 10 us, 1 to 4096.
+        first: first image row of the window.
+        rows: number of rows of the window.
+        gain_step: step of the potentiometer, 0 to 255.
+        external: whether the cycle waits for a sync pulse.
     """
 
     steps: int = TABLE_EXPOSURE_STEPS
@@ -135,8 +147,8 @@ class Settings:
     external: bool = False
 
     def within(self, timing: Timing) -> Settings:
-        """These, cut to what the camera can do: a window that leaves the image rows is cut at
-        them, an exposure beyond its range taken as the nearest."""
+        """The parameters, clipped to the range of the camera: the window to the image rows, and the
+        exposure to its limits."""
         first = min(self.first, timing.image_rows - 1)
         return Settings(
             steps=min(max(self.steps, 1), EXPOSURE_STEPS),
@@ -148,8 +160,8 @@ class Settings:
 
 
 def frame_clocks(timing: Timing, settings: Settings) -> int:
-    """Clocks of a cycle from its first shift to its last dumped row: two transfers, exposure, the
-    clear, R - K dumped rows and K rows of a shift and a line."""
+    """Clocks of a cycle from its first shift to its last dumped row: two transfers, the exposure,
+    the clear, R - K dumped rows, and a shift and a line for each of K rows."""
     rows, read = timing.rows, settings.rows
     return (
         2 * rows * timing.transfer
@@ -166,7 +178,7 @@ def frame_seconds(timing: Timing, settings: Settings) -> float:
 
 
 def frame_rate(timing: Timing, settings: Settings) -> float:
-    """Frames a second with internal sync, where cycles follow without a gap."""
+    """Frame rate with internal sync, Hz; the cycles follow without a gap."""
     return timing.clock_hz / frame_clocks(timing, settings)
 
 
@@ -175,7 +187,7 @@ def window_table(
     sizes: tuple[int, ...] = SIZES,
     steps: int = TABLE_EXPOSURE_STEPS,
 ) -> list[tuple[int, float]]:
-    """(rows, frames a second) of centred windows at one exposure: what Table 2 had."""
+    """(rows, frame rate in Hz) of centred windows at one exposure, as in Table 2."""
     timing = timing or Timing()
     return [
         (
@@ -187,13 +199,13 @@ def window_table(
 
 
 def after_printed(before: int, read: int) -> int:
-    """Rows dumped after the window as the document prints it, 527 - M - N: with the M before and
-    the N read it accounts for 527 of 528 rows."""
+    """Rows dumped after the window by the document, 527 - M - N. With M rows before and N rows
+    read, it accounts for 527 of 528 rows."""
     return 527 - before - read
 
 
 def exposure_range(timing: Timing | None = None) -> tuple[float, float, float]:
-    """Shortest exposure, longest, and step, seconds: of the clocks that the sequencer counts."""
+    """Shortest exposure, longest exposure and step, s, from the clocks of the sequencer."""
     timing = timing or Timing()
     step = timing.step / timing.clock_hz
     return step, EXPOSURE_STEPS * timing.step / timing.clock_hz, step

@@ -142,7 +142,7 @@ def test_event_by_event_is_clock_by_clock(seed):
     plain = CounterSequencer(timing)
     machine.registers.set("emccd_exposure", 1)
     held = {"steps": 1}
-    plain.held = Settings(**held)
+    plain.written = Settings(**held)
     got, state = [], []
     trigger = False
     for edge in range(clocks):
@@ -163,7 +163,7 @@ def test_event_by_event_is_clock_by_clock(seed):
                 trigger = True
             else:
                 held[WRITABLE[name]] = bool(value) if name == "emccd_sync" else value
-                plain.held = Settings(**held)
+                plain.written = Settings(**held)
     machine.advance(clocks)
     assert len(cycles) == plain.cycles > 5
     names = [signal.name for signal in SIGNALS]
