@@ -46,7 +46,6 @@ _MOST_DISC: Final = 200.0
 _U: Final = tuple(np.uint64(n) for n in range(16))
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def _project(  # type: ignore[no-untyped-def]
     padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,

@@ -81,7 +81,6 @@ def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
     return (both >> (bit & 31)) & _MASK
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, parallel=True)
 def count_patterns(  # type: ignore[no-untyped-def]
     words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0, count, dx, dy,
@@ -165,7 +164,6 @@ def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-
         off, on = off - most, on - most
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, parallel=True)
 def add_evidence(  # type: ignore[no-untyped-def]
     words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,

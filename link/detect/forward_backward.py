@@ -36,7 +36,6 @@ _LEARNED: Final = 96
 """Number of cells that the pixel's properties are learned from."""
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, parallel=True)
 def _all_cells(  # type: ignore[no-untyped-def]
     words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,

@@ -43,7 +43,6 @@ def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-unty
     return 0.5
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def _forward(  # type: ignore[no-untyped-def]
     now, then, spike, s, f, begins, known, pairs, symbol, chance, low, high, merged, levels, hard
@@ -89,7 +88,6 @@ def _forward(  # type: ignore[no-untyped-def]
     return total
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def _backward(  # type: ignore[no-untyped-def]
     later, now, spike, s, f, begins, known, pairs, symbol, chance, low, high, levels, hard
@@ -127,7 +125,6 @@ def _backward(  # type: ignore[no-untyped-def]
         now[:] = 0.5 / levels
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def likelihood(  # type: ignore[no-untyped-def]
     train, fraction, symbol, known, s, chance, low, high, merged, levels, hard
@@ -159,7 +156,6 @@ def likelihood(  # type: ignore[no-untyped-def]
     return total
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def posterior(  # type: ignore[no-untyped-def]
     train, fraction, symbol, pairs, s, chance, low, high, merged, levels, hard, states, out
@@ -198,7 +194,6 @@ def posterior(  # type: ignore[no-untyped-def]
         later, now = now, later
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
     """Fills `fraction` and `under_way`, (ticks,), as `likelihood` reads them.

@@ -105,7 +105,6 @@ def _entropy(p):  # type: ignore[no-untyped-def]
     return -(p * math.log2(p) + (1 - p) * math.log2(1 - p))
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True)
 def _recursion(sent, counts, q, states, rule, p_on, f0, law0, t0, f1, law1, t1, gains):  # type: ignore[no-untyped-def]
     """Writes the information of each tick, bits, (ticks,), to `gains`.

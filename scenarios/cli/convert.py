@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document, size_option
 
 __all__ = ["convert"]
@@ -15,6 +17,38 @@ __all__ = ["convert"]
 FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc"
 
 
+@dataclass(frozen=True)
+class ClipOptions:
+    """Options of a clip to write."""
+
+    window: Annotated[
+        int | None, typer.Option(help="of a clip: cycles of each tfp image, odd [41]")
+    ] = None
+    every: Annotated[
+        int | None, typer.Option(help="of a clip: cycles from image to image [20]")
+    ] = None
+    scale: Annotated[float | None, typer.Option(help="of a clip: rate that becomes white [1]")] = (
+        None
+    )
+    rate: Annotated[float | None, typer.Option(help="of a clip: images a second [25]")] = None
+
+
+@dataclass(frozen=True)
+class CodeOptions:
+    """Options of a first-spike file to write."""
+
+    code: Annotated[
+        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
+    ] = None
+    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None
+    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None
+    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None
+    refine: Annotated[
+        int | None, typer.Option(help="of statistical: widths in the mean after a change")
+    ] = None
+
+
+@expand_options
 def convert(
     source: Annotated[
         Path,
@@ -23,6 +57,8 @@ def convert(
         ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help=f"{FORMATS_HELP}, or a clip (.mp4)")],
+    clip: ClipOptions,
+    coding: CodeOptions,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     head: Annotated[
         bool, typer.Option("--head", help="of a .dat: write 400x250 as 416x250, with head")
@@ -30,25 +66,6 @@ def convert(
     config: Annotated[
         bool, typer.Option("--config", help="of a .dat: write a config.yaml beside it")
     ] = False,
-    window: Annotated[
-        int | None, typer.Option(help="of a clip: cycles of each tfp image, odd [41]")
-    ] = None,
-    every: Annotated[
-        int | None, typer.Option(help="of a clip: cycles from image to image [20]")
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option(help="of a clip: rate that becomes white [1]")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="of a clip: images a second [25]")] = None,
-    code: Annotated[
-        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
-    ] = None,
-    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None,
-    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None,
-    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None,
-    refine: Annotated[
-        int | None, typer.Option(help="of statistical: widths in the mean after a change")
-    ] = None,
     json: Json = False,
 ) -> None:
     """Convert a stream between formats, or render it as a clip in slow motion.
@@ -65,34 +82,31 @@ def convert(
             "IN", f"a stream ({FORMATS_HELP})", f"the clip {source}",
             f"film it: viform run film --set scene.path={source}",
         )  # fmt: skip
-    clip = out.suffix.lower() in CLIPS
-    if not (clip or is_coded(out) or ending_of(out) in FORMATS):
+    is_clip = out.suffix.lower() in CLIPS
+    if not (is_clip or is_coded(out) or ending_of(out) in FORMATS):
         raise InputError(
             "OUT", f"a name ending in {FORMATS_HELP}, or of a clip ({', '.join(CLIPS)})", str(out),
             "give it one of these",
         )  # fmt: skip
-    clip_options = {"--window": window, "--every": every, "--scale": scale, "--rate": rate}
-    used = [flag for flag, value in clip_options.items() if value is not None]
-    if used and not clip:
-        raise InputError(used[0], "given with a clip to write", str(out), f"leave {used[0]} out")
+    chosen = {name: value for name, value in asdict(clip).items() if value is not None}
+    if chosen and not is_clip:
+        flag = f"--{next(iter(chosen))}"
+        raise InputError(flag, "given with a clip to write", str(out), f"leave {flag} out")
     place = source if is_coded(source) else locate_stream(source)
     if out.exists() and place.resolve() == out.resolve():
         raise InputError("OUT", "another file than IN", str(out), "choose another name")
     if (head or config) and out.suffix.lower() != ".dat":
         flag = "--head" if head else "--config"
         raise InputError(flag, "given with a .dat to write", str(out), f"leave {flag} out")
-    coded = choose_code(out, code, k, threshold, threshold_noise, refine)
+    coded = choose_code(out, *astuple(coding))
     pixels = size_option(size)
     lost: list[str] = []
     progress = make_progress()
     try:
         opened, notes = open_any(source, pixels)
-        if clip:
-            write_clip(
-                opened, out, window=41 if window is None else window,
-                every=20 if every is None else every, scale=1.0 if scale is None else scale,
-                rate=25.0 if rate is None else rate, progress=progress,
-            )  # fmt: skip
+        if is_clip:
+            defaults = {"window": 41, "every": 20, "scale": 1.0, "rate": 25.0}
+            write_clip(opened, out, **(defaults | chosen), progress=progress)
         elif coded is not None:
             write_coded(opened, out, coded)
             if not coded.lossless:

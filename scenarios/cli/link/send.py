@@ -5,16 +5,39 @@ The functions import what they need: the start of other commands must not wait f
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_send"]
 
 
+@dataclass(frozen=True)
+class SendOptions:
+    """The panel and the modulation."""
+
+    size: Annotated[str, typer.Option(help="of the panel, WxH, multiples of 32")] = "960x960"
+    cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2
+    ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2
+    line: Annotated[str, typer.Option(help="code along time: none, manchester, 4b6b or 8b10b")] = (
+        "8b10b"
+    )
+    parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32
+    interleave: Annotated[
+        bool, typer.Option(help="spread each codeword over the panel; the receiver must be told")
+    ] = True
+    overhead: Annotated[
+        float, typer.Option(help="frames beyond the file's own, as a share of them")
+    ] = 0.05
+    clock: Annotated[str, typer.Option(help="of the panel's planes")] = "40 kHz"
+
+
+@expand_options
 def link_send(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="any file, an empty one too")],
     out: Annotated[
@@ -23,20 +46,7 @@ def link_send(
             "--out", metavar="STREAM", help="written: .zarr, .npz, .events.npz, .dat or .raw"
         ),
     ],
-    size: Annotated[str, typer.Option(help="of the panel, WxH, multiples of 32")] = "960x960",
-    cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2,
-    ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2,
-    line: Annotated[
-        str, typer.Option(help="code along time: none, manchester, 4b6b or 8b10b")
-    ] = "8b10b",
-    parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32,
-    interleave: Annotated[
-        bool, typer.Option(help="spread each codeword over the panel; the receiver must be told")
-    ] = True,
-    overhead: Annotated[
-        float, typer.Option(help="frames beyond the file's own, as a share of them")
-    ] = 0.05,
-    clock: Annotated[str, typer.Option(help="of the panel's planes")] = "40 kHz",
+    panel: SendOptions,
     json: Json = False,
 ) -> None:
     """Write the planes that send FILE, for a panel to show and `viform link receive` to read."""
@@ -51,16 +61,20 @@ def link_send(
         given, mend = str(out), "give it one of these"
         raise InputError("--out", f"a name ending in {', '.join(FORMATS)}", given, mend)
     try:
-        hz = parse_quantity(clock, KINDS["frequency"])
+        hz = parse_quantity(panel.clock, KINDS["frequency"])
         panel_clock = Clock.from_hz(hz)
     except ValueError as exc:
         mend = "write it like that"
-        raise InputError("--clock", "a frequency such as '40 kHz'", repr(clock), mend) from exc
-    width, height = _sides(size)
+        raise InputError(
+            "--clock", "a frequency such as '40 kHz'", repr(panel.clock), mend
+        ) from exc
+    width, height = _sides(panel.size)
     data = _read(source)
     try:
-        mode = Mode(width, height, cell, ticks, line, parity)
-        sent = Transmission(mode, data, source.name, interleave=interleave, overhead=overhead)
+        mode = Mode(width, height, panel.cell, panel.ticks, panel.line, panel.parity)
+        sent = Transmission(
+            mode, data, source.name, interleave=panel.interleave, overhead=panel.overhead
+        )
     except ValueError as exc:
         raise _refused(str(exc)) from exc
     progress = make_progress()
@@ -76,8 +90,8 @@ def link_send(
         print_document(
             {
                 "file": str(source), "out": str(out), "bytes": len(data),
-                "width": width, "height": height, "cell": cell, "ticks": ticks, "line": line,
-                "parity": parity, "interleave": interleave, "tags": list(mode.tags),
+                "width": width, "height": height, "cell": mode.cell, "ticks": mode.ticks, "line": mode.line,
+                "parity": mode.parity, "interleave": panel.interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
                 "closing": sent.layout.closing,
