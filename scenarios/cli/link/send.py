@@ -90,7 +90,8 @@ def link_send(
         print_document(
             {
                 "file": str(source), "out": str(out), "bytes": len(data),
-                "width": width, "height": height, "cell": mode.cell, "ticks": mode.ticks, "line": mode.line,
+                "width": width, "height": height, "cell": mode.cell, "ticks": mode.ticks,
+                "line": mode.line,
                 "parity": mode.parity, "interleave": panel.interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
