@@ -11,12 +11,13 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 
 
 def amount(value: float, unit: str, digits: int = 3) -> str:
-    """Text of a figure: "80 Mbit/s" for 8e7 bit/s, "4 ms" for 0.004 s, "85,900" for 85 897.
+    """Text of a figure: "80 Mbit/s" for 8e7 bit/s, "4 ms" for 0.004 s, "85,897" for 85 897.
 
     Args:
         value: the figure.
         unit: its unit; "1" for none.
-        digits: significant digits. The figure is rounded before its prefix is selected.
+        digits: significant digits, of what is no whole number. The figure is rounded before its
+            prefix is selected.
     """
     rounded = abs(float(f"{value:.{digits}g}"))
     if unit in _RATES:
@@ -27,6 +28,8 @@ def amount(value: float, unit: str, digits: int = 3) -> str:
         size, name = next((t for t in _TIMES if rounded >= t[0]), _TIMES[-1])
         return f"{value / size:.{digits}g} {name}"
     number = f"{value:.{digits}g}"
-    if 10**digits <= rounded < 1e9:
+    if float(value).is_integer() and abs(value) < 1e10 and unit != "s":  # a count is printed whole
+        number = f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.0f}"
+    elif 10**digits <= rounded < 1e9:
         number = f"{float(number):,.0f}"
     return number if unit == "1" else f"{number} {unit}"

@@ -97,6 +97,11 @@ class BoardMachine:
             simulated_s = self._section.frames / image.clock.hz
         passed = report.ok and image is not None and image.burst.wrong is None
         notes = [] if chain.fault is None else [f"the image was not captured: {chain.fault}"]
+        if self._endpoint.simulated:
+            notes.append(
+                "the board is simulated: its rates are those of the simulation, which delays no "
+                f"byte, and not those of a line of {self._section.baud} baud"
+            )
         if report.cause is not None:
             notes.append(f"stage {report.failed_stage}: {report.cause}")
         return Outcome(
