@@ -40,13 +40,15 @@ def refuse_leftovers(scenario: Scenario) -> None:
             )  # fmt: skip
 
 
-def refuse_keys(readout: str, keys: Iterable[tuple[str, Any, Any]], mend: str) -> None:
+def refuse_keys(readout: str, keys: Iterable[tuple[str, Any, Any]], remedy: str) -> None:
     """Raises InputError where a key of [sensor] (name, value, plain) is not what pixels without
     its meaning have."""
     for name, value, plain in keys:
         if value != plain:
             must = "absent" if plain is None else plain
-            raise InputError(f"sensor.{name}", f"{must} with readout = {readout}", str(value), mend)
+            raise InputError(
+                f"sensor.{name}", f"{must} with readout = {readout}", str(value), remedy
+            )
 
 
 def refuse_device(readout: str, device: str | None) -> None:

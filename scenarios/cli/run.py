@@ -106,8 +106,8 @@ def print_result(
     wide = max([12, *(len(key) for key in metrics)])
     if verdict:
         print(f"{'outcome':<{wide}} {result.outcome}")
-    for n, told in enumerate(verdict):
-        print(f"{'' if n else 'verdict':<{wide}} {told}")
+    for n, text in enumerate(verdict):
+        print(f"{'' if n else 'verdict':<{wide}} {text}")
     unknown = []
     for key, metric in metrics.items():
         if key in ("full_physics", "camera"):
@@ -119,8 +119,8 @@ def print_result(
         print(f"{key:<{wide}} {value}")
     if unknown:
         print(f"{'unknown':<{wide}} {', '.join(unknown)}")
-    for name_of, told in _checked(result):
-        print(f"{name_of:<{wide}} {told}")
+    for name_of, text in _checked(result):
+        print(f"{name_of:<{wide}} {text}")
     light = amount(result.simulated_s, "s", 4)
     print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {light} of light")
     if not verdict:
@@ -138,15 +138,15 @@ def _checked(result: Result) -> list[tuple[str, str]]:
         lines.append(("error", f"{error.value:.2g}{high} against full physics; {error.kind}"))
     full, camera = (result.metrics.get(name) for name in ("full_physics", "camera"))
     if full is not None and full.value is not None:
-        told = f"{full.value:.3g} s predicted for the camera"
+        text = f"{full.value:.3g} s predicted for the camera"
         if camera is not None and camera.value is not None:
-            told += f", which took {camera.value:.3g} s"
-        lines.append(("full physics", told))
+            text += f", which took {camera.value:.3g} s"
+        lines.append(("full physics", text))
     for n, row in enumerate(result.left_out):
         promised, measured = (
             "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
         )
         how = "about" if row["kind"] == "estimate" else "at most"
-        told = f"{row['effect']}: {how} {promised} promised ({row['kind']}), {measured} measured"
-        lines.append(("" if n else "left out", told))
+        text = f"{row['effect']}: {how} {promised} promised ({row['kind']}), {measured} measured"
+        lines.append(("" if n else "left out", text))
     return lines if result.left_out else [*lines, ("left out", "nothing")]

@@ -66,12 +66,12 @@ def _threshold(sensor: SensorSection, setting: CameraSetting) -> int:
     chosen = setting.threshold
     if chosen == round(chosen):
         return round(chosen)
-    what, mend = "sensor.threshold", f"write {round(chosen)} e"
+    what, remedy = "sensor.threshold", f"write {round(chosen)} e"
     levels = setting.chip.threshold_levels
     if sensor.threshold_level != levels:
         what += f" at level {sensor.threshold_level} of {levels}"
-        mend = f"choose a sensor.threshold_level that parts {sensor.threshold:g} e evenly"
-    raise InputError(what, "whole electrons with readout = asynchronous", f"{chosen:g} e", mend)
+        remedy = f"choose a sensor.threshold_level that parts {sensor.threshold:g} e evenly"
+    raise InputError(what, "whole electrons with readout = asynchronous", f"{chosen:g} e", remedy)
 
 
 def channel_model(sensor: SensorSection) -> ChannelModel | None:

@@ -70,7 +70,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
                 f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
             ) from exc  # fmt: skip
         raise InputError(
-            "the scenario", "a TOML file", f"{path} ({shorten(str(exc))})", "mend that place"
+            "the scenario", "a TOML file", f"{path} ({shorten(str(exc))})", "correct that place"
         ) from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
     return stem or "scenario", data, path.parent

@@ -134,17 +134,19 @@ KEYS: Final = 200
 
 
 def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
-    """The first error of a validation as what must be, what was given, how to mend it."""
+    """The first error of a validation as what must be, what was given, how to correct it."""
     place = _place(error["loc"], whole)
     given, kind = quote(error["input"]), error["type"]
     if kind == "extra_forbidden":
         key = place.name.rsplit(".", 1)[-1]
         near = difflib.get_close_matches(key, place.keys, 1)
         section = place.name.rpartition(".")[0]
-        mend = f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
+        remedy = (
+            f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
+        )
         # A section's keys are listed only where none of them looks like what was meant.
         must = "a key that is known" if near else shorten(f"one of {', '.join(place.keys)}", KEYS)
-        return InputError(shorten(place.name), must, "an unknown key", mend)
+        return InputError(shorten(place.name), must, "an unknown key", remedy)
     if kind in ("missing", "union_tag_not_found"):
         name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
         return InputError(name, "given", "absent", _example(name))
@@ -195,11 +197,11 @@ def validate(data: dict[str, Any]) -> AnyScenario:
         raise _one_line(exc.errors()[0], whole) from None
 
 
-def first_fault(exc: ValidationError, whole: type[BaseModel], mend: str) -> InputError:
-    """The first error of a document that is no scenario, as one line. mend: what to do, where the
+def first_fault(exc: ValidationError, whole: type[BaseModel], remedy: str) -> InputError:
+    """The first error of a document that is no scenario, as one line. remedy: what to do, where the
     key alone does not tell."""
     error = exc.errors()[0]
     # The examples of `_one_line` are those of scenarios.
     found = _one_line(error, whole)
     known = error["type"] == "extra_forbidden"
-    return InputError(found.what, found.must, found.actual, found.remedy if known else mend)
+    return InputError(found.what, found.must, found.actual, found.remedy if known else remedy)

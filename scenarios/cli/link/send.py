@@ -58,15 +58,15 @@ def link_send(
     from link.sending import PlaneStream, Transmission
 
     if ending_of(out) not in FORMATS:
-        given, mend = str(out), "give it one of these"
-        raise InputError("--out", f"a name ending in {', '.join(FORMATS)}", given, mend)
+        given, remedy = str(out), "give it one of these"
+        raise InputError("--out", f"a name ending in {', '.join(FORMATS)}", given, remedy)
     try:
         hz = parse_quantity(panel.clock, KINDS["frequency"])
         panel_clock = Clock.from_hz(hz)
     except ValueError as exc:
-        mend = "write it like that"
+        remedy = "write it like that"
         raise InputError(
-            "--clock", "a frequency such as '40 kHz'", repr(panel.clock), mend
+            "--clock", "a frequency such as '40 kHz'", repr(panel.clock), remedy
         ) from exc
     width, height = _sides(panel.size)
     data = _read(source)

@@ -151,8 +151,8 @@ def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile
     try:
         return BudgetFile.model_validate(data)
     except ValidationError as exc:
-        mend = "docs/design-dynamic-range.md lists the keys of a budget"
-        raise first_fault(exc, BudgetFile, mend) from None
+        remedy = "docs/design-dynamic-range.md lists the keys of a budget"
+        raise first_fault(exc, BudgetFile, remedy) from None
 
 
 Part = TypeVar("Part", bound=SensorPart | ConverterPart)
