@@ -133,7 +133,7 @@ def test_a_file_that_is_not_toml_is_refused_by_name(content, tmp_path):
     path.write_bytes(content)
     said = refusal(str(path))
     assert said.startswith(f"the scenario must be a TOML file, not {path} (")
-    assert said.endswith("; mend that place")
+    assert said.endswith("; correct that place")
 
 
 @pytest.mark.parametrize("path", ["a\0b", "x" * 300, ""])
