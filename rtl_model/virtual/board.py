@@ -22,6 +22,7 @@ from types import TracebackType
 
 from cosim import InputError, ViformError
 from rtl_model.geometry import Geometry
+from rtl_model.registers import REGISTERS
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
 from rtl_model.virtual.simulators import ROOM, Level, Simulator, make_simulator
@@ -44,6 +45,9 @@ _PAUSE_S = 1e-3  # wait when the board's clock has reached the wall clock
 _REST_S, _RESTING_S = 0.1, 1e-3  # idle: steps of 1 ms, each after 0.1 s of sleep or a byte
 _MEASURED_S = 30e-3  # of simulation, to measure its speed
 _MARGIN = 2.0  # of time_scale, for other work of the machine
+_RUN_ADDRESS = next(r.address for r in REGISTERS if r.name == "sensor_run")
+_RUN = bytes([1, 1]) + (_RUN_ADDRESS // 4).to_bytes(4, "big") + (1).to_bytes(4, "big")
+"""The request that starts the sensor."""
 _PINS_BYTES = 64  # taken from the host at once
 _ATTENTION_S = 0.2  # interval at which `wait` checks the thread
 _QUEUE_BYTES = 1 << 20  # unread by the host; beyond it the oldest are lost, as in a driver
@@ -136,6 +140,9 @@ class VirtualBoard:
         """Opens the port and serves it until `stop`."""
         simulator = make_simulator(self.level, self.geometry, self.faults, self.imager)
         try:
+            if self.level == "model" and self.imager is None:
+                # Compiled parts are loaded now, not when a host waits for the first frame.
+                simulator.step(_RUN, 2 * self.geometry.tick_clocks)
             self.speed = _measure(simulator)
             simulator.power_cycle()
             self._terminal = Terminal(self.geometry.baud, self._link)

@@ -75,3 +75,14 @@ def test_bad_input_is_one_line(
     assert ended.value.code == 2
     assert said.out == ""
     assert said.err.count("\n") == 1
+
+
+def test_a_model_is_compiled_before_a_host_waits_for_its_first_frame():
+    """The first frame loads the compiled scan, which took half a second beside a host's timeout."""
+    check = """
+from rtl_model.virtual import VirtualBoard
+with VirtualBoard(level="model") as board:
+    from rtl_model.cycle.scan import scan
+    assert scan.signatures and board.clock < 10_000_000
+"""
+    subprocess.run([sys.executable, "-c", check], check=True)
