@@ -45,8 +45,11 @@ class FixedEye(_Still):
     """An eye that keeps still: light weighted by the sustained channel of its temporal response, a
     cascade of 15 equal stages, centred on each instant.
 
-    instants: ps. luminance: cd/m2 that it is adapted to. begin, end: ps, of the light there is:
-    weights of what lies outside are given to what lies inside.
+    Attributes:
+        instants: ps.
+        luminance: cd/m2 that it is adapted to.
+        begin, end: ps, of the light there is: weights of what lies outside are given to what lies
+            inside.
     """
 
     instants: tuple[int, ...]

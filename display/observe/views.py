@@ -45,8 +45,10 @@ class Observer(Protocol):
 class Views:
     """How the images of a block of planes are integrated from its spans.
 
-    Attributes, (images, spans) float64 each:
-        weight: factor of the span's light in row 0; light in Q, summed over the span's planes.
+    Each array is (images, spans) float64. Light is in Q, summed over the span's planes.
+
+    Attributes:
+        weight: factor of the span's light in row 0.
         slope: change of the weight from row 0 to row `height`, since rows are driven one after
             another: row r has weight + slope r / height. Exact to 1e-6 for an eye, and to a share
             of a plane at the ends of a camera's exposure.

@@ -94,7 +94,8 @@ class FramePanel:
     """A display of frames. Frame k is the light at instant k / rate, shown from `latency` seconds
     after it for `persistence` of the frame's time (1: a hold), at 1 / persistence times its level.
 
-    response: seconds, time constant of the pixels from one level to the next; 0 is ideal.
+    Attributes:
+        response: seconds, time constant of the pixels from one level to the next; 0 is ideal.
     """
 
     rate: Clock
@@ -112,7 +113,9 @@ class Projector:
     """A projector of binary planes: each pixel is on or off for a plane, and its errors are carried
     on, so that planes add up to grey (as Lincoln et al., TVCG 22:1367, 2016, at 16 kHz).
 
-    latency: seconds from the light to the plane that shows it (80 us from motion there)."""
+    Attributes:
+        latency: seconds from the light to the plane that shows it (80 us from motion there).
+    """
 
     rate: Clock
     latency: float = 80e-6

@@ -63,8 +63,13 @@ class Flicker:
 
 @dataclass(frozen=True)
 class Eye:
-    """Whose sensitivity is asked. white: cd/m2. white_rate: packets Q a cycle that are white.
-    per_degree: pixels."""
+    """Whose sensitivity is asked.
+
+    Attributes:
+        white: cd/m2.
+        white_rate: packets Q a cycle that are white.
+        per_degree: pixels.
+    """
 
     white: float
     white_rate: float

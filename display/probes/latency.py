@@ -115,8 +115,13 @@ def _row(display: str, drive: str, rate: float, way: Way, parts: Parts) -> Laten
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """A filmed edge. at: (pixels,) ps, of the edge. latch: (pixels,) ps from a clock edge to the
-    latch of each pixel's row. cycle: that which holds the edge."""
+    """A filmed edge.
+
+    Attributes:
+        at: (pixels,) ps, of the edge.
+        latch: (pixels,) ps from a clock edge to the latch of each pixel's row.
+        cycle: that which holds the edge.
+    """
 
     clock: Clock
     stream: Viform

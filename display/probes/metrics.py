@@ -38,8 +38,12 @@ NAMES: Final = {
 
 @dataclass(frozen=True)
 class Probes:
-    """What was measured. drive: the panel's own. pst_lm: of a patch of mid grey with that drive;
-    None where it was not asked for."""
+    """What was measured.
+
+    Attributes:
+        drive: the panel's own.
+        pst_lm: of a patch of mid grey with that drive; None where it was not asked for.
+    """
 
     drive: str
     latency: tuple[Latency, ...]

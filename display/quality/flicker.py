@@ -52,7 +52,13 @@ def flicker_index(wave: npt.ArrayLike) -> float:
 
 @dataclass(frozen=True)
 class Ieee1789:
-    """frequency: Hz, dominant. modulation: % at it. no_effect, low_risk: the limits there, %."""
+    """Flicker of a display against the limits of IEEE Std 1789-2015.
+
+    Attributes:
+        frequency: Hz, dominant.
+        modulation: % at it.
+        no_effect, low_risk: the limits there, %.
+    """
 
     frequency: float
     modulation: float

@@ -40,8 +40,14 @@ def waveform(wave: npt.ArrayLike) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """frequency: Hz of the bins. energy: (bins,) of each, as squared contrast: a sine of contrast c
-    (amplitude over mean) has c² over its bins. group: (bins,) which component a bin belongs to."""
+    """Contrast energy of a waveform over frequency.
+
+    Attributes:
+        frequency: Hz of the bins.
+        energy: (bins,) of each, as squared contrast: a sine of contrast c (amplitude over mean) has
+            c² over its bins.
+        group: (bins,) which component a bin belongs to.
+    """
 
     frequency: Values
     energy: Values

@@ -18,15 +18,19 @@ __all__ = ["Circuit"]
 class Circuit:
     """C(V) dV/dt = I - V C0 / leak, then a comparator of one pole, then a reset switch.
 
-    V is the swing, zero when the pixel is empty and rising with charge. capacitance: farads at
-    zero swing. nonlinearity: relative change of C per volt of swing, C = C0 (1 + nonlinearity V).
-    leak: seconds in which a signal on C0 decays toward zero by e, inf for none. gain: the
-    comparator's open-loop gain A. bandwidth: its gain-bandwidth product in Hz; its time constant
-    is A / (2 pi bandwidth). trip: volts that its output must swing to count as a spike; 0 is no
-    delay. resistance: ohms of the closed reset switch; 0 empties the pixel at once. reset_time:
-    seconds that it stays closed, more than 0 where it has a resistance.
+    V is the swing, zero when the pixel is empty and rising with charge.
 
     A leak as fast as the comparator is refused (the closed forms divide by their difference).
+
+    Attributes:
+        capacitance: farads at zero swing.
+        nonlinearity: relative change of C per volt of swing, C = C0 (1 + nonlinearity V).
+        leak: seconds in which a signal on C0 decays toward zero by e, inf for none.
+        gain: the comparator's open-loop gain A.
+        bandwidth: its gain-bandwidth product in Hz; its time constant is A / (2 pi bandwidth).
+        trip: volts that its output must swing to count as a spike; 0 is no delay.
+        resistance: ohms of the closed reset switch; 0 empties the pixel at once.
+        reset_time: seconds that it stays closed, more than 0 where it has a resistance.
     """
 
     capacitance: float

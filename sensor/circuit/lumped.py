@@ -35,9 +35,15 @@ _CELLS: Final = 400
 
 @dataclass(frozen=True)
 class Lumped:
-    """dead_time: seconds. dark_current: electrons a second, 0 or less. shift: electrons, added to
-    the threshold. bound: of the relative error of the rate that remains, infinite where the leak
-    may hold the charge below the threshold."""
+    """The circuit's first-order effects as parameters of the ideal pixel.
+
+    Attributes:
+        dead_time: seconds.
+        dark_current: electrons a second, 0 or less.
+        shift: electrons, added to the threshold.
+        bound: of the relative error of the rate that remains, infinite where the leak may hold the
+            charge below the threshold.
+    """
 
     dead_time: float
     dark_current: float

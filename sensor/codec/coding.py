@@ -92,7 +92,11 @@ class Code:
 
 @dataclass(frozen=True)
 class Frame:
-    """One band in one chunk. events: first spikes in it, closing ones included."""
+    """One band in one chunk.
+
+    Attributes:
+        events: first spikes in it, closing ones included.
+    """
 
     events: int
     data: bytes

@@ -31,8 +31,11 @@ Places = npt.NDArray[np.uint16]
 class FirstSpikes:
     """First spikes in the order of time.
 
-    row, column: (n,) uint16. time: (n,) int64 ticks; start + ticks for a closing one. width: (n,)
-    int64 ticks. shape: (H, W). The stream covers start .. start + ticks - 1.
+    Attributes:
+        row, column: (n,) uint16.
+        time: (n,) int64 ticks; start + ticks for a closing one.
+        width: (n,) int64 ticks.
+        shape: (H, W). The stream covers start .. start + ticks - 1.
     """
 
     row: Places

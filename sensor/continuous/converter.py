@@ -22,8 +22,13 @@ Codes = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class Converter:
-    """bits: of a code, 1 to 24. exponent_bits: of these, 0 to 6 and fewer than bits. full_scale:
-    the largest value, electrons a second; what is above is held at it."""
+    """A floating-point converter of photocurrents.
+
+    Attributes:
+        bits: of a code, 1 to 24.
+        exponent_bits: of these, 0 to 6 and fewer than bits.
+        full_scale: the largest value, electrons a second; what is above is held at it.
+    """
 
     bits: int
     exponent_bits: int

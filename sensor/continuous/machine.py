@@ -45,7 +45,11 @@ _DRAWN: Final = 10
 
 @dataclass
 class _Sink:
-    """Collects the reports; beyond `most` it raises InputError. light: of the pixels drawn."""
+    """Collects the reports; beyond `most` it raises InputError.
+
+    Attributes:
+        light: of the pixels drawn.
+    """
 
     most: int
     shape: tuple[int, int]

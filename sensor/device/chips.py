@@ -14,8 +14,14 @@ __all__ = ["CHIPS", "Chip"]
 
 @dataclass(frozen=True)
 class Chip:
-    """width, height: pixels. clocks: latch frequencies it runs at, Hz. pitch: of a pixel, um.
-    fill_factor, quantum_efficiency: in (0, 1]. threshold_levels: settings from outside.
+    """A chip as a preset.
+
+    Attributes:
+        width, height: pixels.
+        clocks: latch frequencies it runs at, Hz.
+        pitch: of a pixel, um.
+        fill_factor, quantum_efficiency: in (0, 1].
+        threshold_levels: settings from outside.
     """
 
     name: str

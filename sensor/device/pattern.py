@@ -36,10 +36,14 @@ def dark_current(
 class DevicePattern:
     """Sizes of a device's fixed pattern; all zero is a perfect device.
 
-    prnu: standard deviation of the light's gain. dark: mean dark current, electrons a second, at
-    the run's temperature. dsnu: its standard deviation, relative to it. threshold_fpn: standard
-    deviation of the threshold, relative. hot, dead: shares of pixels. hot_current: electrons a
-    second that a hot pixel has on top. device_seed: below 2^32.
+    Attributes:
+        prnu: standard deviation of the light's gain.
+        dark: mean dark current, electrons a second, at the run's temperature.
+        dsnu: its standard deviation, relative to it.
+        threshold_fpn: standard deviation of the threshold, relative.
+        hot, dead: shares of pixels.
+        hot_current: electrons a second that a hot pixel has on top.
+        device_seed: below 2^32.
     """
 
     prnu: float = 0.0
@@ -89,8 +93,12 @@ class DevicePattern:
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
-    """gain: of light, (n,) float64. dark: electrons a second, (n,) float64. Both in charge scaled
-    to the nominal threshold."""
+    """The fixed pattern of some pixels.
+
+    Attributes:
+        gain: of light, (n,) float64.
+        dark: electrons a second, (n,) float64. Both in charge scaled to the nominal threshold.
+    """
 
     gain: Gain
     dark: Gain

@@ -18,8 +18,14 @@ __all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
 
 @dataclass(frozen=True)
 class SensorPart:
-    """full_well: electrons, linear. sensitivity: volts an electron. watts: None where unknown, as
-    price, in any one unit. source: of its figures."""
+    """A sensor that a budget may choose.
+
+    Attributes:
+        full_well: electrons, linear.
+        sensitivity: volts an electron.
+        watts: None where unknown, as price, in any one unit.
+        source: of its figures.
+    """
 
     name: str
     full_well: float
@@ -32,7 +38,11 @@ class SensorPart:
 
 @dataclass(frozen=True)
 class ConverterPart:
-    """watts and price: as of a sensor."""
+    """A converter that a budget may choose.
+
+    Attributes:
+        watts, price: as of a sensor.
+    """
 
     name: str
     converter: Converter

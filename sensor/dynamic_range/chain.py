@@ -68,9 +68,15 @@ def rounding_variance(digital: float) -> float:
 
 @dataclass(frozen=True)
 class Chain:
-    """full_well: electrons at which the sensor's linear range ends. noise: of the sensor in the
-    dark, electrons RMS. sensitivity: volts an electron. circuit: volts RMS at the sensor's output.
-    analog, digital: gains."""
+    """A sensor, its circuit, a converter and two gains.
+
+    Attributes:
+        full_well: electrons at which the sensor's linear range ends.
+        noise: of the sensor in the dark, electrons RMS.
+        sensitivity: volts an electron.
+        circuit: volts RMS at the sensor's output.
+        analog, digital: gains.
+    """
 
     full_well: float
     noise: float

@@ -17,8 +17,14 @@ _PER_BIT: Final = decibels(2)
 
 @dataclass(frozen=True)
 class Converter:
-    """bits: of a value. full_scale: volts that the largest value stands for. noise: volts RMS at
-    the input, without quantisation. hertz: most samples a second."""
+    """An analog to digital converter.
+
+    Attributes:
+        bits: of a value.
+        full_scale: volts that the largest value stands for.
+        noise: volts RMS at the input, without quantisation.
+        hertz: most samples a second.
+    """
 
     bits: int
     full_scale: float

@@ -23,7 +23,12 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Mapping:
-    """gamma: 1 is linear. bits: of the output."""
+    """A power law from a chain's values to an output of few bits.
+
+    Attributes:
+        gamma: 1 is linear.
+        bits: of the output.
+    """
 
     gamma: float = 1.0
     bits: int = 8

@@ -33,7 +33,13 @@ _ABOUT: Final = (0.8, 1.25)
 
 @dataclass(frozen=True)
 class MeasuredRange:
-    """db: dynamic range with its limits. least: electrons at SNR 1. saturation: electrons."""
+    """A dynamic range measured on simulated frames.
+
+    Attributes:
+        db: dynamic range with its limits.
+        least: electrons at SNR 1.
+        saturation: electrons.
+    """
 
     db: float
     low: float

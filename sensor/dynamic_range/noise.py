@@ -25,9 +25,11 @@ BOLTZMANN_EV: Final = 8.617333262e-5
 class DarkLaw:
     """Dark current over temperature.
 
-    current: electrons a second a pixel at `reference`, degrees Celsius. doubling: kelvin in which
-    it doubles. activation: eV; where given it takes the doubling's place: I ~ T^3 exp(-E/kT), the
-    form of a charge-coupled device in inverted mode (E = 0.782 eV for the CCD97: 9080 K).
+    Attributes:
+        current: electrons a second a pixel at `reference`, degrees Celsius.
+        doubling: kelvin in which it doubles.
+        activation: eV; where given it takes the doubling's place: I ~ T^3 exp(-E/kT), the form of a
+            charge-coupled device in inverted mode (E = 0.782 eV for the CCD97: 9080 K).
     """
 
     current: float
@@ -48,7 +50,10 @@ class DarkLaw:
 class SensorNoise:
     """Noise of a sensor at its reference, electrons RMS.
 
-    reset, white: at `celsius`. transfer: at `hertz`, the pixel clock. dark: its law.
+    Attributes:
+        reset, white: at `celsius`.
+        transfer: at `hertz`, the pixel clock.
+        dark: its law.
     """
 
     reset: float

@@ -27,12 +27,18 @@ OUTPUT: Final = Mapping(2.2, 8)
 class Budget:
     """What may be chosen, and what limits it.
 
-    temperatures: of the sensor, degrees Celsius. clocks: Hz, pixels a second. circuits: volts RMS
-    at the sensor's output. analogs, digitals: gains. seconds: of exposure, over which dark charge
-    gathers. rule: which reading of "twice the sensor's dynamic range" a converter must fulfil.
-    watts, price: most of sensor, converter and cooler together. least: most electrons that the
-    signal of SNR 1 may have. ambient, watts_per_kelvin: a cooler takes so much for every kelvin
-    that the sensor is below its surroundings (a straight line, assumed). mapping: to the output.
+    Attributes:
+        temperatures: of the sensor, degrees Celsius.
+        clocks: Hz, pixels a second.
+        circuits: volts RMS at the sensor's output.
+        analogs, digitals: gains.
+        seconds: of exposure, over which dark charge gathers.
+        rule: which reading of "twice the sensor's dynamic range" a converter must fulfil.
+        watts, price: most of sensor, converter and cooler together.
+        least: most electrons that the signal of SNR 1 may have.
+        ambient, watts_per_kelvin: a cooler takes so much for every kelvin that the sensor is below
+            its surroundings (a straight line, assumed).
+        mapping: to the output.
     """
 
     sensors: tuple[SensorPart, ...] = SENSORS
@@ -75,8 +81,14 @@ class Choice:
 
 @dataclass(frozen=True)
 class Judged:
-    """What a choice gives. rule: of its converter. watts, price: None where a part's are unknown.
-    faults: limits that it breaks, in words. mapped: dB that the output of few bits keeps."""
+    """What a choice gives.
+
+    Attributes:
+        rule: of its converter.
+        watts, price: None where a part's are unknown.
+        faults: limits that it breaks, in words.
+        mapped: dB that the output of few bits keeps.
+    """
 
     choice: Choice
     chain: Chain

@@ -24,7 +24,12 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FullWell:
-    """linear: volts up to which output goes with light. full: volts that it never exceeds."""
+    """Where a sensor's output leaves its linear range.
+
+    Attributes:
+        linear: volts up to which output goes with light.
+        full: volts that it never exceeds.
+    """
 
     linear: float
     full: float

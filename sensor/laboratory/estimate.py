@@ -31,7 +31,12 @@ def deviations(level: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """value: the figure. influence: (rows, W), see above."""
+    """A figure with the influence of every sample on it.
+
+    Attributes:
+        value: the figure.
+        influence: (rows, W), see above.
+    """
 
     value: float
     influence: Values

@@ -26,8 +26,13 @@ __all__ = ["BRIGHT", "Flash", "Sunlit", "flashes", "saturation"]
 
 
 class Sunlit(NamedTuple):
-    """latch: (electrons a second, threshold, cycles at 40 kHz) -> latch bits that are 0. rate:
-    (electrons a second, threshold, delay and reset in ps, spikes) -> spikes a second inside."""
+    """The functions that the cases of bright light call.
+
+    Attributes:
+        latch: (electrons a second, threshold, cycles at 40 kHz) -> latch bits that are 0.
+        rate: (electrons a second, threshold, delay and reset in ps, spikes) -> spikes a second
+            inside.
+    """
 
     latch: Callable[[float, float, int], int]
     rate: Callable[[float, int, int, int, int], float]

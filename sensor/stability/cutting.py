@@ -41,8 +41,13 @@ Bits = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Cut:
-    """How a run is cut. block: cycles in one. rows: the first row of each tile, in the order in
-    which they are run. stopped: cycle after which it is taken up from its checkpoint, or None."""
+    """How a run is cut.
+
+    Attributes:
+        block: cycles in one.
+        rows: the first row of each tile, in the order in which they are run.
+        stopped: cycle after which it is taken up from its checkpoint, or None.
+    """
 
     block: int = 64
     rows: tuple[int, ...] = (0,)

@@ -44,7 +44,11 @@ THRESHOLD: Final = 1000
 
 class Sine(NamedTuple):
     """Two ways through the same light (gain 1): fire: (light, threshold, stop in ps) -> instants of
-    firing. latch: (light, threshold, cycles) -> bits of each cycle at 40 kHz."""
+    firing.
+
+    Attributes:
+        latch: (light, threshold, cycles) -> bits of each cycle at 40 kHz.
+    """
 
     fire: Callable[[Light, int, int], Instants]
     latch: Callable[[Light, int, int], npt.NDArray[np.uint8]]

@@ -55,7 +55,12 @@ def light_steps(train: Train) -> float:
 
 
 class Switch(NamedTuple):
-    """train: closed forms. solve: a solver, with the number of calls that it took."""
+    """The functions that the cases of stiff circuits call.
+
+    Attributes:
+        train: closed forms.
+        solve: a solver, with the number of calls that it took.
+    """
 
     train: Train
     solve: Callable[[Circuit, Values, Values, Values, Values], tuple[Values, int]]

@@ -33,8 +33,11 @@ Bits = npt.NDArray[np.uint8]
 
 
 class Edges(NamedTuple):
-    """pixel: (charge a cycle and threshold in Q24.40, cycles) -> bits of each cycle, (cycles,
-    n). latch: (instants in ps, first cycle, cycles) -> bits set in each cycle, of the 40 kHz clock.
+    """The functions that the cases of cycle edges call.
+
+    Attributes:
+        pixel: (charge a cycle and threshold in Q24.40, cycles) -> bits of each cycle, (cycles, n).
+        latch: (instants in ps, first cycle, cycles) -> bits set in each cycle, of the 40 kHz clock.
     """
 
     pixel: Callable[[Charge, int, int], Bits]
@@ -81,9 +84,14 @@ def edges(method: Edges, cycles: int = 3000) -> float:
 
 
 class Counters(NamedTuple):
-    """edge: (clock, k) -> ps. charge: (light, first cycle, cycles) -> charge of each cycle in
-    Q24.40. film: (first cycle) -> bits of 128 cycles of light that begins with them. draw: (pixels,
-    index) -> threshold of that interval, Q24.40."""
+    """The functions that the cases of long runs call.
+
+    Attributes:
+        edge: (clock, k) -> ps.
+        charge: (light, first cycle, cycles) -> charge of each cycle in Q24.40.
+        film: (first cycle) -> bits of 128 cycles of light that begins with them.
+        draw: (pixels, index) -> threshold of that interval, Q24.40.
+    """
 
     edge: Callable[[Clock, int], int]
     charge: Callable[[Light, int, int], list[int]]

@@ -38,8 +38,9 @@ STRIPS = (
 class _Strip:
     """A strip of rows `top` to `low` that repeats every `width` pixels.
 
-    phases: (FINE, rows, 2 width) float32, the mean over a pixel that begins k / FINE pixels
-    after each of the strip's columns; twice round, so that any shift is one slice.
+    Attributes:
+        phases: (FINE, rows, 2 width) float32, the mean over a pixel that begins k / FINE pixels
+            after each of the strip's columns; twice round, so that any shift is one slice.
     """
 
     top: int

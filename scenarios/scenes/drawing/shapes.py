@@ -47,10 +47,15 @@ PLAIN, CHECK, HAIR, SKIN = range(4)
 
 
 class Surface(NamedTuple):
-    """How a shape reflects. Lengths in metres; (x, y) and `turn` (radians, clockwise as seen)
-    place the pattern's own axes, which move with the shape. folds: slope of cloth's wrinkles of
-    `fold_size`. shine, gloss: height and exponent of the highlight. round: 1 a solid, 0 flat.
-    seam: the shape ends there along its own u, as a sleeve does at the shoulder."""
+    """How a shape reflects. Lengths in metres; (x, y) and `turn` (radians, clockwise as seen) place
+    the pattern's own axes, which move with the shape.
+
+    Attributes:
+        folds: slope of cloth's wrinkles of `fold_size`.
+        shine, gloss: height and exponent of the highlight.
+        round: 1 a solid, 0 flat.
+        seam: the shape ends there along its own u, as a sleeve does at the shoulder.
+    """
 
     albedo: float
     pattern: int = PLAIN

@@ -122,12 +122,15 @@ def paint_wall(image: Any, win: Win, cam: Cam) -> None:
 class Wave(Drawn):
     """A waving person.
 
-    shape: (height, width) in pixels, each 8 to 2000. rate: waves per second, 0 to 6 Hz; 3 Hz is a
-    fast wave (assumed). swing: the forearm's amplitude, 0 to 0.9 rad. phase: radians at t = 0; the
-    default puts the fastest sweep into the middle of the first 40 ms. field: metres that the
-    picture's shorter side sees, 0.2 to 5.
-
     With the defaults the fingertips pass at about 6 m/s. ValueError for values out of range.
+
+    Attributes:
+        shape: (height, width) in pixels, each 8 to 2000.
+        rate: waves per second, 0 to 6 Hz; 3 Hz is a fast wave (assumed).
+        swing: the forearm's amplitude, 0 to 0.9 rad.
+        phase: radians at t = 0; the default puts the fastest sweep into the middle of the first 40
+            ms.
+        field: metres that the picture's shorter side sees, 0.2 to 5.
     """
 
     shape: tuple[int, int]

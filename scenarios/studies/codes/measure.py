@@ -72,10 +72,15 @@ class SizeRow:
 
 @dataclass(frozen=True)
 class SteadyRow:
-    """Steady light. Bits are a spike. floor, ceiling: the entropy of latched widths lies between.
-    predicted, measured: share of spikes that statistical sends, by k, but for
-    two a pixel at the start. level_error: relative RMS
-    error of a pixel's mean rate after k = 3, plain and with refinement, beside the stream's own."""
+    """Steady light. Bits are a spike.
+
+    Attributes:
+        floor, ceiling: the entropy of latched widths lies between.
+        predicted, measured: share of spikes that statistical sends, by k, but for two a pixel at
+            the start.
+        level_error: relative RMS error of a pixel's mean rate after k = 3, plain and with
+            refinement, beside the stream's own.
+    """
 
     mean: float
     threshold: float

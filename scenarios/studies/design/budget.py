@@ -86,8 +86,12 @@ class SensorSection(Section):
 
 
 class AdcSection(Section):
-    """A converter of the user's own, as `ConverterPart`. noise: RMS at the input, without
-    quantisation. rate: most samples a second."""
+    """A converter of the user's own, as `ConverterPart`.
+
+    Attributes:
+        noise: RMS at the input, without quantisation.
+        rate: most samples a second.
+    """
 
     name: Name
     bits: Annotated[int, Field(ge=1, le=24)]
@@ -103,10 +107,16 @@ class AdcSection(Section):
 
 
 class BudgetFile(Section):
-    """A whole budget. sensors, adcs: names of those to choose among; all of the file's own where
-    none are named, and all that are known where it has none. power, price: most for sensor,
-    converter and cooler together. least_signal: most that the signal of SNR 1 may have. cooler:
-    watts for each kelvin that the sensor is below `ambient`. gamma, output_bits: of an output."""
+    """A whole budget.
+
+    Attributes:
+        sensors, adcs: names of those to choose among; all of the file's own where none are named,
+            and all that are known where it has none.
+        power, price: most for sensor, converter and cooler together.
+        least_signal: most that the signal of SNR 1 may have.
+        cooler: watts for each kelvin that the sensor is below `ambient`.
+        gamma, output_bits: of an output.
+    """
 
     title: Annotated[str, Field(max_length=200)] = "A hardware budget"
     sensors: Many[str] | None = None

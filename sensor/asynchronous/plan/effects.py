@@ -110,9 +110,16 @@ def summarise(
 
 @dataclass(frozen=True)
 class EventEffect:
-    """name: as reports print it. source: of its bound. kind: "proof", or "estimate", which counts
-    twice. work: what leaving it out saves, in draws of a threshold; nothing for what is kept
-    whatever it changes. bound: by tile."""
+    """An effect of an asynchronous pixel that a plan may leave out.
+
+    Attributes:
+        name: as reports print it.
+        source: of its bound.
+        kind: "proof", or "estimate", which counts twice.
+        work: what leaving it out saves, in draws of a threshold; nothing for what is kept whatever
+            it changes.
+        bound: by tile.
+    """
 
     name: str
     source: str

@@ -29,7 +29,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Budget:
-    """light: photoelectrons of light in an exposure, in flat light. seconds: exposure."""
+    """Mean signals and noise of an EBAPS pixel in an exposure.
+
+    Attributes:
+        light: photoelectrons of light in an exposure, in flat light.
+        seconds: exposure.
+    """
 
     tube: Tube
     silicon: Silicon

@@ -41,8 +41,13 @@ _BURST = 1 << 40
 
 @dataclass(frozen=True, eq=False)
 class EbapsPixels:
-    """volts: magnitude of the high voltage, 0 to 1500. kelvin: of the silicon. device: seed of the
-    fixed pattern. The rest see `PixelModel`."""
+    """The pixels of an electron-bombarded active pixel sensor.
+
+    Attributes:
+        volts: magnitude of the high voltage, 0 to 1500.
+        kelvin: of the silicon.
+        device: seed of the fixed pattern. The rest see `PixelModel`.
+    """
 
     shape: tuple[int, int] = (ROWS, COLUMNS)
     volts: float = 1500.0

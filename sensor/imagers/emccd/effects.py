@@ -37,9 +37,17 @@ other, are smooth in the gain's logarithm."""
 
 @dataclass(frozen=True)
 class Terms:
-    """What bounds need of the pixels. excess: F^2 of a mean gain. dark: e- / s at a temperature, K.
-    smear: s, of all rows' shifts. read: e- RMS at the output. readout: s in storage. step: e- of a
-    DN at the output. Wells in e-. shape: (rows, columns)."""
+    """What bounds need of the pixels.
+
+    Attributes:
+        excess: F^2 of a mean gain.
+        dark: e- / s at a temperature, K.
+        smear: s, of all rows' shifts.
+        read: e- RMS at the output.
+        readout: s in storage.
+        step: e- of a DN at the output. Wells in e-.
+        shape: (rows, columns).
+    """
 
     excess: Callable[[float], float]
     dark: Callable[[float], float]
@@ -57,9 +65,15 @@ class Terms:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A summary in electrons at the pixel, at one gain. high: most x. least, most: of everything
-    together. f2: F^2. floor: of one DN. read: noise power of the amplifier, quiet: with the
-    converter's."""
+    """A summary in electrons at the pixel, at one gain.
+
+    Attributes:
+        high: most x.
+        least, most: of everything together.
+        f2: F^2.
+        floor: of one DN.
+        read: noise power of the amplifier, quiet: with the converter's.
+    """
 
     high: Values
     smear: Values

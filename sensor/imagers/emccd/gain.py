@@ -49,10 +49,16 @@ def document_gain(volts: float, peak: tuple[float, float] = TEXT_PEAK) -> float:
 
 @dataclass(frozen=True)
 class HighVoltage:
-    """peak: V at the potentiometer's steps 0 and 255. stages: of the multiplication register.
-    parallel: the potentiometer's full resistance over the fixed resistor's (0: none in parallel);
-    assumed. kelvin: at which the ends' gains hold. cooling: relative rise of p a kelvin of
-    cooling; the gain's rise on cooling is reported, its size assumed.
+    """The high-voltage drive of the multiplication register.
+
+    Attributes:
+        peak: V at the potentiometer's steps 0 and 255.
+        stages: of the multiplication register.
+        parallel: the potentiometer's full resistance over the fixed resistor's (0: none in
+            parallel); assumed.
+        kelvin: at which the ends' gains hold.
+        cooling: relative rise of p a kelvin of cooling; the gain's rise on cooling is reported, its
+            size assumed.
     """
 
     peak: tuple[float, float] = TEXT_PEAK

@@ -82,10 +82,16 @@ class EmccdExposed(Exposed):
 class EmccdPixels:
     """The chip's physics. All fields have the chip's or the document's figures by default.
 
-    gain: mean multiplication, 1 to 1000. kelvin: of the chip. tier: "exact" draws every stage
-    (40 us a pixel), "fast" one law for all. row_shift: s. readout: s that a row waits in storage at
-    the longest; bounds read it. pattern_seed: the device's. dark: e- /
-    (pixel s) at 20 degC. image_well, register_well: e-. read_noise: e- RMS at the output.
+    Attributes:
+        gain: mean multiplication, 1 to 1000.
+        kelvin: of the chip.
+        tier: "exact" draws every stage (40 us a pixel), "fast" one law for all.
+        row_shift: s.
+        readout: s that a row waits in storage at the longest; bounds read it.
+        pattern_seed: the device's.
+        dark: e- / (pixel s) at 20 degC.
+        image_well, register_well: e-.
+        read_noise: e- RMS at the output.
     """
 
     gain: float = 1.0

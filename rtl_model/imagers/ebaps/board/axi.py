@@ -36,14 +36,25 @@ PAGE = 4096
 
 
 class Burst(NamedTuple):
-    """address: of its first byte. beats: AWLEN or ARLEN and one."""
+    """An AXI4 burst: address and length.
+
+    Attributes:
+        address: of its first byte.
+        beats: AWLEN or ARLEN and one.
+    """
 
     address: int
     beats: int
 
 
 class Beat(NamedTuple):
-    """data: 128 bits. strobe: a bit a byte that is written. last: WLAST or RLAST."""
+    """A beat of an AXI4 write or read.
+
+    Attributes:
+        data: 128 bits.
+        strobe: a bit a byte that is written.
+        last: WLAST or RLAST.
+    """
 
     data: int
     strobe: int

@@ -64,10 +64,15 @@ for _table, _port in zip(_BYTES, PORTS, strict=True):
 
 @dataclass(frozen=True)
 class LinkTiming:
-    """One tap. columns, rows: of a frame. clock_hz: of the link. rate: frames a second.
+    """One tap.
 
     All lines of a frame take the same whole number of clocks, as many as fit; what is left over
     comes after the last (the document prints no blanking: assumed).
+
+    Attributes:
+        columns, rows: of a frame.
+        clock_hz: of the link.
+        rate: frames a second.
     """
 
     columns: int = Timing().columns

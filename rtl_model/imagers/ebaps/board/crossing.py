@@ -44,8 +44,13 @@ Image = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class Clocks:
-    """Hz, and the ps of each first edge. pixel: document 002; memory: assumed; display: the Camera
-    Link's."""
+    """Hz, and the ps of each first edge.
+
+    Attributes:
+        pixel: document 002.
+        memory: assumed.
+        display: the Camera Link's.
+    """
 
     pixel: int = CLOCK_HZ
     memory: int = MEMORY_HZ
@@ -55,9 +60,17 @@ class Clocks:
 
 @dataclass
 class Transfer:
-    """What moving frames took. frames: (H, W) read, by region. writes, reads: bursts in order.
-    clocks: of the memory. overflows, underflows: over all FIFOs. most: words that stood in the
-    write FIFO. faults: of the bus. done: everything arrived."""
+    """What moving frames took.
+
+    Attributes:
+        frames: (H, W) read, by region.
+        writes, reads: bursts in order.
+        clocks: of the memory.
+        overflows, underflows: over all FIFOs.
+        most: words that stood in the write FIFO.
+        faults: of the bus.
+        done: everything arrived.
+    """
 
     frames: dict[int, Image] = field(default_factory=dict)
     writes: list[Burst] = field(default_factory=list)

@@ -28,7 +28,13 @@ FRAME_RATE = 30
 
 @dataclass(frozen=True)
 class Timing:
-    """columns, rows: read in a frame. clock_hz: of the pixel clock. rate: frames a second."""
+    """Frame size and clock of a read-out mode.
+
+    Attributes:
+        columns, rows: read in a frame.
+        clock_hz: of the pixel clock.
+        rate: frames a second.
+    """
 
     columns: int = 1280
     rows: int = 1024

@@ -45,7 +45,11 @@ ACCUMULATOR_BITS = (1280 * 1024 * 65_535).bit_length()
 
 @dataclass(frozen=True)
 class ExposureRule:
-    """Limits in DN and ns. wait: acts only on frames that show what the loop last did."""
+    """Limits in DN and ns.
+
+    Attributes:
+        wait: acts only on frames that show what the loop last did.
+    """
 
     low: int = WINDOW[0]
     high: int = WINDOW[1]
@@ -77,7 +81,11 @@ class ExposureRule:
 
 @dataclass(frozen=True)
 class Linear:
-    """Mean of a frame, DN, exact: zero + slope x exposure, no clipping. slope: DN a ns."""
+    """Mean of a frame, DN, exact: zero + slope x exposure, no clipping.
+
+    Attributes:
+        slope: DN a ns.
+    """
 
     slope: Fraction
     zero: Fraction = Fraction(0)

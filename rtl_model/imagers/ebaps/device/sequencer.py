@@ -23,8 +23,15 @@ _ON, _EVERY, _RAW = 1, 2, 4
 
 @dataclass(frozen=True)
 class Shot:
-    """What a frame took at its VSYNC. number: from 0. exposure: ns. volts: magnitude. key: stored
-    as a dark frame, in `region`. closed: the shutter."""
+    """What a frame took at its VSYNC.
+
+    Attributes:
+        number: from 0.
+        exposure: ns.
+        volts: magnitude.
+        key: stored as a dark frame, in `region`.
+        closed: the shutter.
+    """
 
     number: int
     exposure: int
@@ -36,8 +43,12 @@ class Shot:
 
 @dataclass(frozen=True)
 class Read:
-    """What reading a frame gave. raw, total: sums of all values before and after subtraction of
-    darks, DN; pixels: how many."""
+    """What reading a frame gave.
+
+    Attributes:
+        raw, total: sums of all values before and after subtraction of darks, DN.
+        pixels: how many.
+    """
 
     raw: int
     total: int
@@ -46,9 +57,15 @@ class Read:
 
 @dataclass(frozen=True)
 class Judged:
-    """How a live frame was judged. rule: the loop as its registers stood. standing: exposure that
-    stood then, exposed: the frame's own, ns. raw: before subtraction of darks. acts: whether the
-    loop may set the exposure."""
+    """How a live frame was judged.
+
+    Attributes:
+        rule: the loop as its registers stood.
+        standing: exposure of the register at that time, ns.
+        exposed: exposure of the frame, ns.
+        raw: before subtraction of darks.
+        acts: whether the loop may set the exposure.
+    """
 
     rule: ExposureRule
     standing: int

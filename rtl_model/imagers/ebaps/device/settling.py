@@ -32,8 +32,13 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Rest:
-    """kind: "rest" inside the window, "end" at the range's end outside it, "hunt" between two.
-    low, high: exposures, ns; the same but for "hunt". frames: steps taken until there."""
+    """The exposures at which the controller stays in steady light.
+
+    Attributes:
+        kind: "rest" inside the window, "end" at the range's end outside it, "hunt" between two.
+        low, high: exposures, ns; the same but for "hunt".
+        frames: steps until there.
+    """
 
     kind: Literal["rest", "end", "hunt"]
     low: int
