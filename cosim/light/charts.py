@@ -50,8 +50,12 @@ class _Sheet:
         self.plane = np.full(shape, ground)
 
     def lay(self, distance: Values, tone: float) -> None:
-        """Draws a shape. distance: (H, W) pixels beyond its edge, negative inside. tone:
-        reflectance."""
+        """Draws a shape.
+
+        Args:
+            distance: (H, W) pixels beyond its edge, negative inside.
+            tone: reflectance.
+        """
         part = np.clip(0.5 - distance, 0, 1)
         self.plane += (tone - self.plane) * part
 

@@ -23,7 +23,12 @@ def data(content: bytes, kind: str) -> str:
 
 
 def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
-    """A picture with its caption. exact: whether it is lossless (PNG) or a JPEG. css: class."""
+    """A picture with its caption.
+
+    Args:
+        exact: whether it is lossless (PNG) or a JPEG.
+        css: class.
+    """
     content = encode(image, ".png" if exact else ".jpg")
     source = data(content, "image/png" if exact else "image/jpeg")
     pixels = ' class="pixels"' if exact else ""

@@ -38,7 +38,12 @@ def for_display(x: Levels) -> Grey:
 
 
 def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:
-    """Bytes of a picture file. ending: ".png" or ".jpg". quality: of a JPEG."""
+    """Bytes of a picture file.
+
+    Args:
+        ending: ".png" or ".jpg".
+        quality: of a JPEG.
+    """
     import cv2
 
     options = [cv2.IMWRITE_JPEG_QUALITY, quality] if ending == ".jpg" else []

@@ -79,8 +79,12 @@ def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
 def write_display_clip(
     path: Path, frames: Mapping[str, Grey], titles: Mapping[str, str], motion: SlowMotion
 ) -> None:
-    """An MP4 (H.264, yuv420p) that browsers play. frames: by display, (frames, h, w) through the
-    sRGB curve. titles: what each is called."""
+    """An MP4 (H.264, yuv420p) that browsers play.
+
+    Args:
+        frames: by display, (frames, h, w) through the sRGB curve.
+        titles: what each is called.
+    """
     import av
 
     height, width = motion.shape

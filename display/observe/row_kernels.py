@@ -85,10 +85,14 @@ def add_images(first, stop, planes, pad, plane, down, begin, place, weight, imag
     """Rows `first` to `stop` of images: images[i, y, x] += sum over taps t of image i of weight[t]
     · planes[plane[m], y + down[m], x + s], dark outside.
 
-    planes: (n, H, W) float32 or uint8. plane, down: (lines,) int64, the rows that are read, made
-    float once however many images and taps look at them. begin: (images + 1,) int64, where each
-    image's taps begin. place: (taps,) int64, m (W + 2 pad) + pad + s with |s| <= pad. weight:
-    (taps,) float32. images: (images, H, W) float32.
+    Args:
+        planes: (n, H, W) float32 or uint8.
+        plane, down: (lines,) int64, the rows that are read, made float once however many images and
+            taps look at them.
+        begin: (images + 1,) int64, where each image's taps begin.
+        place: (taps,) int64, m (W + 2 pad) + pad + s with |s| <= pad.
+        weight: (taps,) float32.
+        images: (images, H, W) float32.
     """
     width = planes.shape[2]
     lines = np.zeros(len(plane) * (width + 2 * pad), np.float32)
@@ -116,8 +120,12 @@ def carry_errors(first, stop, before, after, scale, part, error, planes):  # typ
     shows its level at share part[k] of the way, times `scale`, held to 0 to 1.
 
     A pixel is on where its level and the error left to it reach one half; what that is too much or
-    too little goes on to the next plane. before, after, error: (H, W) float32; error is changed.
-    part: (n,) float32. planes: (n, H, W) uint8, written.
+    too little goes on to the next plane.
+
+    Args:
+        before, after, error: (H, W) float32; error is changed.
+        part: (n,) float32.
+        planes: (n, H, W) uint8, written.
     """
     one, half, none = np.float32(1.0), np.float32(0.5), np.float32(0.0)
     for y in range(first, stop):
@@ -137,8 +145,11 @@ def carry_errors(first, stop, before, after, scale, part, error, planes):  # typ
 def shrink(first, stop, planes, by, small):  # type: ignore[no-untyped-def]
     """Rows `first` to `stop` of small[k, y, x], the mean of planes[k] over `by` x `by` pixels.
 
-    planes: (n, H, W) float32 or uint8; what does not fill a whole one at the right and below is
-    left out. small: (n, H // by, W // by) float32."""
+    Args:
+        planes: (n, H, W) float32 or uint8; what does not fill a whole one at the right and below is
+            left out.
+        small: (n, H // by, W // by) float32.
+    """
     scale = np.float32(1.0 / (by * by))
     for y in range(first, stop):
         for k in range(len(small)):

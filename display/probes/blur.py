@@ -90,9 +90,11 @@ class Blur:
 def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Values:
     """What an eye that moves at SPEED takes together: mean over `times` of light at at + v t.
 
-    light: (instants, columns), mean over square pixels, column j being [j, j + 1). times:
-    (instants,) s. at: (n,) pixels, places on the retina, which must stay within the columns. side:
-    of the square in a pixel's middle that emits all of its light.
+    Args:
+        light: (instants, columns), mean over square pixels, column j being [j, j + 1).
+        times: (instants,) s.
+        at: (n,) pixels, places on the retina, which must stay within the columns.
+        side: of the square in a pixel's middle that emits all of its light.
     """
     reach = at.min() + SPEED * times.min(), at.max() + SPEED * times.max()
     if reach[0] < 0 or reach[1] >= light.shape[1]:

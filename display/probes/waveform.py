@@ -80,8 +80,10 @@ def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[n
     """Adds the light of each plane of each pixel to light[group[pixel], plane // span]; compiled
     for a drive.
 
-    words: (pixels, words), so that a pixel's words are contiguous. spikes: see `Drive`. A pixel's
-    drive is laid out from spike to spike in a line that stays in the cache.
+    Args:
+        words: (pixels, words), so that a pixel's words are contiguous.
+        spikes: see `Drive`. A pixel's drive is laid out from spike to spike in a line that stays in
+            the cache.
     """
     pulse, rise, decay = emitter
     reach = max(_LINE // span, 1) * span
@@ -149,9 +151,11 @@ def panel_light(
 ) -> Values:
     """Light of a panel with this drive, packets Q a cycle, mean over each span and group.
 
-    stream: from where the panel was dark. span: planes that are taken together; those beyond the
-    last whole span are left out. group: (height, width) int, which pixels are taken together (0 to
-    the largest); every pixel alone unless given. Gives (cycles // span, groups).
+    Args:
+        stream: from where the panel was dark.
+        span: planes that are taken together; those beyond the last whole span are left out.
+        group: (height, width) int, which pixels are taken together (0 to the largest); every pixel
+            alone unless given. Gives (cycles // span, groups).
     """
     height, width = stream.shape
     groups = np.arange(height * width) if group is None else group.ravel()

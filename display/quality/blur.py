@@ -37,13 +37,16 @@ def blur_edge_width(
 ) -> float:
     """BEW: distance, in units of x, over which an edge's profile runs from 10 to 90 % of its step.
 
-    x: (n,) rising. profile: (n,) levels there, rows averaged where there are several; the edge may
-    rise or fall. low, high: its settled levels at the first and the last x; unless given, the means
-    of the first and the last eighth, which must lie beyond the blur.
-
     A noisy profile is replaced by the monotone one nearest to it in least squares (isotonic
     regression), which leaves a monotone one as it is; its crossings are interpolated linearly
     between samples. Raises ValueError without a step, or where x does not reach 10 and 90 %.
+
+    Args:
+        x: (n,) rising.
+        profile: (n,) levels there, rows averaged where there are several; the edge may rise or
+            fall.
+        low, high: its settled levels at the first and the last x; unless given, the means of the
+            first and the last eighth, which must lie beyond the blur.
     """
     from scipy.optimize import isotonic_regression  # half a second: only who measures pays for it
 

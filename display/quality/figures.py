@@ -36,8 +36,12 @@ class FlickerFigures:
 def flicker_figures(
     wave: npt.ArrayLike, rate: float, luminance: float, field: tuple[float, float]
 ) -> FlickerFigures:
-    """Of light sampled `rate` times a second for at least a second (see `svm`). luminance: cd/m2 of
-    its mean. field: degrees that flicker as one, (width, height)."""
+    """Of light sampled `rate` times a second for at least a second (see `svm`).
+
+    Args:
+        luminance: cd/m2 of its mean.
+        field: degrees that flicker as one, (width, height).
+    """
     light = waveform(wave)
     check_svm(len(light) / rate, rate)
     lines = spectrum(light, rate)

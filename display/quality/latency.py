@@ -26,8 +26,11 @@ def relaxed(
 ) -> tuple[Values, Values]:
     """What an emitter, dark before, begins and ends each piece with: two (n, pixels).
 
-    edges: (n + 1,) times. drive: (n, pixels). rise, decay: time constants, in the unit of `edges`,
-    towards a higher and a lower drive; 0 is there at once.
+    Args:
+        edges: (n + 1,) times.
+        drive: (n, pixels).
+        rise, decay: time constants, in the unit of `edges`, towards a higher and a lower drive; 0
+            is there at once.
     """
     if rise == 0 and decay == 0:
         return drive, drive
@@ -63,7 +66,10 @@ def risen(
 ) -> Values:
     """(pixels,) first time at which light that was dark reaches `half`; NaN where it never does.
 
-    edges: (n + 1,) times. drive: (n, pixels). rise, decay: see `relaxed`.
+    Args:
+        edges: (n + 1,) times.
+        drive: (n, pixels).
+        rise, decay: see `relaxed`.
     """
     start, end = relaxed(edges, drive, rise, decay)
     hit = (start >= half) | (end >= half)

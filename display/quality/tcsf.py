@@ -46,7 +46,13 @@ def _cascade(turn: Values, stages: int) -> npt.NDArray[np.complex128]:
 
 def tcsf(frequency: npt.ArrayLike, eccentricity: npt.ArrayLike, luminance: float) -> Values:
     """Sensitivity (1 / threshold contrast) at one place of the visual field, not yet pooled over
-    area. frequency: Hz. eccentricity: degrees. luminance: cd/m2, mean."""
+    area.
+
+    Args:
+        frequency: Hz.
+        eccentricity: degrees.
+        luminance: cd/m2, mean.
+    """
     f, e = np.asarray(frequency, np.float64), np.asarray(eccentricity, np.float64)
     lit = max(luminance, DIMMEST)
     per, offset = STRETCH
@@ -91,7 +97,12 @@ def tcsf_visibility(
     wave: npt.ArrayLike, rate: float, luminance: float, field: tuple[float, float]
 ) -> float:
     """How far beyond threshold the flicker of light sampled `rate` times a second is: above 1 it is
-    seen. luminance: cd/m2, mean. field: (width, height) degrees that flicker as one."""
+    seen.
+
+    Args:
+        luminance: cd/m2, mean.
+        field: (width, height) degrees that flicker as one.
+    """
     return tcsf_visibility_of(spectrum(wave, rate), luminance, field)
 
 

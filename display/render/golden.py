@@ -49,8 +49,12 @@ class GoldenRenderer:
         self.light = np.zeros((0, *panel.shape))
 
     def step(self, words: npt.NDArray[np.uint32], cycles: int, views: Views | None) -> None:
-        """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-        views: for spans of `batch` planes; None for no observer."""
+        """Shows `cycles` planes.
+
+        Args:
+            words: (ceil(cycles / 32), height, width) uint32, pixel-major.
+            views: for spans of `batch` planes; None for no observer.
+        """
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
         spans = -(-cycles // self.batch)

@@ -119,8 +119,12 @@ class Renderer:
             check_alive(self._context)
 
     def step(self, words: Words, cycles: int, views: Views | None) -> None:
-        """Shows `cycles` planes. words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-        views: for spans of `batch` planes; None for no observer."""
+        """Shows `cycles` planes.
+
+        Args:
+            words: (ceil(cycles / 32), height, width) uint32, pixel-major.
+            views: for spans of `batch` planes; None for no observer.
+        """
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
         self._last, self._lit = (words, cycles), None

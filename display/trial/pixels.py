@@ -110,8 +110,13 @@ class PanelPixels:
 @njit(cache=True)
 def _integrate_periodic(light, view, row, rows, image):  # type: ignore[no-untyped-def]
     """Adds a moving eye's image of every patch, each `rows` lines of the plane, to `image` (lines,
-    columns). light: (spans, lines, columns). view: the arrays of `Views` for this image, in their
-    order. row: (lines,) place on the panel, 0 to 1."""
+    columns).
+
+    Args:
+        light: (spans, lines, columns).
+        view: the arrays of `Views` for this image, in their order.
+        row: (lines,) place on the panel, 0 to 1.
+    """
     weight, slope, dy, dx, dy_slope, dx_slope = view
     spans, lines, columns = light.shape
     for s in range(spans):

@@ -91,8 +91,12 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
 def print_result(
     result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
 ) -> None:
-    """The document, or its figures for a reader. table: lines of a display's, in their place.
-    verdict: of a link, which comes first; what it leaves unknown is named in one line."""
+    """The document, or its figures for a reader.
+
+    Args:
+        table: lines of a display's, in their place.
+        verdict: of a link, which comes first; what it leaves unknown is named in one line.
+    """
     from cosim.config.amounts import amount
 
     if json:

@@ -41,8 +41,10 @@ def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # typ
     """(t, charge, volts): the time t <= left at which the phase ends, and the charge and the
     comparator's output there; t infinite, and the state after `left`, where it does not.
 
-    wait: time that the reset has left. circuit: as `Circuit.packed`. During the delay the leak and
-    C are those at the threshold and their tangents there, which is exact where C is constant.
+    Args:
+        wait: time that the reset has left.
+        circuit: as `Circuit.packed`. During the delay the leak and C are those at the threshold and
+            their tangents there, which is exact where C is constant.
     """
     leak, a, electrons, gain, pole, trip, ohmic, _ = (
         circuit[0], circuit[1], circuit[2], circuit[3], circuit[4], circuit[5], circuit[6],

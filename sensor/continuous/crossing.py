@@ -104,9 +104,11 @@ def jump(  # type: ignore[no-untyped-def]
     to `until` is due (ps): reports before it are written, and where it is `stop`, `current` and
     `charge` move there.
 
-    first: light at the anchor, slope: its change a second (n,). gain: electrons/s for a unit of
-    light, dark: electrons/s (n,). measure, dead: ps. counts, pixels, ticks, values: `Reports` by
-    chunk.
+    Args:
+        first: light at the anchor, slope: its change a second (n,).
+        gain: electrons/s for a unit of light, dark: electrons/s (n,).
+        measure, dead: ps.
+        counts, pixels, ticks, values: `Reports` by chunk.
     """
     length = (stop - anchor) / _PS
     room = pixels.shape[1]

@@ -54,11 +54,14 @@ def walk(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Carries all monitors through `begin.size` steps of h seconds in one piece of light.
 
-    begin: seconds from the piece's start to each step's. finish: each step ends a tick, tick0 and
-    those after it; else the one step is a part of tick0 that another goes on from. response,
-    variance, mean: c, v and g of the tick's parts so far, (n,), or (0,) where every step is a whole
-    tick. first: light at the piece's start, slope: its change a second (n,). measure, dead: ticks.
-    Others as in `jump`.
+    Args:
+        begin: seconds from the piece's start to each step's.
+        finish: each step ends a tick, tick0 and those after it; else the one step is a part of
+            tick0 that another goes on from.
+        response, variance, mean: c, v and g of the tick's parts so far, (n,), or (0,) where every
+            step is a whole tick.
+        first: light at the piece's start, slope: its change a second (n,).
+        measure, dead: ticks. Others as in `jump`.
     """
     a = math.exp(-h / tau)
     a2 = a * a

@@ -41,9 +41,14 @@ def document_dynamic_range(
 ) -> float:  # fmt: skip
     """The document's system dynamic range, dB, in its plain reading.
 
-    saturated: V_sat, volts. sensitivity: S2, volts an electron (the document calls it optical
-    sensitivity, but times Q_noise it must give volts). noise: Q_noise, electrons. circuit: volts.
-    analog, digital: gains m and n. alpha: the converter's noise over S2 Q_noise + V_circuit.
+    Args:
+        saturated: V_sat, volts.
+        sensitivity: S2, volts an electron (the document calls it optical sensitivity, but times
+            Q_noise it must give volts).
+        noise: Q_noise, electrons.
+        circuit: volts.
+        analog, digital: gains m and n.
+        alpha: the converter's noise over S2 Q_noise + V_circuit.
     """
     before = sensitivity * noise + circuit
     return decibels(saturated / before) + decibels(1 / (digital**2 * analog * (analog + alpha)))

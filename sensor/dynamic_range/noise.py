@@ -66,7 +66,12 @@ class SensorNoise:
     def parts(
         self, celsius: float, hertz: float, seconds: float = 0.0, signal: float = 0.0
     ) -> dict[str, float]:
-        """Each part, electrons RMS. seconds: over which dark charge gathers. signal: electrons."""
+        """Each part, electrons RMS.
+
+        Args:
+            seconds: over which dark charge gathers.
+            signal: electrons.
+        """
         warm = math.sqrt((celsius + ZERO_CELSIUS) / (self.celsius + ZERO_CELSIUS))
         return {
             "shot": math.sqrt(signal),

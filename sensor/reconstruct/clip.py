@@ -35,8 +35,10 @@ def write_clip(
 ) -> None:
     """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
 
-    scale: the spike rate that becomes white. largest: pixels of the longer side; images are reduced
-    by a whole number to stay within it. H.264, VP9 in .webm; odd sizes lose their last line.
+    Args:
+        scale: the spike rate that becomes white.
+        largest: pixels of the longer side; images are reduced by a whole number to stay within it.
+            H.264, VP9 in .webm; odd sizes lose their last line.
     """
     import av
 

@@ -46,16 +46,17 @@ LINES = (400.0, 200.0, 150.0, 100.0, 50.0)
 def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile = "square") -> Array:
     """Mean over a pixel of a Siemens star of n spokes and as many gaps around the origin, -1 to 1.
 
-    x, y: pixel centres, arrays in any one unit of length with `pixel`; turn: clockwise as seen, in
-    spoke periods. The first spoke begins on the x axis. "square" is 1 on a spoke and -1 in a gap,
-    "sine" sin(n angle).
-
     The mean over the square pixel is taken as the exact one over a box as wide as the pixel's side
     along the circle: a square has that box's variance, 1/12, in every direction, so the two agree
-    to second order. Against the mean of 64 x 64 points in each pixel, 36 spokes (measured): where
-    a period is 4 pixels or more, sine 0.0002 RMS, 0.0009 at most, square 0.02 RMS, 0.09 at most
-    (an edge along the diagonal); at 2 to 4 pixels sine 0.002 RMS and square 0.03; below one pixel,
+    to second order. Against the mean of 64 x 64 points in each pixel, 36 spokes (measured): where a
+    period is 4 pixels or more, sine 0.0002 RMS, 0.0009 at most, square 0.02 RMS, 0.09 at most (an
+    edge along the diagonal); at 2 to 4 pixels sine 0.002 RMS and square 0.03; below one pixel,
     where any wave is an alias, 0.1 RMS.
+
+    Args:
+        x, y: pixel centres, arrays in any one unit of length with `pixel`.
+        turn: clockwise as seen, in spoke periods. The first spoke begins on the x axis.
+        profile: "square" is 1 on a spoke and -1 in a gap, "sine" is sin(n angle).
     """
     phase, width = _phase(x, y, pixel, n)
     return _wave(phase - turn, width, profile)

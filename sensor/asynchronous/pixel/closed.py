@@ -37,8 +37,12 @@ def _first(  # type: ignore[no-untyped-def]
     numbers, plane, gain, scale, dark, table, shot, threshold, seed, tick, shortest, delay, begins,
     start, stop, out_pixel, out_instant, out_width, out_exact,
 ):  # fmt: skip
-    """Writes the first spikes that fall after start, up to stop; their number. plane: (pixels of
-    the array,). scale, dark: (n,) or (1,)."""
+    """Writes the first spikes that fall after start, up to stop; their number.
+
+    Args:
+        plane: (pixels of the array,).
+        scale, dark: (n,) or (1,).
+    """
     q, count = float(threshold), 0
     infinite, each, dim = np.inf, scale.size > 1, dark.size > 1
     for n in range(numbers.size):

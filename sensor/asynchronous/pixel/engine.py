@@ -50,14 +50,18 @@ def advance(  # type: ignore[no-untyped-def]
     """Runs pixels from number `start` of these arrays on until `stop` (ps), at most the end of the
     piece from `begins` to `ends`. Rates: electrons a picosecond at those two instants.
 
-    State of a pixel: since, part: instant its interval began, ps and a fraction. charge: electrons
-    gathered before this piece. goals: threshold of the interval under way, -1 while not drawn.
-    width: ps after which the full pixel fires, -1 while it gathers. spikes: index of the interval.
-    sent, sent_level: width and level of the last report, 0 and -1 for none. countdown: unreported
-    intervals before the next report, -1 while not drawn.
+    State of a pixel: since, part: instant its interval began, ps and a fraction.
 
     Gives (the pixel it got to, events written, turns of the loop): it returns early when the
     buffers are full, to be called again.
+
+    Args:
+        charge: electrons gathered before this piece.
+        goals: threshold of the interval under way, -1 while not drawn.
+        width: ps after which the full pixel fires, -1 while it gathers.
+        spikes: index of the interval.
+        sent, sent_level: width and level of the last report, 0 and -1 for none.
+        countdown: unreported intervals before the next report, -1 while not drawn.
     """
     q = float(threshold)
     relative = change / math.sqrt(q)

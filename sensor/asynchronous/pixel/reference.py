@@ -146,8 +146,13 @@ def _follow(  # type: ignore[no-untyped-def]
     rates, slopes, begins, ends, goals, shares, shot, q, tick, shortest, longest, levels, delay,
     reset, change, exact, width, instant, level, sent, count, progress,
 ):  # fmt: skip
-    """See `Followed`. rates, slopes: (pieces, n), electrons a picosecond at each begin, and their
-    change a picosecond. begins, ends: (pieces,) ps, without gaps; the last end ends it all."""
+    """See `Followed`.
+
+    Args:
+        rates, slopes: (pieces, n), electrons a picosecond at each begin, and their change a
+            picosecond.
+        begins, ends: (pieces,) ps, without gaps; the last end ends it all.
+    """
     pieces, stop = begins.size, ends[-1]
     bound = change / math.sqrt(q)
     for n in range(goals.shape[0]):

@@ -96,10 +96,13 @@ def _serve(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Takes firings in order of asking and serves until `stop`, that included.
 
-    The first `carried` wait since an earlier call. waiting: the event in each place (pixel or row),
-    -1 for none; unused by a common queue. row_count: events that wait in each row. begins: instant
-    each is put on the bus, left as it is while it waits. lost: those that found no place.
-    Gives (instant the bus is free, the row served last).
+    The first `carried` wait since an earlier call.
+
+    Args:
+        waiting: the event in each place (pixel or row), -1 for none; unused by a common queue.
+        row_count: events that wait in each row.
+        begins: instant each is put on the bus, left as it is while it waits.
+        lost: those that found no place. Gives (instant the bus is free, the row served last).
     """
     n = instant.size
     queue = np.empty(n, np.int64)

@@ -22,8 +22,12 @@ Image = npt.NDArray[np.float64]
 def view_figure(
     truth: Image, estimate: Image, silent: npt.NDArray[np.bool_], floor: float, path: Path
 ) -> None:
-    """True and recovered illuminance side by side on one logarithmic scale, lux. silent: pixels
-    without an event, drawn in grey. floor: lux that is black."""
+    """True and recovered illuminance side by side on one logarithmic scale, lux.
+
+    Args:
+        silent: pixels without an event, drawn in grey.
+        floor: lux that is black.
+    """
     plt = pyplot()
     from matplotlib.colors import LogNorm
 

@@ -12,7 +12,13 @@ __all__ = ["brightness", "brightness_constant", "wanted_exposure"]
 
 
 def brightness(k: float, lux: float, aperture: float, seconds: float, gain: float) -> float:
-    """Equation 1. lux: E, on the scene. aperture: D/f. gain: G, here the bombardment's."""
+    """Equation 1.
+
+    Args:
+        lux: E, on the scene.
+        aperture: D/f.
+        gain: G, here the bombardment's.
+    """
     return k * lux * aperture**2 * seconds * gain
 
 

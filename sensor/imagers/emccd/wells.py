@@ -78,8 +78,10 @@ def spill_lines(charge: Values, well: float = REGISTER_WELL, gap: int = TRANSITI
     """Leaves what is over `well` to the packets that follow, in place; returns what is left after
     the last line.
 
-    charge: (rows, W), electrons after multiplication, in the order of their readout from a cleared
-    register. gap: empty cells between lines, each of which can hold a well.
+    Args:
+        charge: (rows, W), electrons after multiplication, in the order of their readout from a
+            cleared register.
+        gap: empty cells between lines, each of which can hold a well.
     """
     return float(_spill_lines(charge, float(well), gap))
 

@@ -59,8 +59,12 @@ def residual_variance(dark: float, live: float = 0.0, frames: int = 1) -> float:
 
 
 def stale_variance(spread: float, live: float, dark: float) -> float:
-    """What darks of another exposure leave besides, DN^2. spread: standard deviation over pixels of
-    the dark current, DN/s. live, dark: exposures, s."""
+    """What darks of another exposure leave besides, DN^2.
+
+    Args:
+        spread: standard deviation over pixels of the dark current, DN/s.
+        live, dark: exposures, s.
+    """
     return (spread * (live - dark)) ** 2
 
 

@@ -107,8 +107,9 @@ def follow(
 ) -> list[int]:  # fmt: skip
     """Exposures of successive frames, ns, as the hardware's pipeline makes them.
 
-    brightness: sum over `pixels` pixels, DN, of a frame by number and exposure. latency: 1 for a
-    loop that changes the very next frame, as the document's text has it.
+    Args:
+        brightness: sum over `pixels` pixels, DN, of a frame by number and exposure.
+        latency: 1 for a loop that changes the very next frame, as the document's text has it.
     """
     standing = rule.clip(start)
     exposed: list[int] = []
