@@ -226,7 +226,7 @@ def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> fl
     x = np.arange(
         -MARGIN - lag - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
     )
-    # The eye looks at whole frames, from the beginning of one on.
+    # The eye integrates whole frames, from the beginning of one.
     rate, persistence = panel.rate.hz, getattr(panel, "persistence", 1.0)
     frames = max(1, math.ceil(EXPOSURE * rate - 1e-9))
     start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * rate) / rate + panel.latency

@@ -63,7 +63,7 @@ class Flicker:
 
 @dataclass(frozen=True)
 class Eye:
-    """Whose sensitivity is asked.
+    """The observer and panel for which sensitivity is computed.
 
     Attributes:
         white: cd/m2.

@@ -3,7 +3,7 @@
 elaTCSF (Cai et al., SIGGRAPH Asia 2024) gives the sensitivity at a place of the visual field, by
 frequency, eccentricity and luminance, and pools it over the area that flickers. Its parts are for
 one frequency; here those of a waveform are put together as energy, the root of the sum of squares,
-which does not depend on how long noise was looked at. That pooling is assumed.
+which does not depend on the viewing time of noise. That pooling is assumed.
 """
 
 from __future__ import annotations

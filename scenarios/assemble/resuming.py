@@ -1,4 +1,4 @@
-"""What --resume finds in a folder: the run that is asked for, done or not, or another run."""
+"""What --resume finds in a folder: the same run, complete or not, or another run."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def _told(differ: list[tuple[str, tuple[Any, Any]]], n: int) -> str:
 
 
 def verdict_before(folder: Path) -> list[str]:
-    """The verdict of a link's run that is done, as its run told it; nothing of another run."""
+    """The verdict of a link's completed run; nothing for another kind of run."""
     try:
-        told = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
-        return [f"{told['said']}: {told['told']}"]
+        verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
+        return [f"{verdict['said']}: {verdict['told']}"]
     except (OSError, ValueError, TypeError, KeyError):
         return []
 

@@ -63,20 +63,20 @@ def _text(name: str, document: dict[str, Any]) -> str:
     best = reference["ns_per_pixel_cycle"]
     cycle = "pixel-frame" if "frames" in reference else "pixel-cycle"
     full: list[str] = next((r["effects"] for r in document["rows"] if r["tier"] == "reference"), [])
-    told = "the worst tile"
+    where = "the worst tile"
     if "bits" in reference:
-        told = (
+        where = (
             f"of the {document['error_of']}, on {reference['bits']:,} bits of "
             f"{reference['patches']} patches (rate {reference['bit_error_rate']:.3g}, half-width "
             f"in the run {reference['half_width']:.3g})"
         )
     if "frames" in reference:
-        told = (
+        where = (
             f"of a pixel value's mean or noise, the worst of {reference['patches']} patches of "
             f"{reference['frames']} frames"
         )
     lines = [
-        f"{name}: error against full physics, {told}, with its 99.9 % interval",
+        f"{name}: error against full physics, {where}, with its 99.9 % interval",
         "",
         f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{f'ns a {cycle}':>18}"
         f"{'times faster':>14}  left out",

@@ -82,11 +82,11 @@ def _imager(document: dict[str, Any]) -> list[str]:
 def _text(document: dict[str, Any]) -> str:
     """The document for a reader."""
     tiles = document["tiles"]
-    told = ", ".join(f"{count} {kind}" for kind, count in tiles.items() if count)
+    counts = ", ".join(f"{count} {kind}" for kind, count in tiles.items() if count)
     lines = [
         f"{document['scenario']}: tolerance {document['tolerance']:g}, {document['tier']} tier on "
         f"{document['device']}",
-        *([f"tiles: {told}"] if told else []),
+        *([f"tiles: {counts}"] if counts else []),
         *([f"mode: {_mode(document['mode'])}"] if "mode" in document else []),
         "",
         f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",

@@ -65,7 +65,7 @@ class Mapping:
 
     def coarse_from(self, db: float) -> float | None:
         """Value from 0 to 1 above which a step is larger than a chain's noise there, so that the
-        output and no longer the light's noise limits what can be told apart; None where it never
+        output and no longer the light's noise limits what can be distinguished; None where it never
         is. The chain has this dynamic range, no shot noise: noise is the same everywhere."""
         noise = 1 / as_ratio(db)
         power = 1 - 1 / self.gamma

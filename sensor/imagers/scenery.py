@@ -1,6 +1,6 @@
 """The light on an imager's plane, integrated over each row's own exposure.
 
-A rolling shutter gives every row its own beginning and end, so light is asked for by rows. A still
+A rolling shutter gives every row its own beginning and end, so light is requested by rows. A still
 picture under light that changes (`Still`) is integrated in closed form; any other scene through
 its `Light` (`LightScenery`).
 """

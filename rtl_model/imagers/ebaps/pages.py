@@ -204,10 +204,10 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
                 f"{_named(volts)}, {lux:g} lx, {seconds * 1e3:.3g} ms: {cnr:.3g}", fontsize=8.5,
                 color=INK if cnr >= ROSE else MARK,
             )  # fmt: skip
-            told = "recognisable" if cnr >= ROSE else "nothing is recognised"
+            verdict = "recognisable" if cnr >= ROSE else "nothing is recognised"
             rows.append(
                 [_named(volts), f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
-                 f"{shown.mean():.5g} DN", f"{cnr:.3g}", told]
+                 f"{shown.mean():.5g} DN", f"{cnr:.3g}", verdict]
             )  # fmt: skip
     save_figure(figure, path)
     return rows

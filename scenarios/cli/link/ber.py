@@ -41,11 +41,11 @@ def link_ber(
         progress.start("curves", len(curves))
         begun: list[str] = []
 
-        def told(title: str) -> None:
+        def report(title: str) -> None:
             progress.advance(len(begun))
             begun.append(title)
 
-        document = measure_curves(curves, seed, told)
+        document = measure_curves(curves, seed, report)
         progress.advance(len(curves))
         document["detectors"] = compare_detectors(seed) if detectors else []
     finally:

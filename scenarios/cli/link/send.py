@@ -29,7 +29,10 @@ class SendOptions:
     )
     parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32
     interleave: Annotated[
-        bool, typer.Option(help="spread each codeword over the panel; the receiver must be told")
+        bool,
+        typer.Option(
+            help="spread each codeword over the panel; the receiver needs the same setting"
+        ),
     ] = True
     overhead: Annotated[
         float, typer.Option(help="frames beyond the file's own, as a share of them")

@@ -74,7 +74,7 @@ class _Brush:
         return across * high
 
     def averaged(self, columns: bool = True) -> Picture:
-        """Means over rows of pixels, and over columns unless told not to."""
+        """Means over rows of pixels, and over columns unless `columns` is False."""
         many = self.picture.reshape(self.rows, FINE, self.columns * FINE).mean(axis=1)
         if columns:
             many = many.reshape(self.rows, self.columns, FINE).mean(axis=2)

@@ -1,8 +1,8 @@
 """The sun and stars in one view: discs of known light, decade below decade.
 
 Huang 2022 section 4.5 asks for 1e5 lux and 1e-4 lux at once. Every disc is a target: pixels under
-one illuminance, so what a camera makes of it can be told in per cent: the sun, a star a decade down
-to FINE lux, and five a decade below, to find where a camera gives up.
+one illuminance, so that a camera's error can be stated in per cent. There is the sun, a star a
+decade down to FINE lux, and five a decade below, to find where a camera gives up.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ class Clip:
 
     def _check_time(self, frame: Any) -> None:
         """Notes a frame that is not where an even rate puts it; the first two are decoded before
-        the timeline is looked at."""
+        the timeline is examined."""
         if frame.time is None or not self.rate:
             return
         if self._next == 0:

@@ -205,7 +205,7 @@ class Canvas:
         """A box outside of which nothing changes from start to stop (seconds); empty, (0, 0, 0, 0),
         where nothing does at all. ValueError where stop comes before start.
 
-        The layers are looked at in 2 to 9 instants. Between two of these no point goes further
+        The layers are drawn at 2 to 9 instants. Between two of these no point goes further
         from the nearer one than half the step at the layer's greatest speed.
         """
         start, stop = check_instant(start), check_instant(stop)

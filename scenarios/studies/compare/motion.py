@@ -36,7 +36,7 @@ _LEAST: Final = 200
 _FINE: Final = 0.01
 """Of a step: how closely a span is sought."""
 _TRIED: Final = 8
-"""Minima, the least first, that are looked at closely."""
+"""Minima, the least first, that are refined."""
 _CHANGE: Final = 0.05
 """Of reflectance: what counts as moving, and as an edge (a pixel)."""
 Image = npt.NDArray[np.float64]

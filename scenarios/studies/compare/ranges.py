@@ -29,7 +29,7 @@ def black_and_slope(pixels: Any, seconds: float) -> tuple[float, float]:
 
 def ends(pixels: Any, seconds: float) -> tuple[float, float]:
     """Least and most light in lx s of one exposure: signal of SNR 1 against the dark's noise, and
-    where values rise no more (converter or well), which is asked of the pixels without noise."""
+    where values rise no more (converter or well), which is computed without noise."""
     black, slope = black_and_slope(pixels, seconds)
     _, variance = pixels.mean_variance(0.0, seconds)
     full = (1 << pixels.bits) - 1

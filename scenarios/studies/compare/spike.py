@@ -30,9 +30,9 @@ from sensor.reconstruct.fidelity import psnr, to_white
 __all__ = ["film_spikes"]
 
 STILLS: Final = 16
-"""Instants at which places that do not move are looked at for noise."""
+"""Instants at which the noise of pixels without motion is measured."""
 REACH: Final = 2 * PS // 1000
-"""Around the instant, in which the scene's motion is looked at, ps."""
+"""Around the instant, in which the motion of the scene is measured, ps."""
 PLANES: Final = 33
 QUIET: Final = 0.01
 """Of reflectance: what changes less over so many planes of the film stands still."""

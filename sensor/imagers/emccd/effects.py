@@ -29,7 +29,7 @@ Values = npt.NDArray[np.float64]
 
 
 _GAINS: Final = 33
-"""Gains looked at between a summary's least and largest: at most a factor 1.25 apart."""
+"""Gains examined between a summary's least and largest: at most a factor 1.25 apart."""
 _BETWEEN: Final = 1.01
 """Room for a maximum between two of them: excess noise and read noise, which move against each
 other, are smooth in the gain's logarithm."""

@@ -138,10 +138,10 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     legend, handles = [], []
     for n, index in enumerate(order):
         out = [name for name, k in zip(names, sets[:, index], strict=True) if not k]
-        told = ", ".join(out) or "nothing"
-        legend.append([str(n + 1), f"{counts[index]}", told])
+        gone = ", ".join(out) or "nothing"
+        legend.append([str(n + 1), f"{counts[index]}", gone])
         if n < len(_COLOURS):
-            short = f"without {told}" if len(told) <= 40 else f"without {len(out)}, see the table"
+            short = f"without {gone}" if len(gone) <= 40 else f"without {len(out)}, see the table"
             handles.append(
                 Patch(color=_COLOURS[n], label=f"{n + 1}: {short if out else 'with everything'}")
             )
