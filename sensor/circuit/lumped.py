@@ -67,12 +67,12 @@ def lump(circuit: Circuit, threshold: float, least: float, most: float) -> Lumpe
     if not 0 < least <= most < math.inf:
         raise ValueError(f"light must be above 0 and finite, not {least:g} to {most:g} e/s")
     if circuit.leak < math.inf and circuit.nonlinearity != 0:
-        made = lump(replace(circuit, nonlinearity=0.0), threshold, least, most)
+        linear = lump(replace(circuit, nonlinearity=0.0), threshold, least, most)
         share = circuit.nonlinearity * circuit.swing(threshold)
         raised = circuit.trip / circuit.gain * circuit.electrons * share
         leaks = threshold / (2 * circuit.leak * least)
         beyond = abs(share) * (leaks + abs(raised) / threshold)
-        return replace(made, shift=made.shift + raised, bound=made.bound + beyond)
+        return replace(linear, shift=linear.shift + raised, bound=linear.bound + beyond)
     cells = max(math.ceil(_CELLS * math.log10(most / least)), 1)
     light = np.geomspace(least, most, cells + 1)
     packed, tau = circuit.packed(), circuit.leak

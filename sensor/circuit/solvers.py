@@ -49,15 +49,15 @@ def _scipy(problem: _Problem, method: str, tolerance: float) -> tuple[float | No
 
         event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]
         events = event
-    made = solve_ivp(
+    solution = solve_ivp(
         problem.slope, (0, problem.length), problem.start, method, events=events, rtol=tolerance,
         atol=tolerance * 1e-3, max_step=problem.length / _STEPS,
     )  # fmt: skip
-    if not made.success:
-        raise RuntimeError(f"{method}: {made.message}")
-    if problem.crossed is not None and made.t_events[0].size:
-        return float(made.t_events[0][0]), made.y_events[0][0]
-    return None, made.y[:, -1]
+    if not solution.success:
+        raise RuntimeError(f"{method}: {solution.message}")
+    if problem.crossed is not None and solution.t_events[0].size:
+        return float(solution.t_events[0][0]), solution.y_events[0][0]
+    return None, solution.y[:, -1]
 
 
 def _cvode(problem: _Problem, tolerance: float) -> tuple[float | None, Values]:
@@ -80,12 +80,12 @@ def _cvode(problem: _Problem, tolerance: float) -> tuple[float | None, Values]:
         right, rtol=tolerance, atol=tolerance * 1e-3, max_step=problem.length / _STEPS,
         max_num_steps=10**6, **options,
     )  # fmt: skip
-    made = solver.solve(np.array([0.0, problem.length]), np.array(problem.start))
-    if not made.success:
-        raise RuntimeError(f"CVODE: {made.message}")
-    if problem.crossed is not None and made.t_events is not None and len(made.t_events):
-        return float(made.t_events[0]), made.y_events[0]
-    return None, made.y[-1]
+    solution = solver.solve(np.array([0.0, problem.length]), np.array(problem.start))
+    if not solution.success:
+        raise RuntimeError(f"CVODE: {solution.message}")
+    if problem.crossed is not None and solution.t_events is not None and len(solution.t_events):
+        return float(solution.t_events[0]), solution.y_events[0]
+    return None, solution.y[-1]
 
 
 def _solve(problem: _Problem, solver: Solver, tolerance: float) -> tuple[float | None, Values]:

@@ -26,7 +26,7 @@ def lowest_bit(word):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def golomb_size(values, order, stride):  # type: ignore[no-untyped-def]
-    """Bits of every `stride`th value."""
+    """Bits of the Exp-Golomb codes of every `stride`th value."""
     total = 0
     for i in range(0, values.size, stride):
         u = (np.int64(values[i]) + (1 << order)) >> order
@@ -40,7 +40,7 @@ def golomb_size(values, order, stride):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def write_golomb(values, order, out):  # type: ignore[no-untyped-def]
-    """Writes uint32 values into `out`, which has room; the bytes written."""
+    """Writes uint32 values into `out`, which must have room; returns the bytes written."""
     held, bits, at = np.uint64(0), 0, 0
     for i in range(values.size):
         u = np.uint64(values[i]) + (np.uint64(1) << np.uint64(order))

@@ -137,7 +137,7 @@ class _Band:
 
 
 def _carry(code: Code, pixels: int) -> npt.NDArray[np.int32]:
-    """What the columns of a record stand beside, before the first: a spike at cycle -1."""
+    """State that the first record of each pixel is coded against: a spike at cycle -1."""
     carry = np.zeros((pixels, LINE_CARRY if code.name == "line" else SPACED_CARRY), np.int32)
     carry[:, 0] = -1
     if code.name != "line":
@@ -155,13 +155,16 @@ def frame_count(shape: tuple[int, int], cycles: int) -> tuple[int, int]:
 
 
 def workers() -> int:
-    """Threads for bands; the compiled loops and zstd let each other run."""
+    """Number of threads over bands; the compiled loops and zstd release the interpreter lock."""
     return min(os.cpu_count() or 1, 16)
 
 
 def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[Frame]:
-    """Frames of a stream, chunk by chunk, band by band. level: of zstd where it helps a column;
-    None for bits alone. Raises ValueError for a stream of 2^31 cycles or more."""
+    """Yields the frames of a stream, chunk by chunk and, in a chunk, band by band.
+
+    level: zstd level, used where it makes a column smaller; None uses Exp-Golomb codes only.
+    Raises ValueError for a stream of more than LONGEST cycles.
+    """
     if stream.cycles > LONGEST:
         raise ValueError(f"a coded stream must have at most {LONGEST} cycles, not {stream.cycles}")
     bands = _bands(stream.shape[0] * stream.shape[1])
@@ -190,19 +193,22 @@ def _columns(data: memoryview, count: int, most: int) -> list[Column]:
 
 
 def _most(pixels: int) -> int:
-    """Values in the longest column of a frame: a spike a cycle, and one that closes."""
+    """Largest length of a frame's column: one spike per cycle, and one closing spike, per pixel."""
     return pixels * (CHUNK * WORD + 1)
 
 
 def band_memory(frames: Sequence[memoryview], pixels: int, cycles: int) -> int:
-    """Bytes that `decode_band` takes at most: its planes twice, and of the largest frame each
-    column's values, their copy in one table, and up to 5 bytes a value that zstd gives."""
+    """Upper bound of the memory that `decode_band` needs, bytes.
+
+    The bound counts the planes twice. For the largest frame it counts the values of its columns,
+    their copy in one table, and up to 5 bytes per value that zstd returns.
+    """
     values = max((values_in(data, _most(pixels)) for data in frames), default=0)
     return 2 * 4 * words_for(cycles) * pixels + (4 + 4 + 5) * values
 
 
 def decode_band(code: Code, frames: Sequence[memoryview], pixels: int, cycles: int) -> Words:
-    """(words, pixels) of one band from its frames, one a chunk in order. Raises Damaged."""
+    """Words (n, pixels) of one band from its frames, one per chunk in order. Raises Damaged."""
     across: Any = np.zeros((pixels, words_for(cycles)), np.uint32)
     carry = _carry(code, pixels)
     most = _most(pixels)

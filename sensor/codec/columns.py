@@ -1,5 +1,4 @@
-"""Columns of whole numbers as bytes: each as Exp-Golomb bits or, where zstd makes less of its
-LEB128 bytes, as that.
+"""Columns of whole numbers as bytes: Exp-Golomb codes, or zstd over LEB128 where that is smaller.
 
 A column is: tag (1 byte: order of the Exp-Golomb code, or 255 for zstd), values (4 bytes), bytes
 that follow (4), all little-endian. An empty column is nine zero bytes.
@@ -22,15 +21,15 @@ _HEAD = struct.Struct("<BII")
 _ZSTD = 255
 _ORDERS = 16
 _SAMPLE = 4096
-"""Values from which the order is chosen."""
+"""Number of values that the choice of the Exp-Golomb order is based on."""
 
 
 class Damaged(ValueError):
-    """Bytes that no encoder of ours wrote."""
+    """The bytes are not the output of this encoder."""
 
 
 def pack_column(values: Column, level: int | None) -> bytes:
-    """level: of zstd; None for bits alone."""
+    """The bytes of a column. level: zstd level; None uses Exp-Golomb codes only."""
     if not len(values):
         return bytes(_HEAD.size)
     stride = max(len(values) // _SAMPLE, 1)
@@ -61,8 +60,10 @@ def _content_size(head: bytes) -> int | None:
 
 
 def values_in(data: memoryview, most: int) -> int:
-    """Values that the columns of `data` hold together, by their heads, up to a head that
-    `unpack_column` refuses. most: as there."""
+    """Total number of values in the columns of `data`, read from their headers.
+
+    Counting stops at a header that `unpack_column` refuses. most: as in `unpack_column`.
+    """
     total = 0
     while len(data) >= _HEAD.size:
         _, count, length = _HEAD.unpack(data[: _HEAD.size])
@@ -73,9 +74,10 @@ def values_in(data: memoryview, most: int) -> int:
 
 
 def unpack_column(data: memoryview, most: int) -> tuple[Column, memoryview]:
-    """The column that `data` begins with, and what follows it. most: values it may hold.
+    """The first column in `data`, and the bytes after it.
 
-    Raises Damaged.
+    most: largest number of values that the column may hold. Raises Damaged for a header or values
+    that `pack_column` cannot have written.
     """
     if len(data) < _HEAD.size:
         raise Damaged("a column is cut off")

@@ -1,4 +1,4 @@
-"""First-spike files beside the formats of cosim: opened and written where those are."""
+"""Opens and writes first-spike files in addition to the formats of cosim."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def is_coded(path: Path) -> bool:
 
 
 def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, list[str]]:
-    """A stream of any format, and what a user must know beside `notes_of` it. Raises InputError."""
+    """A stream of any format, and notes beyond those of `notes_of`. Raises InputError."""
     if not is_coded(path):
         ending = ending_of(path)
         if path.exists() and not path.is_dir() and ending not in FORMATS and ending != ".yaml":
@@ -51,8 +51,10 @@ def choose_code(
     noise: str | None,
     refine: int | None,
 ) -> Code | None:
-    """The code that options ask for; None for an output that is no first-spike file. Raises
-    InputError for options that do not go together."""
+    """The code that the command line options select; None if `out` is no first-spike file.
+
+    Raises InputError for options that exclude each other.
+    """
     settings = {"--k": k, "--threshold": threshold, "--threshold-noise": noise, "--refine": refine}
     options = [option for option, value in settings.items() if value is not None]
     if not is_coded(out):

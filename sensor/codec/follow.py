@@ -97,7 +97,7 @@ def follow(words, first, cycles, state, rsd2, k, refine, out):  # type: ignore[n
 @njit(cache=True, nogil=True)
 def to_spaced(records, exact, refine, carry, columns):  # type: ignore[no-untyped-def]
     """Columns (4, n) uint32 of records (4, n): pixels on from the record before; gap between the
-    pixel's last record and the beginning of this one (exact: in current widths); width beside the
+    pixel's last record and the beginning of this one (exact: in current widths); width minus the
     current one; 1 for a mean of `refine` widths. carry: (pixels, SPACED_CARRY), changed."""
     before = np.int64(-1)
     for i in range(records.shape[1]):

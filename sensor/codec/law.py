@@ -20,7 +20,7 @@ __all__ = ["LATCH_VARIANCE", "effective_q", "entropy_bounds", "event_rate", "wid
            "width_sigma"]  # fmt: skip
 
 LATCH_VARIANCE = 1 / 6
-"""Of a latched width, in tick^2, beside that of the interval itself."""
+"""Variance that the latch adds to the variance of the interval, tick^2."""
 _PHASES = 256
 """Midpoints of the phase integral."""
 Law = npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ def event_rate(mean: float, q: float, k: float, noise: float = 0.0) -> float:
 
     Widths are taken as independent. w0 is a Markov chain: a width that differs enough takes its
     place. Were the bound the same for every w0, the chain would be reversible and w0's law that of
-    any width; sigma grows with w0, so the chain's own law is solved for.
+    any width. Since sigma grows with w0, the stationary law of the chain is solved for.
     """
     law = width_law(mean, effective_q(q, noise))
     keep = np.flatnonzero(law > 1e-15)
@@ -82,7 +82,7 @@ def event_rate(mean: float, q: float, k: float, noise: float = 0.0) -> float:
 
 
 def _entropy(p: Law) -> npt.NDArray[np.float64]:
-    """Bits, over the last axis."""
+    """Entropy over the last axis, bits."""
     return -np.sum(np.where(p > 0, p * np.log2(np.where(p > 0, p, 1)), 0), axis=-1)
 
 

@@ -99,7 +99,7 @@ def to_line(records, carry, columns):  # type: ignore[no-untyped-def]
     changed.
 
     A line of one spike has no slope, one of two has b = 1; b = 1 has no remainder and no phase.
-    Gap and width stand beside the width of the pixel's line before.
+    Gap and width are coded as differences from the width of the pixel's previous line.
     """
     before, wide, bent, broken = np.int64(-1), 0, 0, 0
     for i in range(records.shape[1]):

@@ -87,13 +87,13 @@ def _per_cycle(stream: SpikeStream, size: int) -> float:
 
 
 def zstd_size(stream: Viform, level: int, names: tuple[str, ...] = LAYOUTS) -> dict[str, float]:
-    """Bits a pixel and cycle of zstd over each layout."""
+    """Size of each layout after zstd, bits per pixel and cycle."""
     coder = Zstd(level=level)
     return {name: _per_cycle(stream, len(coder.encode(layout(stream, name)))) for name in names}
 
 
 def coded_size(stream: SpikeStream, code: Code, level: int | None = 3) -> tuple[float, int]:
-    """Bits a pixel and cycle of the frames of a first-spike code, and its events."""
+    """Size in a first-spike code, bits per pixel and cycle, and the number of events."""
     size = events = 0
     for frame in encode(stream, code, level):
         size, events = size + len(frame.data), events + frame.events

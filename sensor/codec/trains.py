@@ -51,7 +51,7 @@ class FirstSpikes:
         return len(self.time)
 
     def take(self, which: npt.NDArray[np.bool_]) -> FirstSpikes:
-        """Those of them where `which`, (n,), is true."""
+        """The first spikes where the mask `which`, (n,) bool, is true."""
         return replace(
             self,
             row=self.row[which],
@@ -112,7 +112,7 @@ def _in_force(first: FirstSpikes) -> tuple[npt.NDArray[np.intp], Ticks, npt.NDAr
 
 
 def repeated(first: FirstSpikes) -> Events:
-    """Every spike that first spikes stand for. Exact for what `first_spikes` made."""
+    """All spikes that first spikes represent: the inverse of `first_spikes`."""
     order, spikes, _ = _in_force(first)
     which = np.repeat(order, spikes)
     n = np.arange(len(which)) - np.repeat(np.cumsum(spikes) - spikes, spikes)

@@ -32,8 +32,8 @@ def crosstalk_map(crosstalk: float) -> PlaneMap:
 
     def part(plane: Plane, box: Box) -> Plane:
         y0, y1, x0, x1 = box
-        made = np.empty((y1 - y0, x1 - x0), np.float32)
-        mix(plane, share, y0, x0, made)
-        return made
+        out = np.empty((y1 - y0, x1 - x0), np.float32)
+        mix(plane, share, y0, x0, out)
+        return out
 
     return PlaneMap(lambda plane: part(plane, (0, plane.shape[0], 0, plane.shape[1])), 1, part)

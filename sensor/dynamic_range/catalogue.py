@@ -1,7 +1,8 @@
-"""Sensors and converters to choose from when a budget names none of its own.
+"""Default sensors and converters of a budget.
 
-What a document prints is said so; the rest is assumed, of the right order for such a part. Prices
-are invented: a budget that limits the price brings its own parts.
+The field `source` names the published figures. All other figures are assumed and have the order of
+magnitude that is usual for such a part. No part has a price: a budget that limits the price must
+list its parts.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ SENSORS: Final = (
         SensorNoise(0, 2, 0, DarkLaw(5), 25, 30e6), 0.3, None, "assumed",
     ),
 )  # fmt: skip
-"""What may stand before a converter."""
+"""Default sensors of a budget."""
 
 _TYPICAL: Final = "assumed: power, and a signal-to-noise ratio of a sine of full scale of "
 CONVERTERS: Final = (
@@ -96,4 +97,4 @@ CONVERTERS: Final = (
         "16 bits at 80 MS/s as of the EBAPS board; " + _TYPICAL + "78 dB",
     ),
 )  # fmt: skip
-"""What may stand behind a sensor."""
+"""Default converters of a budget."""

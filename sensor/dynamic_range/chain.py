@@ -1,4 +1,4 @@
-"""From the sensor to the digital output: dynamic range of a whole chain, and the document's.
+"""Dynamic range of a chain from the sensor to the digital output, and the document's formula.
 
 The chain: electrons, volts at S a electron, circuit noise, analog gain m, converter of full scale
 V_fs with noise a (quantisation in it), digital gain n, an output word as wide as the converter's.
@@ -7,9 +7,10 @@ Referred to the sensor's output, noises that are independent add in quadrature,
 
     V_n^2 = (S Q_noise)^2 + V_circuit^2 + (a/m)^2 + (r/(m n))^2,
 
-r being what rounding after a digital gain adds. The signal ends where the first thing clips: sensor
-at V_sat, converter at V_fs/m, output word at V_fs/(m n). The least signal is that of SNR 1, which
-has shot noise of its own: s = 1/2 + sqrt(1/4 + (V_n/S)^2) electrons. Their ratio is `derived`.
+where r is the noise that rounding after the digital gain adds. The largest signal is the least of
+three clipping levels: the sensor's V_sat, the converter's V_fs/m, the output word's V_fs/(m n). The
+least signal has an SNR of 1, its shot noise included: s = 1/2 + sqrt(1/4 + (V_n/S)^2) electrons.
+`derived` is the ratio of the two.
 
 The document (Wang et al., patent of 2017) prints
 
@@ -58,15 +59,21 @@ def gain_counted_once(
     saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
     digital: float, alpha: float,
 ) -> float:  # fmt: skip
-    """The document's formula with signal and noise referred to one place: 1/(n (m + alpha)). For a
-    converter whose full scale is V_sat and gains of 1 or more."""
+    """The document's formula, dB, with signal and noise referred to the same point.
+
+    The gains enter as 1/(n (m + alpha)). Valid for a converter whose full scale is V_sat and for
+    gains of 1 or more. The arguments are those of `document_dynamic_range`.
+    """
     before = sensitivity * noise + circuit
     return decibels(saturated / before) + decibels(1 / (digital * (analog + alpha)))
 
 
 def rounding_variance(digital: float) -> float:
-    """Variance that rounding adds after a digital gain, DN^2 of the output: for a gain p/q in
-    lowest terms the errors are the q multiples of 1/q about 0, halves rounded up."""
+    """Variance that rounding after a digital gain adds, DN^2 of the output.
+
+    For a gain p/q in lowest terms the rounding errors are the q multiples of 1/q around 0. Halves
+    are rounded up.
+    """
     q = Fraction(repr(float(digital))).denominator
     return (1 - 1 / q**2) / 12
 
@@ -111,18 +118,18 @@ class Chain:
 
     @property
     def least(self) -> float:
-        """Electrons of the signal whose SNR is 1, shot noise in it."""
+        """Signal whose SNR is 1, shot noise included, electrons."""
         return 0.5 + math.sqrt(0.25 + self.floor**2)
 
     @property
     def saturation(self) -> float:
-        """Electrons at which the first thing clips."""
+        """Signal at which the first stage of the chain clips, electrons."""
         scale = self.converter.full_scale / (self.sensitivity * self.analog)
         return min(self.full_well, scale, scale / self.digital)
 
     @property
     def limit(self) -> str:
-        """What clips first."""
+        """Name of the stage that clips first."""
         scale = self.converter.full_scale / (self.sensitivity * self.analog)
         if self.full_well <= min(scale, scale / self.digital):
             return "sensor"

@@ -56,39 +56,52 @@ def bits_for(db: float, by: Literal["noise", "steps"] = "noise") -> int:
 
 @dataclass(frozen=True)
 class ConverterRule:
-    """What "more than twice the sensor's dynamic range" asks for, by either reading, dB, and what
-    the converter has. as_ratio: twice the ratio, 6.02 dB more than the sensor; the one that is
-    used. as_decibels: twice the decibels, the square of the ratio. loss: dB of the sensor's own
-    range that a converter at the very limit of the first reading takes, whose noise is half the
-    sensor's: 10 log10(1 + 1/4) = 0.97."""
+    """The rule "the converter has more than twice the sensor's dynamic range".
+
+    The rule has two readings; `holds` uses the first.
+
+    Attributes:
+        sensor: dynamic range of the sensor, dB.
+        converter: dynamic range of the converter, dB.
+    """
 
     sensor: float
     converter: float
 
     @property
     def as_ratio(self) -> float:
+        """Required dB if "twice" applies to the ratio: the sensor's value plus 6.02 dB."""
         return self.sensor + decibels(RULE_FACTOR)
 
     @property
     def as_decibels(self) -> float:
+        """Required dB if "twice" applies to the decibels: the square of the ratio."""
         return RULE_FACTOR * self.sensor
 
     @property
     def loss(self) -> float:
+        """dB that a converter which just meets `as_ratio` takes from the sensor's range.
+
+        Its noise is half the sensor's: 10 log10(1 + 1/4) = 0.97.
+        """
         return 10 * math.log10(1 + 1 / RULE_FACTOR**2)
 
     @property
     def holds(self) -> bool:
-        """By the reading that is used: of ratios."""
+        """Whether the converter meets `as_ratio`."""
         return self.converter > self.as_ratio
 
     @property
     def holds_in_decibels(self) -> bool:
+        """Whether the converter meets `as_decibels`."""
         return self.converter > self.as_decibels
 
 
 def converter_rule(sensor_db: float, converter: Converter) -> ConverterRule:
-    """The rule for a sensor of this dynamic range. The document does not say twice of what: twice
-    the ratio asks for 10 bits beside a sensor of 64 dB, twice the decibels for 20, which no
-    converter at a camera's pixel rate has. So the ratio is taken."""
+    """The rule for a sensor of `sensor_db` dB and a converter.
+
+    The document does not say what is doubled. For a sensor of 64 dB, twice the ratio requires 10
+    bits and twice the decibels 20 bits. No converter at a camera's pixel rate has 20 bits, so the
+    ratio is used.
+    """
     return ConverterRule(sensor_db, converter.dynamic_range)

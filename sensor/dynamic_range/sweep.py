@@ -1,4 +1,4 @@
-"""Every choice that a hardware budget leaves open, judged: the best first."""
+"""Evaluates every combination of parts and settings that a budget allows and ranks them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sensor.dynamic_range.mapping import Mapping
 __all__ = ["Budget", "Choice", "Judged", "sweep"]
 
 _TIE: Final = 6
-"""Decimals of a dB to which two choices are alike; the cheaper goes first."""
+"""Dynamic ranges that agree to this many decimals of a dB count as equal."""
 
 
 OUTPUT: Final = Mapping(2.2, 8)
@@ -59,7 +59,7 @@ class Budget:
 
     @property
     def size(self) -> int:
-        """Choices there are."""
+        """Number of combinations."""
         return (
             len(self.sensors) * len(self.converters) * len(self.temperatures) * len(self.clocks)
             * len(self.circuits) * len(self.analogs) * len(self.digitals)
@@ -68,7 +68,16 @@ class Budget:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a budget's choices."""
+    """One combination of parts and settings of a budget.
+
+    Attributes:
+        sensor: sensor part.
+        converter: converter part.
+        celsius: temperature of the sensor, degrees Celsius.
+        hertz: pixel clock, pixels a second.
+        circuit: circuit noise at the sensor's output, volts RMS.
+        analog, digital: gains.
+    """
 
     sensor: SensorPart
     converter: ConverterPart

@@ -1,9 +1,10 @@
-"""The end of a sensor's scale: where it stops being linear, and what lies beyond.
+"""Response of a sensor above its linear range.
 
 A sensor's data may give two saturation voltages, the linear full well and the full well: 2500 mV
-and 3400 mV for the DALSA sensor of Wang et al. Between them it still tells light from more light,
-ever worse. The document leaves that part out of a dynamic range, and so do we; here is what it is
-worth. Its course is not printed: an exponential approach is assumed, continuous in its slope.
+and 3400 mV for the DALSA sensor of Wang et al. Between the two the output still rises
+with light, but ever less. The document leaves this part out of the dynamic range, and so does this
+package. This module computes what the part would add. The document does not print the curve: an
+exponential approach with a continuous slope is assumed.
 """
 
 from __future__ import annotations
